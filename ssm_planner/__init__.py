@@ -1,0 +1,1 @@
+"""Planning, verification and export for serial spherical mechanisms with self-locking drives."""

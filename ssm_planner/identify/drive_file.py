@@ -1,0 +1,107 @@
+"""An identified drive as a YAML file: the rig's own file with friction filled in, each figure with its origin."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.identify.fit import Estimate, MapFit
+from ssm_planner.model.friction import friction_of
+from ssm_planner.problem.values import Drive
+
+_UNITS = {
+    "b_c": "N*m",
+    "b_v": "N*m*s/rad",
+    "stribeck_speed": "rad/s",
+    "dwell_constant": "s",
+    "memory": "s",
+    "identified_speed": "rad/s",
+    "preload": "N",
+}
+_OUTPUT_UNITS = {"worm": {"b_oc": "N*m", "b_ov": "N*m*s/rad"}}
+_SCREW_UNITS = {"b_oc": "N", "b_ov": "N*s/m"}
+
+
+def write_drive(
+    path: str | Path,
+    template: str | Path,
+    drive: Drive,
+    fit: MapFit,
+    dynamic: Mapping[str, Estimate],
+    evidence: str,
+) -> str:
+    """Write `drive` to path: the YAML of `template` (the drive file identified) with its friction replaced.
+
+    evidence: the recordings, in words; it becomes the source of the friction. Every figure states its 95 % interval.
+    Written to a temporary file and renamed. Raises ProblemError where path cannot be written.
+    """
+    import yaml
+
+    content: dict[str, Any] = yaml.safe_load(Path(template).read_text(encoding="utf-8"))
+    content["friction"] = _friction(drive, fit, dynamic, evidence)
+    if "preload" in fit.estimates and not fit.estimates["preload"].fixed:
+        content["preload"] = _figure(drive, "preload", drive.preload, fit.estimates["preload"])
+    text = _heading(fit, evidence) + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        raise ProblemError(f"cannot be written ({error.strerror or error})", file=path) from error
+    return str(path)
+
+
+def _heading(fit: MapFit, evidence: str) -> str:
+    lines = [
+        f"Friction identified from {evidence}.",
+        f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over {len(fit.predicted)} points.",
+        "Intervals are of 95 % confidence.",
+    ]
+    for group in fit.inseparable:
+        lines.append(
+            f"The data give {', '.join(group)} only together: each alone is as near as they allow to its reference."
+        )
+    lines += [f"Outlier, weight {weight:.2g}: {name}." for name, _, weight in fit.outliers]
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _friction(drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str) -> dict[str, Any]:
+    friction = friction_of(drive)
+    estimates = {**fit.estimates, **dynamic}
+    names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
+    if friction.law != "coulomb":
+        names[2:2] = ["mu_stribeck", "stribeck_speed"]
+    names += [name for name in ("dwell_constant", "memory") if getattr(friction, name)]
+    table: dict[str, Any] = {"law": friction.law, "source": f"identified from {evidence}"}
+    for name in names:
+        table[name] = _figure(drive, name, float(getattr(friction, name)), estimates.get(name))
+    if friction.identified_speed is not None:
+        table["identified_speed"] = _quantity(drive, "identified_speed", friction.identified_speed)
+    if friction.covariance is not None:
+        table["covariance"] = {
+            a: {b: float(f"{value:.6g}") for b, value in row.items()} for a, row in friction.covariance.items()
+        }
+    return table
+
+
+def _figure(drive: Drive, name: str, value: float, estimate: Estimate | None) -> dict[str, Any]:
+    return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
+
+
+def _origin(name: str, estimate: Estimate | None) -> str:
+    if estimate is None:
+        return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
+    if estimate.fixed:
+        return "as the torque-velocity map gives it" if name in ("mu_static", "memory") else "given, not identified"
+    text = f"identified, 95 % interval {estimate.low:.4g} to {estimate.high:.4g}"
+    return text if estimate.separable else text + ", not determined by the data alone"
+
+
+def _quantity(drive: Drive, name: str, value: float) -> Any:
+    unit = {**_UNITS, **_OUTPUT_UNITS.get(drive.kind, _SCREW_UNITS)}.get(name)
+    return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

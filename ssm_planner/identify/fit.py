@@ -1,0 +1,280 @@
+"""Friction from a torque–velocity map: outliers, fit, 95 % intervals, correlations, choice of the law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identify import least_squares as ls
+from ssm_planner.identify.outliers import Outlier, find_outliers
+from ssm_planner.identify.parameters import (
+    ALL,
+    LAWS,
+    TYPICAL_MU,
+    bounds,
+    first_guess,
+    names_of,
+    rest_coefficient,
+    with_parameters,
+)
+from ssm_planner.identify.torque_map import TorqueMap
+from ssm_planner.model.friction import friction_of
+from ssm_planner.problem.values import Array, Drive
+
+CONFIDENCE = 0.95
+COLLINEAR = 100.0
+"""Variance inflation beyond which the data do not separate a parameter from the others."""
+
+LINKED = 0.98
+"""Correlation from which two parameters count as given only together."""
+
+REFERENCE_SPREAD = 1.0
+"""Relative standard deviation with which a reference value is believed where the data decide nothing."""
+
+_STRIBECK_STARTS = (0.01, 0.05, 0.2, 0.6)
+"""Starting Stribeck speeds as shares of the fastest speed: the cost has several valleys along it."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value and 95 % interval; low = high = value where it was given instead of fitted."""
+
+    value: float
+    low: float
+    high: float
+    fixed: bool = False
+    separable: bool = True
+    """False: the data alone do not determine it; the interval is what bounds and reference values leave."""
+    at_bound: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class MapFit:
+    """Result of `fit_map`: numbers of one law on one map."""
+
+    law: str
+    drive: Drive
+    """The drive with the identified friction."""
+    estimates: dict[str, Estimate]
+    correlation_names: tuple[str, ...]
+    correlation: Array
+    inseparable: tuple[tuple[str, ...], ...]
+    """Groups of parameters that the data give only together."""
+    predicted: Array
+    """(points,) N·m."""
+    nrmsd: float
+    """Over all points, outliers included."""
+    outliers: tuple[tuple[str, float, float], ...]
+    """(recording, distance from its neighbours in N·m, weight in the fit) of points that stand apart."""
+    criterion: dict[str, float]
+    """AICc of every law tried."""
+    notes: tuple[str, ...] = ()
+
+
+def fit_map(
+    drive: Drive,
+    data: TorqueMap,
+    load: float,
+    *,
+    law: str = "auto",
+    fixed: Mapping[str, float] | None = None,
+    reference: Mapping[str, float] | None = None,
+    free: Sequence[str] = (),
+) -> MapFit:
+    """Fit friction parameters to a torque–velocity map.
+
+    load: constant effort that the drive exerts on the payload, N·m or N (negative: the payload drives forwards).
+    law: one of LAWS, or `auto`: the law with the lowest AICc. fixed: known values by name. reference: values believed
+    to a factor of about two, which decide only what the data leave open. free: parameters fitted beyond the law's own
+    (`b_ov`, `preload`).
+    Raises RecordingError where the map cannot support the fit: one direction only, or fewer points than parameters.
+    """
+    fixed = {"b_ov": 0.0} | dict(fixed or {})
+    for name in free:
+        fixed.pop(name, None)
+    for name, value in fixed.items():
+        if name not in ALL or not math.isfinite(value):
+            raise RecordingError(f"cannot fix {name!r} at {value!r}; parameters: {', '.join(ALL)}")
+    _check_directions(data)
+    outliers = find_outliers(data.w, data.tau)
+    weight = np.ones(len(data.w))
+    for outlier in outliers:
+        weight[outlier.index] = outlier.weight
+    laws = LAWS if law == "auto" else (law,)
+    problems = {name: _problem(drive, data, weight, load, name, fixed, reference or {}, free) for name in laws}
+    problems = _with_enough_points(problems, len(data.w), law)
+    solutions = {name: _best_of_starts(problem) for name, problem in problems.items()}
+    criterion = {name: _aicc(s.cost, len(data.w), len(problems[name].names)) for name, s in solutions.items()}
+    chosen = min(criterion, key=lambda name: criterion[name])
+    believed = {"mu": TYPICAL_MU} | dict(reference or {})
+    return _report(problems[chosen], solutions[chosen], believed, data, outliers, criterion)
+
+
+def _check_directions(data: TorqueMap) -> None:
+    if not (np.any(data.w > 0) and np.any(data.w < 0)):
+        side = "positive" if np.any(data.w > 0) else "negative"
+        raise RecordingError(
+            f"all {len(data.w)} recordings move in the {side} direction; friction and load can be told apart only with "
+            "recordings of both directions"
+        )
+
+
+def _problem(
+    drive: Drive,
+    data: TorqueMap,
+    weight: Array,
+    load: float,
+    law: str,
+    fixed: Mapping[str, float],
+    reference: Mapping[str, float],
+    free: Sequence[str],
+) -> ls.MapProblem:
+    names = tuple(n for n in (*names_of(law), *free) if n not in fixed)
+    limits = bounds(drive, data.w, data.tau)
+    guess = first_guess(drive, data.w, data.tau, load, {k: v for k, v in reference.items() if v})
+    scale = np.array([guess[n] if guess[n] > 0 else 0.1 * limits[n][1] for n in names])
+    return ls.MapProblem(
+        drive=drive,
+        law=law,
+        w=data.w,
+        tau=data.tau,
+        weight=weight,
+        load=load,
+        names=names,
+        fixed={k: v for k, v in fixed.items() if law != "coulomb" or k not in ("mu_stribeck", "stribeck_speed")},
+        scale=scale,
+        lower=np.array([limits[n][0] for n in names]) / scale,
+        upper=np.array([limits[n][1] for n in names]) / scale,
+        anchor=np.array([guess[n] for n in names]) / scale,
+        trust=np.zeros(len(names)),
+    )
+
+
+def _with_enough_points(problems: dict[str, ls.MapProblem], points: int, law: str) -> dict[str, ls.MapProblem]:
+    enough = {name: p for name, p in problems.items() if points > len(p.names) + (2 if law == "auto" else 0)}
+    if not enough:
+        need = min(len(p.names) for p in problems.values()) + 1
+        raise RecordingError(
+            f"{points} points cannot determine {need - 1} parameters: record at least {need} speeds, "
+            "or fix known parameters"
+        )
+    return enough
+
+
+def _starts(problem: ls.MapProblem) -> list[Array]:
+    start = problem.anchor.copy()
+    if "stribeck_speed" not in problem.names:
+        return [start]
+    k = problem.names.index("stribeck_speed")
+    fastest = np.abs(problem.w).max()
+    starts = []
+    for share in _STRIBECK_STARTS:
+        q = start.copy()
+        q[k] = share * fastest / problem.scale[k]
+        starts.append(q)
+    return starts
+
+
+def _best_of_starts(problem: ls.MapProblem) -> ls.Solution:
+    return min((ls.solve(problem, q) for q in _starts(problem)), key=lambda s: s.cost)
+
+
+def _aicc(cost: float, points: int, parameters: int) -> float:
+    k = parameters + 1
+    return points * math.log(max(cost, 1e-300) / points) + 2 * k + 2 * k * (k + 1) / max(points - k - 1, 1)
+
+
+def _report(
+    problem: ls.MapProblem,
+    best: ls.Solution,
+    believed: Mapping[str, float],
+    data: TorqueMap,
+    outliers: list[Outlier],
+    criterion: dict[str, float],
+) -> MapFit:
+    points, names = len(problem.w), problem.names
+    variance = best.cost / (points - len(names))
+    jacobian = problem.jacobian(best.q)
+    intervals = _intervals(problem, best, ls.covariance(jacobian, variance))
+    separable = _separable(jacobian[:points], best.q, intervals)
+    chosen = _nearest_to_reference(problem, best, believed, separable, variance)
+    jacobian = problem.jacobian(chosen.q)
+    cov = ls.covariance(jacobian, variance)
+    sigma = np.sqrt(np.diag(cov))
+    correlation = cov / np.outer(sigma, sigma)
+    values = {n: float(v) for n, v in zip(names, chosen.q * problem.scale, strict=True)}
+    low, high = np.minimum(intervals[0], chosen.q), np.maximum(intervals[1], chosen.q)
+    edge = np.minimum(chosen.q - problem.lower, problem.upper - chosen.q) < 1e-6 * (problem.upper - problem.lower)
+    estimates = {
+        n: Estimate(values[n], low[k] * problem.scale[k], high[k] * problem.scale[k], False, separable[k], edge[k])
+        for k, n in enumerate(names)
+    }
+    estimates |= {n: Estimate(v, v, v, fixed=True) for n, v in problem.fixed.items()}
+    predicted = problem.torque(chosen.q)
+    return MapFit(
+        law=problem.law,
+        drive=_identified(problem, values, cov * np.outer(problem.scale, problem.scale)),
+        estimates=estimates,
+        correlation_names=names,
+        correlation=correlation,
+        inseparable=tuple(
+            g for g in ls.groups(correlation, names, LINKED) if not all(separable[names.index(n)] for n in g)
+        ),
+        predicted=predicted,
+        nrmsd=float(np.sqrt(np.mean((problem.tau - predicted) ** 2)) / np.ptp(problem.tau)),
+        outliers=tuple((data.names[o.index], o.distance, o.weight) for o in outliers),
+        criterion=criterion,
+    )
+
+
+def _intervals(problem: ls.MapProblem, best: ls.Solution, cov: Array) -> tuple[Array, Array]:
+    """(parameters,) ends in q of the likelihood-profile intervals: exact for a linear model, cut at the bounds."""
+    from scipy.stats import t as student
+
+    dof = len(problem.w) - len(problem.names)
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2, dof))
+    ends = []
+    for k in range(len(problem.names)):
+        guess = min(quantile * float(np.sqrt(cov[k, k])), 0.25 * float(problem.upper[k] - problem.lower[k]))
+        ends.append(ls.profile_interval(problem, best, k, quantile**2 / dof, guess))
+    return np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+
+
+def _separable(jacobian: Array, q: Array, intervals: tuple[Array, Array]) -> list[bool]:
+    """Whether the data determine each parameter: it is not collinear with the others, or precise all the same."""
+    size = np.sum(jacobian**2, axis=0)
+    inflation = np.diag(ls.covariance(jacobian, 1.0)) * size
+    precise = intervals[1] - intervals[0] < 0.5 * np.abs(q)
+    return [bool(v) for v in (size > 0) & ((inflation < COLLINEAR) | precise)]
+
+
+def _nearest_to_reference(
+    problem: ls.MapProblem, best: ls.Solution, believed: Mapping[str, float], separable: list[bool], variance: float
+) -> ls.Solution:
+    """Among nearly equally good fits, the one near the reference values of what the data leave open."""
+    trust, anchor = np.zeros(len(problem.names)), problem.anchor.copy()
+    for k, name in enumerate(problem.names):
+        if not separable[k] and believed.get(name):
+            anchor[k] = believed[name] / problem.scale[k]
+            trust[k] = np.sqrt(variance) / (REFERENCE_SPREAD * anchor[k])
+    if not trust.any():
+        return best
+    drawn = replace(problem, trust=trust, anchor=anchor)
+    starts = (best.q, np.where(trust > 0, anchor, best.q))
+    return min((ls.solve(drawn, q) for q in starts), key=lambda s: s.cost)
+
+
+def _identified(problem: ls.MapProblem, values: Mapping[str, float], cov: Array) -> Drive:
+    drive = with_parameters(problem.drive, problem.law, {**problem.fixed, **values})
+    table = {a: {b: float(cov[i, j]) for j, b in enumerate(problem.names)} for i, a in enumerate(problem.names)}
+    friction = replace(
+        friction_of(drive),
+        mu_static=rest_coefficient(drive),
+        identified_speed=float(np.abs(problem.w).max()),
+        covariance=table,
+    )
+    return replace(drive, friction=friction)

@@ -1,0 +1,127 @@
+"""Torque predicted from measured speed, against measured torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identify.recording import Recording
+from ssm_planner.identify.torque_map import rest_mask
+from ssm_planner.model.friction import (
+    friction_coefficient,
+    friction_of,
+    remembered_speed,
+    static_coefficient,
+    stribeck_shape,
+)
+from ssm_planner.model.transmission import holding_torque, motor_torque, output_effort
+from ssm_planner.problem.values import Array, Drive, Friction
+
+START_LEAD = 0.05
+"""Time before the first nonzero speed reading in which the motor already pushes, s; at least one sample.
+
+The recorder's speed is averaged and rounded: a drive must have broken away before it shows.
+"""
+
+LONG_REST = 10.0
+"""Rest assumed before a recording that begins at standstill, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted and measured motor torque of one recording, N·m, arrays (samples,)."""
+
+    recording: Recording
+    tau: Array
+    rest: Array
+    """(samples,) of bool: the drive stands; its torque is then what holding needs."""
+    nrmsd: float
+
+
+def nrmsd(predicted: Array, measured: Array) -> float:
+    """Root mean square of predicted − measured over (max − min) of measured."""
+    span = float(np.ptp(measured))
+    if span == 0.0:
+        raise RecordingError("the measured torque is constant: NRMSD is not defined")
+    return float(np.sqrt(np.mean((predicted - measured) ** 2)) / span)
+
+
+def predict(drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0) -> Prediction:
+    """Predict the motor torque of a recording from its speed alone.
+
+    load: constant effort on the output, N·m or N; load_inertia: what the payload adds to the output inertia.
+    At rest a self-locking drive is predicted to need no torque; what a controller's integrator leaves there is unknown.
+    """
+    motion = Motion.of(recording.time, recording.w)
+    tau = predict_torque(drive, motion, load, load_inertia)
+    return Prediction(recording, tau, motion.direction == 0, nrmsd(tau, recording.tau))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a recording of speed says: where the drive rests, where it moves or is about to, and how it accelerates."""
+
+    time: Array
+    w: Array
+    wd: Array
+    direction: Array
+    """(samples,) −1, 0 or +1: sign of motion, also where it is about to start; 0 at rest."""
+    rests: tuple[tuple[int, int], ...]
+    """(first, one past last) sample of every rest."""
+
+    @staticmethod
+    def of(time: Array, w: Array) -> Motion:
+        """From time (s) and motor speed (rad/s), arrays (samples,)."""
+        rest = rest_mask(time, w)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], rest, [False]]).astype(int))).reshape(-1, 2)
+        direction = np.sign(_held(np.where(rest, np.nan, w)))
+        direction[rest] = 0.0
+        for start, stop in edges:
+            if stop < len(w):
+                lead = time[start:stop] > time[stop] - START_LEAD
+                lead[-1] = True
+                direction[start:stop][lead] = direction[stop]
+        return Motion(time, w, np.gradient(w, time), direction, tuple((int(a), int(b)) for a, b in edges))
+
+
+def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
+    """(samples,) motor torque of the exact law along a motion, with friction's memory and growth at rest."""
+    drive = replace(drive, output_inertia=drive.output_inertia + load_inertia)
+    moving = motion.direction != 0
+    effort = output_effort(drive, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
+    mu = coefficient_along(friction_of(drive), motion)
+    tau = motor_torque(drive, effort, motion.w, motion.wd, direction=np.where(moving, motion.direction, 1.0), mu=mu)
+    return np.where(moving, tau, holding_torque(drive, load))
+
+
+def coefficient_along(friction: Friction, motion: Motion) -> Array:
+    """(samples,) coefficient of the mesh: grown at rest, then fading with the speed that friction remembers.
+
+    After a rest the Stribeck term starts from the coefficient at breakaway; before the first rest, from mu_stribeck.
+    """
+    felt = np.abs(remembered_speed(friction, motion.time, motion.w))
+    mu = np.array(friction_coefficient(friction, felt), dtype=float)
+    for k, (start, stop) in enumerate(motion.rests):
+        dwell = motion.time[min(stop, len(mu) - 1)] - motion.time[start] + (LONG_REST if start == 0 else 0.0)
+        broken = float(static_coefficient(friction, dwell, mu[start - 1] if start else None))
+        until = motion.rests[k + 1][0] if k + 1 < len(motion.rests) else len(mu)
+        mu[start:stop] = broken
+        shape = np.zeros(until - stop)
+        if friction.law != "coulomb" and friction.stribeck_speed:
+            shape = stribeck_shape(friction.law, felt[stop:until] / friction.stribeck_speed)
+        # Until the remembered speed leaves zero, friction is still that of breakaway.
+        shape = np.where(felt[stop:until] > 0, shape, 1.0)
+        mu[stop:until] = friction.mu + (broken - friction.mu) * shape
+    return mu
+
+
+def _held(values: Array) -> Array:
+    """Zeros and gaps within motion take the last nonzero value, leading ones the next."""
+    values = np.where(values == 0, np.nan, values)
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return np.zeros(len(values))
+    at = np.clip(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0, len(known) - 1)
+    return values[known[at]]

@@ -1,0 +1,54 @@
+"""The shipped table of figures: mean speed and torque of every steady-state recording of a rig.
+
+Regenerate it, from the project's folder, with
+
+    python -m ssm_planner.identify.rig_figures problems/drives/rig_figures.csv \\
+        problems/drives/rig1_lead_screw.yaml=../shared/recordings/drive1_lead_screw …
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from ssm_planner.errors import SsmPlannerError
+from ssm_planner.identify.recording import read_recordings
+from ssm_planner.identify.torque_map import TorqueMap, kind_of, torque_map, write_figures
+from ssm_planner.problem.load import load_drive
+
+TABLE = "rig_figures.csv"
+"""Name of the table, beside the drive files; its rigs are named by the files' stems."""
+
+SOURCE = """Mean motor speed and torque of steady-state recordings of three rigs, in each rig's positive direction.
+Computed by ssm_planner.identify.rig_figures from the maxon EPOS4 recordings in the public repository
+RViMLab/TRO2021-Dynamic-Modelling (MIT licence, copyright its authors), made for "Friction-Inclusive Modeling of
+Sliding Contact Transmission Systems in Robotics", IEEE Transactions on Robotics 37(4), 2021."""
+
+
+def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
+    """The torque–velocity map of a rig from a folder of its recordings; start–stop recordings are left aside."""
+    rig = load_drive(drive_path).rig
+    nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
+    found = read_recordings([recordings], nominal_torque=nominal, direction=direction)
+    return torque_map([recording for recording in found if kind_of(recording) == "steady"])
+
+
+def main(arguments: list[str]) -> int:
+    """Write the table: OUTPUT DRIVE=RECORDINGS …"""
+    if len(arguments) < 2 or any("=" not in pair for pair in arguments[1:]):
+        print("usage: python -m ssm_planner.identify.rig_figures OUTPUT DRIVE=RECORDINGS ...", file=sys.stderr)
+        return 2
+    try:
+        pairs = [pair.split("=", 1) for pair in arguments[1:]]
+        maps = {Path(drive).stem: rig_map(drive, recordings) for drive, recordings in pairs}
+    except SsmPlannerError as error:
+        print(error, file=sys.stderr)
+        return 2
+    write_figures(arguments[0], maps, SOURCE)
+    for rig, points in maps.items():
+        print(f"{rig}: {len(points.w)} recordings", *points.repairs, sep="\n  ", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,60 @@
+"""The mesh of a straight phase: elements that end where TOPP-RA's motion switches from one binding limit to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssm_planner.planning.retiming import Retiming
+from ssm_planner.problem.values import Array
+
+SHORTEST_ARC = 0.01
+"""Arcs shorter than this share of the duration join their neighbour."""
+FEWEST = 12
+"""Elements of the shortest arc."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Elements between the instants (n + 1,); interval (n,): the stretch between turning points that each lies in."""
+
+    instants: Array
+    interval: Array
+
+    @property
+    def share(self) -> tuple[int, ...]:
+        """Elements of each interval."""
+        return tuple(np.bincount(self.interval).tolist())
+
+    @property
+    def fractions(self) -> Array:
+        """Length of every element as a share of its interval, (n,)."""
+        lengths = np.diff(self.instants)
+        return np.asarray(lengths / np.bincount(self.interval, lengths)[self.interval])
+
+    @classmethod
+    def along(cls, guess: Retiming, knots: Array, count: int) -> Mesh:
+        """About `count` elements along a re-timed motion whose joints turn back at the knots s_k."""
+        times = guess.times
+        turns = np.interp(knots, guess.s, times)
+        duration = times[-1]
+        ends = list(turns)
+        for switch in times[1:-1][guess.active[1:] != guess.active[:-1]]:
+            if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * duration:
+                ends.append(float(switch))
+        borders = np.array(sorted(ends))
+        pieces = []
+        for start, end in zip(borders[:-1], borders[1:], strict=True):
+            pieces.append(np.linspace(start, end, max(FEWEST, round(count * (end - start) / duration)), endpoint=False))
+        instants = np.append(np.concatenate(pieces), duration)
+        interval = np.clip(np.searchsorted(turns, (instants[1:] + instants[:-1]) / 2) - 1, 0, len(turns) - 2)
+        return cls(instants, interval)
+
+    def guess(self, motion: Retiming) -> Array:
+        """s, ṡ and s̈ at both ends of the elements, (n, 4), of the re-timed motion; time scaled to a duration of 1."""
+        scale = motion.duration
+        s = np.interp(self.instants, motion.times, motion.s)
+        speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
+        acceleration = np.diff(speed) / np.diff(self.instants) * scale
+        return np.stack([s[:-1], speed[:-1], acceleration, acceleration], axis=1)

@@ -1,0 +1,254 @@
+"""TOPP-RA behind one adapter: the fastest motion along a given path, friction as exact linear rows.
+
+Along a path the joints' directions are known, so the mesh effort F is affine in (s̈, ṡ²) and "torque ≤ limit" is two linear
+rows per motor (one for each side of the mesh). The viscous terms are concave in ṡ²: each pass replaces √(ṡ²) by its
+tangent at the previous pass, which over-estimates it, so every pass is feasible and the next is no slower.
+Method: H. Pham, Q.-C. Pham, "A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis", 2018.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssm_planner.model.friction import friction_coefficient
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.transmission import motor_torque_rows
+from ssm_planner.planning.path import PathSamples, StraightPath
+from ssm_planner.problem.values import Array, Drive, Robot
+
+PASSES = 12
+CONVERGED = 1e-7
+"""Relative change of the duration at which the tangents have settled."""
+
+
+ACTIVE = 0.998
+"""A row counts as binding from this share of its limit on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Retiming:
+    """Outcome of TOPP-RA: status "solved" or "infeasible" with a message; ṡ² at the grid points s, (n + 1,)."""
+
+    status: str
+    message: str
+    duration: float
+    s: Array
+    speed_squared: Array
+    passes: int
+    active: Array
+    """Index of the row that binds on each grid interval, (n,); −1 the speed ceiling, −2 none."""
+
+    @property
+    def solved(self) -> bool:
+        return self.status == "solved"
+
+    @property
+    def times(self) -> Array:
+        return _times(self.s, self.speed_squared)
+
+
+@dataclass(frozen=True, eq=False)
+class PathRows:
+    """a s̈ + b ṡ² + c + k √(ṡ²) ≤ 1, every row scaled by its limit, (n, rows) each; and ṡ² ≤ ceiling, (n,)."""
+
+    a: Array
+    b: Array
+    c: Array
+    k: Array
+    ceiling: Array
+
+    def active(self, grid: Array, speed_squared: Array) -> Array:
+        """Which row binds on each grid interval, as in `Retiming.active`."""
+        acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
+        x = ((speed_squared[1:] + speed_squared[:-1]) / 2)[:, None]
+
+        def middle(values: Array) -> Array:
+            return (values[1:] + values[:-1]) / 2
+
+        value = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c) + middle(self.k) * np.sqrt(x)
+        value = np.column_stack([value, x[:, 0] / middle(self.ceiling)])
+        row = np.argmax(value, axis=1)
+        row[row == value.shape[1] - 1] = -1
+        return np.where(value.max(axis=1) > ACTIVE, row, -2)
+
+
+def retime(path: StraightPath, robot: Robot, points: int = 1000, tip_speed: float | None = None) -> Retiming:
+    """Time-optimal rest-to-rest motion along the path on `points` grid intervals."""
+    knots, signs = path.directions
+    grid = _grid(knots, points)
+    samples = path.sample(grid)
+    interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
+    ceiling = speed_ceiling(path, samples, robot, tip_speed)
+    load = PathLoad.along(RigidBody.from_robot(robot), samples)
+    speed_squared = ceiling
+    previous = np.inf
+    nothing = np.full(points, -2)
+    for count in range(1, PASSES + 1):
+        rows = path_rows(robot, samples, load, signs[interval], ceiling, speed_squared)
+        found = _solve(grid, rows, speed_squared)
+        if found is None:
+            message = "TOPP-RA finds no motion along the path within the limits"
+            return Retiming("infeasible", message, np.inf, grid, ceiling * 0, count, nothing)
+        duration = float(_times(grid, found)[-1])
+        speed_squared = found
+        if abs(previous - duration) <= CONVERGED * duration or not rows.k.any():
+            break
+        previous = duration
+    return Retiming("solved", "", duration, grid, found, count, rows.active(grid, found))
+
+
+@dataclass(frozen=True, eq=False)
+class PathLoad:
+    """τ_rigid = inertia s̈ + velocity ṡ² + gravity along a path, (n, 4) each."""
+
+    inertia: Array
+    velocity: Array
+    gravity: Array
+
+    @classmethod
+    def along(cls, body: RigidBody, samples: PathSamples) -> PathLoad:
+        gravity = body.gravity_load(samples.q)
+        zero = np.zeros_like(samples.q)
+        return cls(
+            body.inverse_dynamics(samples.q, zero, samples.dq) - gravity,
+            body.inverse_dynamics(samples.q, samples.dq, samples.ddq) - gravity,
+            gravity,
+        )
+
+
+def speed_ceiling(path: StraightPath, samples: PathSamples, robot: Robot, tip_speed: float | None) -> Array:
+    """Largest ṡ² that joint, motor and tip speeds allow at each sample, (n,)."""
+    limit = np.array([joint.velocity for joint in robot.joints])
+    for i, joint in enumerate(robot.joints):
+        if joint.drive is not None and joint.motor is not None:
+            limit[i] = min(limit[i], joint.motor.max_speed / joint.drive.ratio)
+    with np.errstate(divide="ignore"):
+        speed = (limit / np.abs(samples.dq)).min(axis=1)
+    return np.asarray(speed**2)
+
+
+def path_rows(
+    robot: Robot, samples: PathSamples, load: PathLoad, signs: Array, ceiling: Array, speed_squared: Array
+) -> PathRows:
+    """Acceleration and motor-torque limits as rows, the friction coefficient taken at the speed of the last pass."""
+    rows = _RowList([], [], [], [])
+    zero = np.zeros(len(samples.s))
+    for i, joint in enumerate(robot.joints):
+        for side in (1.0, -1.0):
+            rows.add(side * samples.dq[:, i], side * samples.ddq[:, i], zero, zero, joint.acceleration)
+        if joint.drive is not None and joint.motor is not None:
+            _add_torque_rows(rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared)
+    return PathRows(*(np.stack(column, axis=1) for column in (rows.a, rows.b, rows.c, rows.k)), ceiling)
+
+
+@dataclass(frozen=True)
+class _RowList:
+    a: list[Array]
+    b: list[Array]
+    c: list[Array]
+    k: list[Array]
+
+    def add(self, a: Array, b: Array, c: Array, k: Array, limit: float) -> None:
+        for column, value in zip((self.a, self.b, self.c, self.k), (a, b, c, k), strict=True):
+            column.append(value / limit)
+
+
+def _add_torque_rows(
+    rows: _RowList,
+    drive: Drive,
+    limit: float,
+    i: int,
+    samples: PathSamples,
+    load: PathLoad,
+    sigma: Array,
+    ceiling: Array,
+    speed_squared: Array,
+) -> None:
+    """σ τ_motor ≤ limit as two rows, and −σ τ_motor ≤ limit as one on the safe side."""
+    friction, r = drive.friction, drive.ratio
+    dq, ddq = samples.dq[:, i], samples.ddq[:, i]
+    moving = np.abs(sigma)
+    mu = friction_coefficient(friction, r * np.abs(dq) * np.sqrt(speed_squared))
+    # a phase starts from rest: the first sample breaks away
+    mu = np.where(samples.s == 0.0, np.maximum(mu, friction.mu_static), mu)
+    forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
+    effort_a = sigma * (load.inertia[:, i] + drive.output_inertia * dq)
+    effort_b = sigma * (load.velocity[:, i] + drive.output_inertia * ddq)
+    effort_c = sigma * load.gravity[:, i] + moving * friction.b_oc
+    effort = effort_b * speed_squared + effort_c
+    inertia = np.where(sigma > 0, forward.inertia, backward.inertia) * sigma * r
+    coulomb = np.where(sigma > 0, forward.coulomb, -backward.coulomb) * moving
+    slopes = [np.where(sigma > 0, forward.slope[k], backward.slope[k]) for k in (0, 1)]
+    for slope in slopes:
+        root = (forward.viscous * r + slope * friction.b_ov) * np.abs(dq)
+        rows.add(
+            inertia * dq + slope * effort_a,
+            inertia * ddq + slope * effort_b,
+            coulomb + slope * effort_c,
+            np.maximum(root, 0.0),
+            limit,
+        )
+    # The torque is the larger of the two, so either one bounds it from below; √x ≥ x/√ceiling there.
+    slope = np.where(slopes[0] * effort > slopes[1] * effort, slopes[0], slopes[1])
+    chord = np.maximum(forward.viscous * r + slope * friction.b_ov, 0.0) * np.abs(dq) / np.sqrt(ceiling)
+    rows.add(
+        -(inertia * dq + slope * effort_a),
+        -(inertia * ddq + slope * effort_b + chord),
+        -(coulomb + slope * effort_c),
+        np.zeros_like(dq),
+        limit,
+    )
+
+
+def _times(grid: Array, speed_squared: Array) -> Array:
+    """Time at each grid point, ṡ² being linear in s between them."""
+    speed = np.sqrt(speed_squared)
+    return np.concatenate([[0.0], np.cumsum(2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300))])
+
+
+def _grid(knots: Array, points: int) -> Array:
+    """A uniform grid with the points nearest to the knots moved onto them."""
+    grid = np.linspace(0.0, 1.0, points + 1)
+    for knot in knots[1:-1]:
+        grid[int(np.clip(np.round(knot * points), 1, points - 1))] = knot
+    return grid
+
+
+def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
+    """One TOPP-RA pass; ṡ² at the grid points or None where there is no motion."""
+    import toppra
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import DiscretizationType, LinearConstraint
+    from toppra.interpolator import AbstractGeometricPath
+
+    toppra.setup_logging("CRITICAL")
+    root = np.sqrt(np.maximum(tangent, 1e-12 * tangent.max()))
+    b = rows.b + rows.k / (2 * root)[:, None]
+    c = rows.c + rows.k * (root / 2)[:, None]
+    count = rows.a.shape[1]
+
+    class Rows(LinearConstraint):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.identical = True
+            self.discretization_type = DiscretizationType.Interpolation
+
+        def compute_constraint_params(self, *_: object, **__: object) -> tuple[object, ...]:
+            bounds = np.stack([np.zeros(len(grid)), rows.ceiling], axis=1)
+            return rows.a, b, c, np.eye(count), np.ones(count), None, bounds
+
+    class Line(AbstractGeometricPath):  # type: ignore[misc]
+        dof = 1
+        path_interval = np.array([0.0, 1.0])
+        waypoints = None
+
+        def __call__(self, s: Array, order: int = 0) -> Array:
+            return np.zeros((np.size(s), 1))
+
+    algorithm = TOPPRA([Rows()], Line(), grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
+    _, speed, _, _ = algorithm.compute_parameterization(0.0, 0.0, return_data=True)
+    if speed is None or not np.all(np.isfinite(speed)):
+        return None
+    return np.asarray(speed, dtype=float) ** 2

@@ -1,0 +1,97 @@
+"""Limits at one instant of a motion as rows "≤ 1", symbolic: what the optimisation keeps at its collocation points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from ssm_planner.model.friction import friction_coefficient
+from ssm_planner.model.transmission import motor_torque_rows, output_effort
+from ssm_planner.problem.values import Drive, Joint
+
+BRAKING_SOFTNESS = 1e-3
+"""Smoothing of the mesh's larger side in the braking rows, as a share of the torque limit (on the safe side)."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (0 to 3, None for the whole arm)."""
+
+    name: str
+    joint: int | None
+    value: ca.SX
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Symbolic state of all joints, (4,) each; sigma: direction of each joint's motion, +1, −1 or 0 (does not move)."""
+
+    q: ca.SX
+    qd: ca.SX
+    qd_hull: ca.SX
+    """Stands in for qd in the velocity rows (stage.element_state)."""
+    qdd: ca.SX
+    qddd: ca.SX
+    tau_rigid: ca.SX
+    sigma: ca.SX
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Symbolic limits, so that one problem serves all values; (4,) each, torque of joints without motor unused."""
+
+    velocity: ca.SX
+    acceleration: ca.SX
+    jerk: ca.SX
+    torque: ca.SX
+
+
+def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[Row]:
+    """Velocity, acceleration and, where asked for, jerk of every joint."""
+    rows = []
+    for i, joint in enumerate(joints):
+        senses = (1, -1) if joint.drive is None else (at.sigma[i],)
+        rows += [Row("velocity", i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
+        for side in (1, -1):
+            rows.append(Row("acceleration", i, side * at.qdd[i] / bounds.acceleration[i]))
+            if jerk:
+                rows.append(Row("jerk", i, side * at.qddd[i] / bounds.jerk[i]))
+    return rows
+
+
+def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, breakaway: bool = False) -> list[Row]:
+    """Motor torque of every driven joint under the exact friction law for the known direction of motion.
+
+    breakaway: with the static coefficient, for instants at which a joint starts to move.
+    """
+    rows = []
+    for i, joint in enumerate(joints):
+        drive = joint.drive
+        if drive is None or joint.motor is None:
+            continue
+        first, second = directed_torques(drive, at, i, breakaway=breakaway)
+        limit = bounds.torque[i]
+        rows += [Row("motor torque", i, value / limit) for value in (first, second)]
+        # σ τ is the larger of the two; the smooth maximum below never exceeds it
+        half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
+        resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
+        rows.append(Row("motor torque", i, -resisting))
+    return rows
+
+
+def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> tuple[ca.SX, ca.SX]:
+    """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
+    friction = drive.friction
+    sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]
+    mu = friction.mu_static if breakaway else friction_coefficient(friction, sigma * w)
+    effort = output_effort(drive, at.tau_rigid[i], at.qd[i], at.qdd[i], sigma)
+    forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
+    is_forward, is_backward = sigma * (sigma + 1) / 2, sigma * (sigma - 1) / 2
+
+    def torque(rows, k: int) -> ca.SX:  # type: ignore[no-untyped-def]
+        return rows.slope[k] * effort + rows.inertia * wd + rows.coulomb + rows.viscous * w
+
+    first, second = (is_forward * torque(forward, k) - is_backward * torque(backward, k) for k in (0, 1))
+    return first, second
+

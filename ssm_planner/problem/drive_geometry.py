@@ -1,0 +1,113 @@
+"""Gear geometry from any sufficient set of dimensions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+TOLERANCE = 0.005
+"""Relative; dimensions beyond what is needed must agree with the others this well."""
+
+# Each law is a product of powers: Π xᵢ^pᵢ = constant. With all but one factor known, the last follows.
+_Law = tuple[Mapping[str, int], float]
+_HELIX: _Law = ({"tan_lead_angle": 1, "diameter": 1, "lead": -1}, 1 / math.pi)
+_THREAD: _Law = ({"lead": 1, "starts": -1, "pitch": -1}, 1.0)
+_LAWS: dict[str, tuple[_Law, ...]] = {
+    "worm": (({"ratio": 1, "lead": 1, "wheel_diameter": -1}, math.pi), _HELIX, _THREAD),
+    "screw": (({"ratio": 1, "lead": 1}, 2 * math.pi), _HELIX, _THREAD),
+}
+_NEEDED = {"worm": ("ratio", "diameter", "wheel_diameter", "lead"), "screw": ("diameter", "lead")}
+# Figures read off a datasheet first, figures that are usually rounded last.
+_ORDER = ("ratio", "lead", "starts", "pitch", "diameter", "wheel_diameter", "tan_lead_angle")
+
+
+class BadGeometry(ValueError):
+    """Dimensions that do not fix the gear, or contradict each other; key: the one to look at, if one stands out."""
+
+    def __init__(self, reason: str, key: str | None = None) -> None:
+        super().__init__(reason)
+        self.key = key
+
+
+def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
+    """All dimensions (SI) of a worm or screw from those given, by the file's names.
+
+    worm: ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts, pitch; ratio = π·wheel_diameter/lead.
+    screw: diameter or effective_diameter, lead, lead_angle, starts, pitch; ratio = 2π/lead.
+    Both: tan(lead_angle) = lead/(π·diameter), lead = starts·pitch. Raises BadGeometry.
+    """
+    named = _internal(family, given)
+    known: dict[str, float] = {}
+    for name in _ORDER:
+        if name not in named:
+            continue
+        key, value = named[name]
+        if name in known:
+            if abs(known[name] / value - 1) > TOLERANCE:
+                raise BadGeometry(
+                    f"contradicts the other dimensions, which give {_text(name, known[name])}; "
+                    "leave one of them out or correct it",
+                    key,
+                )
+            continue
+        known[name] = value
+        _complete(family, known)
+    missing = [name for name in _NEEDED[family] if name not in known]
+    if missing:
+        raise BadGeometry(_insufficient(family, given))
+    lead_angle = math.atan(known.pop("tan_lead_angle"))
+    diameter = known.pop("diameter")
+    result = {"worm_diameter" if family == "worm" else "diameter": diameter, "lead_angle": lead_angle, **known}
+    return result
+
+
+def _internal(family: str, given: Mapping[str, float]) -> dict[str, tuple[str, float]]:
+    """Given dimensions under the names of the laws, each with the file's key."""
+    named: dict[str, tuple[str, float]] = {}
+    for key, value in given.items():
+        if key == "lead_angle":
+            if not 0 < value < math.pi / 3:
+                raise BadGeometry("a lead angle lies between 0 and 60 deg", key)
+            named["tan_lead_angle"] = (key, math.tan(value))
+        elif key in ("worm_diameter", "diameter", "effective_diameter"):
+            if "diameter" in named and abs(named["diameter"][1] / value - 1) > TOLERANCE:
+                raise BadGeometry("differs from diameter; friction acts at one of them: give that one", key)
+            named.setdefault("diameter", (key, value))
+        else:
+            named[key] = (key, value)
+    return named
+
+
+def _complete(family: str, known: dict[str, float]) -> None:
+    """Adds every dimension that the known ones fix."""
+    progress = True
+    while progress:
+        progress = False
+        for powers, constant in _LAWS[family]:
+            unknown = [name for name in powers if name not in known]
+            if len(unknown) == 1:
+                value = constant
+                for name, power in powers.items():
+                    if name in known:
+                        value /= known[name] ** power
+                known[unknown[0]] = value ** (1 / powers[unknown[0]])
+                progress = True
+
+
+def _insufficient(family: str, given: Mapping[str, float]) -> str:
+    have = ", ".join(given) or "none"
+    if family == "worm":
+        return (
+            f"the dimensions given ({have}) do not fix the worm; three independent ones are needed "
+            "of ratio, worm_diameter, wheel_diameter, lead (or starts and pitch), lead_angle"
+        )
+    return (
+        f"the dimensions given ({have}) do not fix the screw; two independent ones are needed "
+        "of diameter (or effective_diameter), lead (or starts and pitch), lead_angle"
+    )
+
+
+def _text(name: str, value: float) -> str:
+    if name == "tan_lead_angle":
+        return f"{math.degrees(math.atan(value)):.4g} deg"
+    return f"{value:.5g}" if name in ("ratio", "starts") else f"{value * 1e3:.5g} mm"

@@ -1,0 +1,139 @@
+"""A problem file → Problem: every point inside the limits that hold for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ssm_planner.problem.complaint import validated
+from ssm_planner.problem.robots import robot_from, task_limits, travel
+from ssm_planner.problem.schema.motion import EntryModel, PointModel, ProblemModel, TaskModel
+from ssm_planner.problem.source import Section, follow
+from ssm_planner.problem.values import TASK, Motion, Problem, Range, Robot, Target
+
+SLACK = 1e-9
+"""rad or m, so that a target may sit on a limit."""
+
+
+def problem_from(section: Section) -> Problem:
+    """The problem that a section describes, its robot loaded. Raises ProblemError."""
+    model = validated(section, ProblemModel)
+    robot = robot_from(follow(section, "robot"))
+    limits = _narrowed(section.sub("limits"), robot, task_limits(model.limits))
+    missing = [name for name in TASK if getattr(model.start, name) is None]
+    if model.start.joints is None and model.start.tip is None and missing:
+        raise section.error(
+            "missing: a start says where all of the tool is", "start", missing[0], allowed=", ".join(TASK)
+        )
+    start = _target(section.sub("start"), model.start, robot, limits)
+    motion = tuple(_motion(section.sub("motion", i), entry, robot, limits) for i, entry in enumerate(model.motion))
+    return Problem(
+        name=model.name or section.file.stem,
+        robot=robot,
+        start=start,
+        motion=motion,
+        limits=limits,
+        tip_speed=model.limits.tip_speed,
+        objective=model.objective,
+        file=str(section.file),
+    )
+
+
+def _narrowed(section: Section, robot: Robot, own: Mapping[str, Range]) -> dict[str, Range]:
+    """The robot's ranges narrowed by the problem's; depth also by the travel of joint 4."""
+    result = {**robot.limits}
+    for name, range_ in (("depth", travel(robot.geometry, robot.joints[3])), *own.items()):
+        if name not in result:
+            result[name] = range_
+            continue
+        low, high = max(result[name][0], range_[0]), min(result[name][1], range_[1])
+        if not low < high:
+            raise section.error(
+                "nothing is left of the range that the robot allows", name, allowed=_range(name, result[name])
+            )
+        result[name] = (low, high)
+    return result
+
+
+def _motion(section: Section, entry: EntryModel, robot: Robot, limits: Mapping[str, Range]) -> Motion:
+    (name,) = entry.model_fields_set
+    line = section.line(name)
+    if entry.dwell is not None:
+        return Motion("dwell", name, duration=entry.dwell, line=line)
+    here = section.sub(name, "to")
+    if entry.free is not None:
+        return Motion("free", name, _target(here, entry.free.to, robot, limits), line=line)
+    if entry.straight is not None:
+        return Motion("straight", name, _target(here, entry.straight.to, robot, limits), line=line)
+    coordinate = "depth" if name == "insert" else name
+    value = getattr(entry, name).to
+    _inside(here, (), coordinate, value, limits)
+    return Motion("straight", name, Target(task={coordinate: value}, line=here.line()), line=line)
+
+
+def _target(section: Section, point: TaskModel, robot: Robot, limits: Mapping[str, Range]) -> Target:
+    line = section.line()
+    if isinstance(point, PointModel) and point.joints is not None:
+        _joints_inside(section, point.joints, robot, limits)
+        return Target(joints=point.joints, line=line)
+    if isinstance(point, PointModel) and point.tip is not None:
+        _tip_inside(section, point.tip, limits)
+        _inside(section, ("spin",), "spin", float(point.spin or 0.0), limits)
+        return Target(tip=point.tip, spin=point.spin, line=line)
+    values = ((name, getattr(point, name)) for name in TASK)
+    task = {name: value for name, value in values if value is not None}
+    for name, value in task.items():
+        _inside(section, (name,), name, value, limits)
+    return Target(task=task, line=line)
+
+
+def _inside(section: Section, path: tuple[str, ...], name: str, value: float, limits: Mapping[str, Range]) -> None:
+    low, high = limits.get(name, (-math.inf, math.inf))
+    if not low - SLACK <= value <= high + SLACK:
+        raise section.error(f"outside the limits of {name}", *path, allowed=_range(name, (low, high)))
+
+
+def _joints_inside(
+    section: Section, joints: tuple[float, float, float, float], robot: Robot, limits: Mapping[str, Range]
+) -> None:
+    for i, (value, joint) in enumerate(zip(joints, robot.joints, strict=True)):
+        low, high = joint.position
+        if not low - SLACK <= value <= high + SLACK:
+            raise section.error(
+                f"outside the position limits of joint {i + 1} ({joint.name})",
+                "joints",
+                i,
+                allowed=_range(joint.name, joint.position),
+            )
+    depth = robot.geometry.insertion_sign * joints[3]
+    low, high = limits["depth"]
+    if not low - SLACK <= depth <= high + SLACK:
+        raise section.error(
+            f"gives a depth of {depth * 1e3:g} mm, outside the limits",
+            "joints",
+            3,
+            allowed=_range("depth", (low, high)),
+        )
+
+
+def _tip_inside(section: Section, tip: tuple[float, float, float], limits: Mapping[str, Range]) -> None:
+    distance = math.hypot(*tip)
+    if distance < 1e-6:
+        raise section.error(
+            "the tip at the remote centre leaves roll and tilt open",
+            "tip",
+            allowed="a point away from [0 mm, 0 mm, 0 mm]; or roll, tilt, spin and depth",
+        )
+    low, high = limits["depth"]
+    if distance > max(abs(low), abs(high)) + SLACK:
+        raise section.error(
+            f"{distance * 1e3:.4g} mm from the remote centre, outside the limits of depth",
+            "tip",
+            allowed=_range("depth", (low, high)),
+        )
+
+
+def _range(name: str, range_: Range) -> str:
+    scale, unit = (1e3, "mm") if name in ("depth", "insertion") else (180 / math.pi, "deg")
+    low, high = (f"{bound * scale:.6g} {unit}" for bound in range_)
+    return f"{low} to {high}"

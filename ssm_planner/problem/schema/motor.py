@@ -1,0 +1,45 @@
+"""Schema of a motor file: the figures of a datasheet, each with its source."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from ssm_planner.problem.schema.common import Figure, Model, Text, Truth, figure
+
+Torque = Annotated[Figure, figure("torque", above=0)]
+Speed = Annotated[Figure, figure("motor_speed", above=0)]
+Voltage = Annotated[Figure, figure("voltage", above=0)]
+Current = Annotated[Figure, figure("current", above=0)]
+TorqueConstant = Annotated[Figure, figure("torque_constant", above=0)]
+SpeedConstant = Annotated[Figure, figure("speed_constant", above=0)]
+Resistance = Annotated[Figure, figure("resistance", above=0)]
+Inertia = Annotated[Figure, figure("inertia", above=0)]
+ThermalResistance = Annotated[Figure, figure("thermal_resistance", above=0)]
+Time = Annotated[Figure, figure("time", above=0)]
+Temperature = Annotated[Figure, figure("temperature", above=0)]
+Count = Annotated[Figure, figure("number", above=0)]
+
+
+class MotorModel(Model):
+    """See values.Motor; the speed constant only serves to check the torque constant."""
+
+    name: Text
+    source: Text | None = None
+    """Source of every figure that names none of its own."""
+    placeholder: Truth = False
+    """True: every figure stands in for an unknown one."""
+    nominal_torque: Torque
+    max_torque: Torque
+    max_speed: Speed
+    nominal_voltage: Voltage | None = None
+    nominal_current: Current | None = None
+    torque_constant: TorqueConstant | None = None
+    speed_constant: SpeedConstant | None = None
+    terminal_resistance: Resistance | None = None
+    rotor_inertia: Inertia | None = None
+    resistance_winding_housing: ThermalResistance | None = None
+    resistance_housing_ambient: ThermalResistance | None = None
+    time_constant_winding: Time | None = None
+    time_constant_motor: Time | None = None
+    max_winding_temperature: Temperature | None = None
+    encoder_counts: Count | None = None

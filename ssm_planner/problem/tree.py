@@ -1,0 +1,158 @@
+"""YAML text → a tree of plain data in which every value and key knows its line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ssm_planner.errors import ProblemError
+
+LARGEST_TREE = 300_000
+"""Values after aliases are expanded."""
+DEEPEST = 30
+
+_INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
+_FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_WORDS: dict[str, object] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
+    **dict.fromkeys((".inf", ".Inf", ".INF", "+.inf"), float("inf")),
+    "-.inf": float("-inf"),
+}
+_STRING_TAGS = (None, "!", "tag:yaml.org,2002:str", "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+
+
+@dataclass(frozen=True)
+class Node:
+    """One value of a file: plain data, its line, and the nodes and key lines below it."""
+
+    value: Any
+    line: int
+    size: int = 1
+    children: Mapping[str | int, Node] = field(default_factory=dict)
+    key_lines: Mapping[str | int, int] = field(default_factory=dict)
+
+
+def parse(file: Path, text: str) -> Node:
+    """The one document in a YAML text; file is for messages. Raises ProblemError for anything else."""
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    try:
+        return _Builder(file, yaml.parse(text, Loader=loader)).document()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = None if mark is None else mark.line + 1
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        raise ProblemError(f"not valid YAML: {what}", file=file, line=line) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        character = error.character if isinstance(error.character, int) else ord(error.character[:1] or "\0")
+        raise ProblemError(f"not a text file: character U+{character:04X}", file=file, line=line) from None
+    except yaml.YAMLError as error:
+        raise ProblemError(f"not valid YAML: {error}", file=file) from None
+
+
+class _Builder:
+    """Builds the tree from YAML events, so that depth, size and aliases stay under control."""
+
+    def __init__(self, file: Path, events: Iterator[Any]) -> None:
+        self.file = file
+        self.events = events
+        self.anchors: dict[str, Node] = {}
+
+    def document(self) -> Node:
+        next(self.events)  # start of the stream
+        event = next(self.events)
+        if isinstance(event, yaml.StreamEndEvent):
+            raise ProblemError("the file is empty", file=self.file, line=1)
+        root = self.node(next(self.events), 0)
+        next(self.events)  # end of the document
+        event = next(self.events)
+        if not isinstance(event, yaml.StreamEndEvent):
+            raise self.error("a second document starts here", event, "one document per file, without '---' lines")
+        return root
+
+    def node(self, event: Any, depth: int) -> Node:
+        if depth > DEEPEST:
+            raise self.error("nested too deeply", event, f"at most {DEEPEST} levels")
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self.anchors:
+                raise self.error(f"*{event.anchor} refers to nothing above it", event)
+            return self.anchors[event.anchor]
+        if event.tag not in _STRING_TAGS:
+            raise self.error(f"the tag {event.tag} is not used in these files", event, "plain values")
+        if isinstance(event, yaml.ScalarEvent):
+            node = Node(_scalar(event), _line(event))
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = self.sequence(event, depth)
+        else:
+            node = self.mapping(event, depth)
+        if node.size > LARGEST_TREE:
+            raise self.error("too many values", event, f"at most {LARGEST_TREE} in one file, aliases expanded")
+        if event.anchor is not None:
+            self.anchors[event.anchor] = node
+        return node
+
+    def sequence(self, start: Any, depth: int) -> Node:
+        items: list[Node] = []
+        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
+            items.append(self.node(event, depth + 1))
+        return Node(
+            [item.value for item in items],
+            _line(start),
+            1 + sum(item.size for item in items),
+            dict(enumerate(items)),
+            {i: item.line for i, item in enumerate(items)},
+        )
+
+    def mapping(self, start: Any, depth: int) -> Node:
+        children: dict[str | int, Node] = {}
+        key_lines: dict[str | int, int] = {}
+        while not isinstance(event := next(self.events), yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent) or event.tag not in _STRING_TAGS:
+                raise self.error("a key must be a plain word", event)
+            key = event.value
+            if key in children:
+                raise ProblemError(
+                    f"this key is given twice (first on line {key_lines[key]})",
+                    file=self.file,
+                    line=_line(event),
+                    key=key,
+                    allowed="each key once",
+                )
+            key_lines[key] = _line(event)
+            children[key] = self.node(next(self.events), depth + 1)
+        return Node(
+            {key: child.value for key, child in children.items()},
+            _line(start),
+            1 + sum(child.size for child in children.values()),
+            children,
+            key_lines,
+        )
+
+    def error(self, reason: str, event: Any, allowed: str | None = None) -> ProblemError:
+        return ProblemError(reason, file=self.file, line=_line(event), allowed=allowed)
+
+
+def _scalar(event: Any) -> object:
+    """Numbers and words as YAML 1.2 reads them: 1e-5 is a number; yes, no, on, off and 1:30 are text."""
+    text: str = event.value
+    if event.style or event.tag == "tag:yaml.org,2002:str":
+        return text
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return text
+
+
+def _line(event: Any) -> int:
+    return int(event.start_mark.line) + 1

@@ -1,0 +1,236 @@
+"""The resolved values of a problem: SI floats and radians, frozen, arrays read-only.
+
+`load.py` makes them from YAML; every later stage takes them as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssm_planner.problem.rig import Rig
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+JOINTS = ("roll", "tilt", "spin", "insertion")
+"""Names by which limits and results speak of joints 1 to 4."""
+
+TASK = ("roll", "tilt", "spin", "depth")
+"""Order of the task coordinates in every array."""
+
+
+def frozen(value: object, shape: tuple[int, ...]) -> Array:
+    """A read-only float array of the given shape."""
+    array = np.array(value, dtype=float).reshape(shape)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1); unit vectors, shape (3,)."""
+
+    omega1: Array
+    omega2: Array
+    omega3: Array
+    tool_home: Array
+    """R_0, (3, 3), base ← tool at q = 0; its z column is omega3."""
+    insertion_sign: int = -1
+    """depth = insertion_sign · θ4."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Inertial data of one moving body, in its own frame at the RCM."""
+
+    name: str
+    mass: float
+    com: Array
+    """Centre of mass in the body frame, m, (3,)."""
+    inertia: Array
+    """Inertia tensor about the body frame's origin, kg·m², (3, 3), products with the tensor's sign (−∫xy dm)."""
+    frame: Array
+    """Rotation base ← body at q = 0, (3, 3)."""
+
+
+FrictionLawName = Literal["coulomb", "stribeck_exponential", "stribeck_gaussian"]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction of one drive, motor side unless said otherwise (physics of the mesh: model/transmission.py).
+
+    μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), s = exp(−x), exp(−2x) or exp(−x²) by law; μ at rest is mu_static.
+    """
+
+    mu: float
+    """Kinetic (Coulomb) coefficient of the mesh."""
+    mu_static: float
+    """Coefficient at breakaway."""
+    b_c: float
+    """Bearing Coulomb torque, N·m."""
+    b_v: float
+    """Bearing viscous coefficient, N·m·s/rad."""
+    b_oc: float = 0.0
+    """Output Coulomb effort, N·m (worm) or N (screw)."""
+    b_ov: float = 0.0
+    """Output viscous coefficient, N·m·s/rad or N·s/m."""
+    law: FrictionLawName = "coulomb"
+    mu_stribeck: float = 0.0
+    stribeck_speed: float | None = None
+    """Motor speed w_s of the Stribeck term, rad/s."""
+    dwell_constant: float | None = None
+    """c of mu_static growing as exp(−c / t_dwell), s; None: fully grown at once."""
+    memory: float = 0.0
+    """Frictional memory: delay of w in μ(w), s."""
+    mu_lowest: float | None = None
+    """Lowest plausible mu (lubrication, temperature); the self-locking margin is reported there too."""
+    identified_speed: float | None = None
+    """Largest motor speed in the data behind the parameters, rad/s; beyond it friction is extrapolated."""
+    covariance: Mapping[str, Mapping[str, float]] | None = None
+    source: str | None = None
+
+
+DriveKind = Literal["worm", "lead_screw", "antibacklash_screw"]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A self-locking transmission, geometry resolved: w = ratio · qd."""
+
+    name: str
+    kind: DriveKind
+    ratio: float
+    """Motor angle per joint coordinate: 1 (worm) or rad/m (screws)."""
+    gamma: float
+    """Effort arm γ: d_worm / d_wheel (worm) or d_screw / 2 in m (screws)."""
+    lead_angle: float
+    """λ, rad."""
+    pressure_angle: float
+    """Normal pressure angle θ_n, rad."""
+    input_inertia: float
+    """Inertia on the motor shaft, rotor included, kg·m²."""
+    output_inertia: float
+    """Inertia of the output side that is not in the bodies, kg·m² (worm) or kg (screws)."""
+    friction: Friction | None
+    """None only where rig is given: friction still to be identified. Drives of a robot always have friction."""
+    preload: float = 0.0
+    """Spring force between the half nuts of an antibacklash screw, N."""
+    second_nut_mass: float = 0.0
+    self_locking: bool = True
+    """The robot relies on this drive holding without torque."""
+    dimensions: Mapping[str, float] = field(default_factory=dict)
+    """The geometry as written, SI, for reports."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """Where each figure comes from, by its key in the file."""
+    placeholders: tuple[str, ...] = ()
+    """Names of the figures that stand in for unknown ones; sources says why."""
+    rig: Rig | None = None
+    """Present for a drive on a test rig."""
+    file: str | None = None
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor's datasheet figures; None where the file gives none."""
+
+    name: str
+    nominal_torque: float
+    """Continuous torque, N·m."""
+    max_torque: float
+    """Largest usable torque, N·m: what a plan may use at any instant."""
+    max_speed: float
+    """rad/s."""
+    nominal_voltage: float | None = None
+    nominal_current: float | None = None
+    torque_constant: float | None = None
+    terminal_resistance: float | None = None
+    rotor_inertia: float | None = None
+    resistance_winding_housing: float | None = None
+    resistance_housing_ambient: float | None = None
+    time_constant_winding: float | None = None
+    time_constant_motor: float | None = None
+    max_winding_temperature: float | None = None
+    """K."""
+    encoder_counts: int | None = None
+    sources: Mapping[str, str] = field(default_factory=dict)
+    placeholders: tuple[str, ...] = ()
+    """Names of the figures that nobody could source for this motor; sources says what stands in and why."""
+    file: str | None = None
+
+    @property
+    def placeholder(self) -> bool:
+        return bool(self.placeholders)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Limits and actuation of one joint; rad or m and their time derivatives."""
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    position: Range
+    velocity: float
+    acceleration: float
+    jerk: float | None = None
+    drive: Drive | None = None
+    motor: Motor | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    name: str
+    geometry: Geometry
+    bodies: tuple[Body, Body, Body, Body]
+    joints: tuple[Joint, Joint, Joint, Joint]
+    gravity: Array
+    """Acceleration of gravity in the base frame, m/s², (3,)."""
+    limits: Mapping[str, Range] = field(default_factory=dict)
+    """Ranges of task coordinates that the robot itself declares, by name in TASK."""
+    file: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One point of a motion: any subset of task coordinates (the rest held), joint values, or a tip position."""
+
+    task: Mapping[str, float] | None = None
+    joints: tuple[float, float, float, float] | None = None
+    tip: tuple[float, float, float] | None = None
+    spin: float | None = None
+    """Used with tip."""
+    line: int | None = None
+    """Line of the problem file, for messages."""
+
+
+MotionKind = Literal["straight", "free", "dwell"]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One entry of the motion list."""
+
+    kind: MotionKind
+    name: str
+    """The key in the file: tilt, roll, spin, insert, straight, free, dwell."""
+    target: Target | None = None
+    duration: float | None = None
+    line: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    name: str
+    robot: Robot
+    start: Target
+    motion: tuple[Motion, ...]
+    limits: Mapping[str, Range] = field(default_factory=dict)
+    """Ranges of task coordinates, by name in TASK: the robot's, narrowed by the problem's."""
+    tip_speed: float | None = None
+    objective: str = "time"
+    file: str | None = None

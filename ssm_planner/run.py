@@ -1,0 +1,73 @@
+"""The whole program: problem → plan → check → requirements → files. The command line is a skin over this."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ssm_planner.export.folder import write_folder
+from ssm_planner.plan import Plan
+from ssm_planner.planning.planner import Planned, plan_motion
+from ssm_planner.problem.values import Array, Problem
+from ssm_planner.sizing.requirements import motor_requirements
+from ssm_planner.verify.certificate import Certificate
+from ssm_planner.verify.check import check
+
+ATTEMPTS = 4
+TIGHTENED = ("velocity", "acceleration", "jerk", "motor torque")
+"""Limits that the planner can be asked to keep more strictly, in the order of its table."""
+
+Progress = Callable[[str], None]
+
+
+def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
+    """Plan a problem, check the plan by code that did not make it, and say what it requires of the motors.
+
+    Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
+    planned again. Never raises for an infeasible problem: the plan then holds the reason.
+    """
+    begin = time.perf_counter()
+    tighten = np.ones((len(TIGHTENED), len(problem.robot.joints)))
+    certificate: Certificate | None = None
+    for attempt in range(ATTEMPTS):
+        planned = plan_motion(problem, tighten, progress)
+        if planned.trajectory is None:
+            return _no_plan(problem, planned, time.perf_counter() - begin)
+        progress("independent check" if attempt == 0 else f"independent check, attempt {attempt + 1}")
+        ranges = dict(problem.limits)
+        certificate = check(planned.trajectory, problem.robot, ranges, problem.tip_speed)
+        if certificate.passed or not _tighten(tighten, certificate, problem):
+            break
+    solve_time = time.perf_counter() - begin
+    progress("motor requirements")
+    requirements = motor_requirements(planned.trajectory, problem.robot)
+    return Plan(
+        problem, planned.status, planned.trajectory, planned.legs, certificate, requirements, planned.reason, solve_time
+    )
+
+
+def plan_to_folder(problem: Problem, folder: Path, progress: Progress = lambda _: None) -> tuple[Plan, dict[str, Path]]:
+    """Plan and write plan.json, trajectory.csv and the figures; nothing is written where there is no plan."""
+    result = plan(problem, progress)
+    if result.trajectory is None:
+        return result, {}
+    progress("writing results")
+    return result, write_folder(result, folder)
+
+
+def _tighten(table: Array, certificate: Certificate, problem: Problem) -> bool:
+    """Scale down the entries of the limits that are exceeded; False where the planner has no hold on any of them."""
+    names = [joint.name for joint in problem.robot.joints]
+    held = False
+    for limit in certificate.violations:
+        if limit.name in TIGHTENED and limit.joint in names:
+            table[TIGHTENED.index(limit.name), names.index(limit.joint)] *= 1 + 1.5 * limit.margin
+            held = True
+    return held
+
+
+def _no_plan(problem: Problem, planned: Planned, seconds: float) -> Plan:
+    return Plan(problem, planned.status, None, planned.legs, None, (), planned.reason, seconds)

@@ -1,0 +1,72 @@
+"""The certificate: for every named limit the worst value found, its margin, joint and time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+TOLERANCE = 1e-6
+"""A limit counts as kept while it is exceeded by no more than this share of itself (rounding)."""
+
+
+@dataclass(frozen=True)
+class LimitCheck:
+    """One limit over a whole motion; SI units.
+
+    margin = (limit − worst)/limit, for a range the distance to its nearer end by half its width; negative: violated.
+    """
+
+    name: str
+    joint: str | None
+    worst: float
+    limit: float
+    margin: float
+    time: float
+    unit: str
+
+    @property
+    def passed(self) -> bool:
+        return self.margin >= -TOLERANCE
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "joint": self.joint,
+            "worst": self.worst,
+            "limit": self.limit,
+            "margin": self.margin,
+            "time": self.time,
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Outcome of a check of one trajectory; `unchecked` names what could not be checked, and why."""
+
+    limits: tuple[LimitCheck, ...]
+    interpolation: str
+    instants: int
+    unchecked: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        return all(limit.passed for limit in self.limits)
+
+    @property
+    def worst(self) -> LimitCheck:
+        """The limit with the smallest margin."""
+        return min(self.limits, key=lambda limit: limit.margin)
+
+    @property
+    def violations(self) -> tuple[LimitCheck, ...]:
+        return tuple(limit for limit in self.limits if not limit.passed)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "passed": self.passed,
+            "interpolation": self.interpolation,
+            "instants": self.instants,
+            "limits": [limit.to_dict() for limit in self.limits],
+            "unchecked": list(self.unchecked),
+        }

@@ -1,0 +1,198 @@
+"""Axes, forward kinematics and Jacobians: geometry, laws, and Pinocchio as the independent implementation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import casadi
+import numpy as np
+import pytest
+
+from ssm_planner.errors import GeometryError
+from ssm_planner.model.forward import (
+    body_jacobian,
+    forward,
+    forward_with_jacobian,
+    space_jacobian,
+    tip_position,
+)
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.screws import adjoint, hat, rotation, rotation_angle
+from ssm_planner.model.symbolic import forward_symbolic
+from ssm_planner.problem.values import Geometry
+
+RNG_SEED = 3
+
+
+def pinocchio_model(mechanism: Mechanism):
+    """The same mechanism as a Pinocchio model; returns (model, id of the tool frame)."""
+    pin = pytest.importorskip("pinocchio")
+    model = pin.Model()
+    joint = 0
+    for i, axis in enumerate((mechanism.omega1, mechanism.omega2, mechanism.omega3)):
+        joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(axis), pin.SE3.Identity(), f"revolute{i}")
+    joint = model.addJoint(joint, pin.JointModelPrismaticUnaligned(mechanism.omega3), pin.SE3.Identity(), "slide")
+    placement = pin.SE3(np.array(mechanism.tool_home), np.zeros(3))
+    frame = model.addFrame(pin.Frame("tool", joint, placement, pin.FrameType.OP_FRAME))
+    return model, frame
+
+
+def test_published_robot_has_its_published_angles(vitreoretinal):
+    assert math.degrees(vitreoretinal.alpha) == pytest.approx(30.0, abs=1e-12)
+    assert math.cos(vitreoretinal.beta) == pytest.approx(float(vitreoretinal.omega2 @ vitreoretinal.omega3), abs=1e-15)
+    assert math.degrees(vitreoretinal.beta) == pytest.approx(109.778, abs=5e-4)
+    assert math.degrees(vitreoretinal.home_tilt) == pytest.approx(-113.0, abs=1e-12)
+    assert vitreoretinal.home_roll == 0.0
+
+
+def test_home_roll_and_tilt_point_at_omega3(random_mechanism):
+    rng = np.random.default_rng(RNG_SEED)
+    for _ in range(200):
+        mech = random_mechanism(rng)
+        pointing = rotation(mech.omega1, mech.home_roll) @ rotation(mech.tilt_axis, mech.home_tilt) @ mech.omega1
+        assert np.abs(pointing - mech.omega3).max() < 1e-14
+        assert -math.pi / 2 < mech.home_roll <= math.pi / 2 + 1e-12
+        assert abs(mech.tilt_axis @ mech.omega1) < 1e-15
+        assert mech.tilt_axis @ mech.omega2 > 0.0
+
+
+def test_delta_is_where_the_tool_is_nearest_to_omega1(random_mechanism):
+    rng = np.random.default_rng(RNG_SEED)
+    sweep = np.linspace(-math.pi, math.pi, 721)
+    for _ in range(50):
+        mech = random_mechanism(rng)
+        cosine = rotation(mech.omega2, mech.delta + sweep) @ mech.omega3 @ mech.omega1
+        assert np.argmax(cosine) == 360
+        assert mech.home_branch == (1 if math.sin(-mech.delta) >= 0.0 else -1)
+
+
+def test_from_angles_is_the_published_robot(vitreoretinal):
+    made = Mechanism.from_angles(vitreoretinal.alpha, vitreoretinal.beta, vitreoretinal.home_tilt)
+    for name in ("omega1", "omega2", "omega3", "tilt_axis", "tool_home"):
+        assert np.abs(getattr(made, name) - getattr(vitreoretinal, name)).max() < 1e-15
+
+
+@pytest.mark.parametrize(("alpha", "beta"), [(0.5, 0.5), (2.8, 2.0), (2.0, 0.4), (0.0, 1.0), (1.0, math.pi)])
+def test_from_angles_keeps_its_angles(alpha, beta):
+    mech = Mechanism.from_angles(alpha, beta)
+    assert mech.alpha == pytest.approx(alpha, abs=1e-15)
+    assert mech.beta == pytest.approx(beta, abs=1e-14)
+
+
+def test_forward_and_jacobians_agree_with_pinocchio(random_mechanism):
+    pin = pytest.importorskip("pinocchio")
+    rng = np.random.default_rng(RNG_SEED)
+    for _ in range(20):
+        mech = random_mechanism(rng)
+        model, frame = pinocchio_model(mech)
+        data = model.createData()
+        q = rng.uniform(-3.0, 3.0, (10, 4))
+        rotations, positions, jacobians = forward_with_jacobian(mech, q)
+        body = body_jacobian(mech, q)
+        for i, each in enumerate(q):
+            pin.computeJointJacobians(model, data, each)
+            placed = pin.updateFramePlacement(model, data, frame)
+            assert np.abs(placed.rotation - rotations[i]).max() < 1e-14
+            assert np.abs(placed.translation - positions[i]).max() < 1e-14
+            world = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.WORLD)
+            local = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+            assert np.abs(world - jacobians[i]).max() < 1e-14
+            assert np.abs(local - body[i]).max() < 1e-14
+
+
+def test_forward_is_the_product_of_exponentials(random_mechanism):
+    rng = np.random.default_rng(RNG_SEED)
+    mech = random_mechanism(rng)
+    q = rng.uniform(-3.0, 3.0, (3000, 4))
+    elbow = rotation(mech.omega1, q[:, 0]) @ rotation(mech.omega2, q[:, 1])
+    rotations, positions = forward(mech, q)
+    assert np.abs(rotations - elbow @ rotation(mech.omega3, q[:, 2]) @ mech.tool_home).max() < 1e-14
+    assert np.abs(positions - (elbow @ mech.omega3) * q[:, 3:]).max() < 1e-14
+    assert np.array_equal(tip_position(mech, q), positions)
+    assert np.array_equal(space_jacobian(mech, q), forward_with_jacobian(mech, q)[2])
+
+
+def test_body_jacobian_is_the_space_jacobian_in_the_tool_frame(random_mechanism):
+    rng = np.random.default_rng(RNG_SEED)
+    mech = random_mechanism(rng)
+    q = rng.uniform(-3.0, 3.0, (500, 4))
+    rotations, positions, space = forward_with_jacobian(mech, q)
+    assert np.abs(adjoint(rotations, positions) @ body_jacobian(mech, q) - space).max() < 1e-14
+
+
+def test_symbolic_forward_equals_numeric(random_mechanism):
+    rng = np.random.default_rng(RNG_SEED)
+    for _ in range(5):
+        mech = random_mechanism(rng)
+        symbol = casadi.SX.sym("q", 4)
+        function = casadi.Function("forward", [symbol], list(forward_symbolic(mech, symbol)))
+        q = rng.uniform(-3.0, 3.0, (20, 4))
+        rotations, positions = forward(mech, q)
+        for i, each in enumerate(q):
+            r, p = function(each)
+            assert np.abs(r.full() - rotations[i]).max() < 1e-14
+            assert np.abs(p.full()[:, 0] - positions[i]).max() < 1e-14
+
+
+def test_rotation_angle_is_exact_at_both_ends():
+    axis = np.array([0.6, 0.0, 0.8])
+    for angle in (0.0, 1e-9, 1.0, math.pi - 1e-9, math.pi):
+        assert rotation_angle(rotation(axis, angle)) == pytest.approx(angle, abs=1e-15)
+    assert np.array_equal(hat(axis) @ np.array([1.0, 2.0, 3.0]), np.cross(axis, [1.0, 2.0, 3.0]))
+
+
+GEOMETRY = Geometry(
+    omega1=np.array([1.0, 0.0, 0.0]),
+    omega2=np.array([0.0, 1.0, 0.0]),
+    omega3=np.array([0.0, 0.0, 1.0]),
+    tool_home=np.eye(3),
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"omega1": np.array([1.0, 0.1, 0.0])}, r"omega1 = .*shape \(3,\).*unit vector"),
+        ({"omega2": np.array([-1.0, 0.0, 0.0])}, "omega1 and omega2 are parallel"),
+        ({"omega3": np.array([0.0, 1.0, 0.0])}, "omega2 and omega3 are parallel"),
+        ({"omega3": np.array([0.0, math.nan, 1.0])}, "omega3 .*not finite"),
+        ({"omega1": np.eye(3)}, r"omega1 has shape \(3, 3\)"),
+        ({"tool_home": np.diag([1.0, 1.0, -1.0])}, r"tool_home\[0\] .*reflection"),
+        ({"tool_home": np.diag([1.0, -1.0, -1.0])}, "tool_home: its z column"),
+        ({"tool_home": 2.0 * np.eye(3)}, r"tool_home\[0\] of shape \(1, 3, 3\) is not a rotation"),
+        ({"insertion_sign": 2}, "insertion_sign = 2"),
+    ],
+)
+def test_bad_geometry_names_the_argument(change, message):
+    with pytest.raises(GeometryError, match=message):
+        Mechanism.from_geometry(replace(GEOMETRY, **change))
+
+
+@pytest.mark.parametrize(("alpha", "beta", "tilt"), [(30.0, 1.9, None), (0.5, -0.1, None), (0.5, 1.9, -113.0)])
+def test_angles_in_degrees_are_refused(alpha, beta, tilt):
+    with pytest.raises(GeometryError, match=r"alpha|beta|home_tilt"):
+        Mechanism.from_angles(alpha, beta, tilt)
+
+
+@pytest.mark.parametrize(
+    ("q", "message"),
+    [
+        (np.zeros((4, 7)), r"q has shape \(4, 7\): must be \(n, 4\); it looks transposed"),
+        (np.zeros((2, 3)), r"q has shape \(2, 3\)"),
+        (np.zeros((2, 4, 1)), r"q has shape \(2, 4, 1\)"),
+        ([[0.0, math.nan, 0.0, 0.0]], r"q of shape \(1, 4\) is not finite at \[0, 1\]"),
+        ("none", "q is not an array of numbers"),
+    ],
+)
+def test_bad_joints_name_the_argument(vitreoretinal, q, message):
+    for function in (forward, forward_with_jacobian, space_jacobian, body_jacobian):
+        with pytest.raises(GeometryError, match=message):
+            function(vitreoretinal, q)
+
+
+def test_an_empty_batch_is_a_batch(vitreoretinal):
+    rotations, positions, jacobians = forward_with_jacobian(vitreoretinal, np.empty((0, 4)))
+    assert rotations.shape == (0, 3, 3)
+    assert positions.shape == (0, 3)
+    assert jacobians.shape == (0, 6, 4)

@@ -1,0 +1,52 @@
+"""A copy of the shipped files that a test may spoil."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.problem.load import load_drive, load_motor, load_problem, load_robot
+
+SHIPPED = Path(__file__).parents[2] / "problems"
+LOADERS = {"robots": load_robot, "drives": load_drive, "motors": load_motor}
+
+
+@dataclass
+class Files:
+    """Edits files of the copy and loads them."""
+
+    root: Path
+
+    def edit(self, name: str, old: str, new: str) -> Path:
+        path = self.root / name
+        text = path.read_text(encoding="utf-8")
+        assert old in text, f"{old!r} is not in {name}"
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        return path
+
+    def load(self, name: str) -> object:
+        folder = Path(name).parent.name
+        return LOADERS.get(folder, load_problem)(self.root / name)
+
+    def rejection(self, name: str, old: str, new: str, at: str | None = None) -> str:
+        """The message of the error that the edit causes; it points at the line of `at` (by default of `new`)."""
+        path = self.edit(name, old, new)
+        with pytest.raises(ProblemError) as caught:
+            self.load(name)
+        message = str(caught.value)
+        marker = new.strip("\n") if at is None else at
+        lines = path.read_text(encoding="utf-8").splitlines()
+        line = next(i for i, text in enumerate(lines, 1) if marker.splitlines()[0] in text)
+        assert message.startswith(f"{path}:{line}: "), (message, line)
+        return message
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Files:
+    root = tmp_path / "problems"
+    shutil.copytree(SHIPPED, root)
+    return Files(root)

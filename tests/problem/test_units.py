@@ -1,0 +1,158 @@
+"""Quantities: right ones are read, everything else is refused with what is expected."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ssm_planner.problem.kinds import KINDS
+from ssm_planner.problem.units import BadQuantity, interval, number, quantity, vector
+
+NUMBERS = st.floats(min_value=-1e3, max_value=1e3).filter(lambda x: x == 0 or abs(x) > 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "expected"),
+    [
+        ("65 deg/s", "angular_velocity", math.radians(65)),
+        ("200 deg/s^2", "angular_acceleration", math.radians(200)),
+        ("20 mm", "length", 0.02),
+        ("80 mN*m", "torque", 0.08),
+        ("80 mN m", "torque", 0.08),
+        ("80 mNm", "torque", 0.08),
+        ("-140deg", "angle", math.radians(-140)),
+        ("−140°", "angle", math.radians(-140)),
+        ("1.5 rad", "angle", 1.5),
+        ("0.165 g*cm^2", "inertia", 1.65e-8),
+        ("6.5e-7 kg*m**2", "inertia", 6.5e-7),
+        ("6.5e-7 kg·m²", "inertia", 6.5e-7),
+        ("60 rpm", "motor_speed", 2 * math.pi),
+        ("3 rad/s", "motor_speed", 3.0),
+        ("7.18e-5 N*m*s/rad", "rotary_viscosity", 7.18e-5),
+        ("7.18e-5 N*m*s", "rotary_viscosity", 7.18e-5),
+        ("0.1 N*s/m", "linear_viscosity", 0.1),
+        ("24 V", "voltage", 24.0),
+        ("2480 mA", "current", 2.48),
+        ("0.763 ohm", "resistance", 0.763),
+        ("0.763 Ω", "resistance", 0.763),
+        ("14.8 mN*m/A", "torque_constant", 0.0148),
+        ("645 rpm/V", "speed_constant", 645 * 2 * math.pi / 60),
+        ("2.46 K/W", "thermal_resistance", 2.46),
+        ("155 degC", "temperature", 428.15),
+        ("200 1/s", "rate", 200.0),
+        ("0.2s", "time", 0.2),
+        (".5 s", "time", 0.5),
+    ],
+)
+def test_reads(text: str, kind: str, expected: float) -> None:
+    assert quantity(text, kind) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "parts"),
+    [
+        (5, "angle", ("without a unit", "an angle such as -110 deg")),
+        ("5", "angle", ("without a unit", "deg")),
+        (5.0, "angular_velocity", ("without a unit", "a speed such as 65 deg/s")),
+        ("5 m/m", "angle", ("pure number", "not an angle")),
+        ("5 mm", "angle", ("a length, not an angle",)),
+        ("20 deg", "length", ("an angle, not a length", "20 mm")),
+        ("80 mN/m", "torque", ("not a torque", "80 mN*m")),
+        ("80 mN*m", "force", ("a torque, not a force",)),
+        ("65 deg", "angular_velocity", ("an angle, not a speed",)),
+        ("65 1/s", "angular_velocity", ("a rate, not a speed",)),
+        ("20 mm/s", "angular_velocity", ("not a speed", "65 deg/s")),
+        ("20 deg/s", "velocity", ("not a speed", "20 mm/s")),
+        ("-110 rad", "angle", ("did you mean deg",)),
+        ("20 m", "length", ("did you mean mm",)),
+        ("65 rad/s", "angular_velocity", ("did you mean deg/s",)),
+        ("nan deg", "angle", ("not a number",)),
+        ("1e999 deg", "angle", ("not a finite",)),
+        (float("nan"), "angle", ("without a unit",)),
+        ("5 foo", "angle", ("unknown unit 'foo'",)),
+        ("5 m^9^9", "length", ("not a unit",)),
+        ("5 m**9**9**9", "length", ("not a unit",)),
+        ("5 (m)", "length", ("not a unit",)),
+        ("1,5 mm", "length", ("not a unit",)),
+        ("ten mm", "length", ("not a number with a unit",)),
+        ("", "length", ("not a number",)),
+        (None, "length", ("nothing where a length",)),
+        (True, "length", ("true/false",)),
+        ([1], "length", ("a list",)),
+        ({}, "length", ("a mapping",)),
+        ("-300 degC", "temperature", ("absolute zero",)),
+        ("0.13 N", "number", ("has no unit", "0.13")),
+        ("0.13 kg/kg", "number", ("has no unit",)),
+        (float("inf"), "number", ("not a finite",)),
+        ("much", "number", ("a text where a number",)),
+    ],
+)
+def test_refuses(value: object, kind: str, parts: tuple[str, ...]) -> None:
+    with pytest.raises(BadQuantity) as caught:
+        number(value) if kind == "number" else quantity(value, kind)
+    for part in parts:
+        assert part in str(caught.value)
+
+
+@given(NUMBERS)
+def test_prefixes_agree(value: float) -> None:
+    assert quantity(f"{value!r} mN*m", "torque") == pytest.approx(quantity(f"{value / 1000!r} N*m", "torque"))
+
+
+@given(st.floats(-700, 700))
+def test_degrees_are_radians(value: float) -> None:
+    assert quantity(f"{value!r} deg", "angle") == pytest.approx(math.radians(value), rel=1e-14)
+
+
+@given(st.sampled_from(sorted(KINDS)), st.sampled_from(sorted(KINDS)))
+def test_a_kind_takes_its_own_unit_and_no_other_dimension(wanted: str, offered: str) -> None:
+    text = KINDS[offered].example
+    same_dimension = {KINDS[k].unit for k in (wanted, offered)} == {KINDS[wanted].unit}
+    if same_dimension:
+        quantity("1" + text[text.index(" ") :], wanted)
+    else:
+        with pytest.raises(BadQuantity, match="not a"):
+            quantity(text, wanted)
+
+
+@given(st.text(max_size=30), st.sampled_from(sorted(KINDS)))
+def test_any_text_is_read_or_refused(text: str, kind: str) -> None:
+    try:
+        assert math.isfinite(quantity(text, kind))
+    except BadQuantity as error:
+        assert KINDS[kind].name in str(error)
+
+
+@given(st.text(alphabet="0123456789.eE+-*/^() mNgskradegV1", max_size=20), st.sampled_from(sorted(KINDS)))
+def test_any_unit_text_is_read_or_refused(text: str, kind: str) -> None:
+    try:
+        assert math.isfinite(quantity("1 " + text, kind))
+    except BadQuantity as error:
+        assert KINDS[kind].name in str(error)
+
+
+def test_vectors_and_intervals() -> None:
+    assert vector("(1, -2, 3e1) mm", ("length",) * 3) == pytest.approx((0.001, -0.002, 0.03))
+    assert vector(["1 mm", "2 mm"], ("length",) * 2) == pytest.approx((0.001, 0.002))
+    assert interval(["-139 deg", "-81 deg"], "angle") == pytest.approx((math.radians(-139), math.radians(-81)))
+
+
+@pytest.mark.parametrize(
+    ("value", "part"),
+    [
+        (["-81 deg", "-139 deg"], "not below"),
+        (["1 deg", "1 deg"], "not below"),
+        (["1 deg"], "1 values"),
+        (["1 deg", "2 deg", "3 deg"], "3 values"),
+        ([1, 2], "without a unit"),
+        ("(1, 2)", "without a unit"),
+        ("1 deg", "a text where 2 values"),
+        (["1 deg", "2 mm"], "a length, not an angle"),
+    ],
+)
+def test_bad_intervals(value: object, part: str) -> None:
+    with pytest.raises(BadQuantity, match=part):
+        interval(value, "angle")
