@@ -37,7 +37,9 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     plan = commands.add_parser("plan", help="plan, cross-check, verify, size, report")
     plan.add_argument("problem", type=Path, help="problem file (YAML)")
-    plan.add_argument("-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)")
+    plan.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)"
+    )
     plan.add_argument("--json", action="store_true", help="print one JSON object on stdout")
     plan.set_defaults(run=_plan)
     return parser

@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.export.folder import write_folder
 from ssm_planner.plan import Plan
-from ssm_planner.planning.planner import Planned, plan_motion
+from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.values import Array, Problem
 from ssm_planner.sizing.requirements import motor_requirements
 from ssm_planner.verify.certificate import Certificate
@@ -31,22 +31,21 @@ def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
     """
     begin = time.perf_counter()
     tighten = np.ones((len(TIGHTENED), len(problem.robot.joints)))
-    certificate: Certificate | None = None
-    for attempt in range(ATTEMPTS):
+    attempt = 1
+    while True:
         planned = plan_motion(problem, tighten, progress)
-        if planned.trajectory is None:
-            return _no_plan(problem, planned, time.perf_counter() - begin)
-        progress("independent check" if attempt == 0 else f"independent check, attempt {attempt + 1}")
-        ranges = dict(problem.limits)
-        certificate = check(planned.trajectory, problem.robot, ranges, problem.tip_speed)
-        if certificate.passed or not _tighten(tighten, certificate, problem):
-            break
-    solve_time = time.perf_counter() - begin
-    progress("motor requirements")
-    requirements = motor_requirements(planned.trajectory, problem.robot)
-    return Plan(
-        problem, planned.status, planned.trajectory, planned.legs, certificate, requirements, planned.reason, solve_time
-    )
+        trajectory = planned.trajectory
+        if trajectory is None:
+            seconds = time.perf_counter() - begin
+            return Plan(problem, planned.status, None, planned.legs, None, (), planned.reason, seconds)
+        progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
+        certificate = check(trajectory, problem.robot, dict(problem.limits), problem.tip_speed)
+        if certificate.passed or attempt == ATTEMPTS or not _tighten(tighten, certificate, problem):
+            seconds = time.perf_counter() - begin
+            progress("motor requirements")
+            requirements = motor_requirements(trajectory, problem.robot)
+            return Plan(problem, planned.status, trajectory, planned.legs, certificate, requirements, None, seconds)
+        attempt += 1
 
 
 def plan_to_folder(problem: Problem, folder: Path, progress: Progress = lambda _: None) -> tuple[Plan, dict[str, Path]]:
@@ -67,7 +66,3 @@ def _tighten(table: Array, certificate: Certificate, problem: Problem) -> bool:
             table[TIGHTENED.index(limit.name), names.index(limit.joint)] *= 1 + 1.5 * limit.margin
             held = True
     return held
-
-
-def _no_plan(problem: Problem, planned: Planned, seconds: float) -> Plan:
-    return Plan(problem, planned.status, None, planned.legs, None, (), planned.reason, seconds)

@@ -39,8 +39,7 @@ def identify_command(
     steady, moving = _sorted_by_kind(_read(drive, recordings))
     data, evidence = _map(drive_path, steady, moving)
     load, inertia = _load(drive)
-    published = {} if drive.rig is None else dict(drive.rig.published)
-    fit = fit_map(drive, data, load, law=law, fixed=fixed, reference=published, free=free)
+    fit = fit_map(drive, data, load, law=law, fixed=fixed, reference=_reference(drive), free=free)
     dynamic = fit_dynamic(fit.drive, moving, load, inertia) if moving else None
     result = _result(fit, dynamic, data, moving)
     if output is not None:
@@ -66,8 +65,7 @@ def predict_command(
     origin = "the drive file"
     if drive.friction is None:
         data, origin = _map(drive_path, [], [])
-        published = {} if drive.rig is None else dict(drive.rig.published)
-        drive = fit_map(drive, data, load, reference=published).drive
+        drive = fit_map(drive, data, load, reference=_reference(drive)).drive
     results = []
     for recording in found:
         prediction = predict(drive, recording, load, inertia)
@@ -94,6 +92,14 @@ def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[
 
 def _load(drive: Drive) -> tuple[float, float]:
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
+
+
+def _reference(drive: Drive) -> dict[str, float]:
+    """Values that decide what the data leave open: those published for a rig, else the friction the file has."""
+    if drive.rig is not None and drive.rig.published:
+        return dict(drive.rig.published)
+    f = drive.friction
+    return {} if f is None else {"mu": f.mu, "b_c": f.b_c, "b_v": f.b_v, "b_oc": f.b_oc}
 
 
 def _map(drive_path: str | Path, steady: list[Recording], moving: list[Recording]) -> tuple[TorqueMap, str]:
@@ -188,6 +194,6 @@ def _predicted(prediction: Prediction, origin: str, output: str | Path | None) -
     if output is not None:
         from ssm_planner.report.drive_figures import prediction_figure, save
 
-        name = Path(recording.name).stem
+        name = recording.name.removesuffix(".csv").replace("/", "_")
         result["files"] = {"figure": save(prediction_figure(prediction), Path(output) / f"prediction_{name}.png")}
     return result

@@ -30,7 +30,11 @@ def trajectory_table(trajectory: Trajectory, robot: Robot, rate: float = RATE) -
         for i, joint in enumerate(robot.joints):
             header.append(f"{symbol}{i + 1}_{'rad' if joint.kind == 'revolute' else 'm'}{per}")
             columns.append(values[:, i])
-    for symbol, values, unit in (("angle", motor.angle, "rad"), ("speed", motor.speed, "rad_per_s"), ("torque", motor.torque, "Nm")):
+    for symbol, values, unit in (
+        ("angle", motor.angle, "rad"),
+        ("speed", motor.speed, "rad_per_s"),
+        ("torque", motor.torque, "Nm"),
+    ):
         for i, joint in enumerate(robot.joints):
             if joint.drive is not None:
                 header.append(f"motor{i + 1}_{symbol}_{unit}")

@@ -45,7 +45,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
                 "task_start": leg.leg.start.tolist(),
                 "task_end": leg.leg.end.tolist(),
                 "branch": None if leg.leg.path is None else leg.leg.path.branch,
-                "iterations": None if leg.phase is None or leg.phase.ocp is None else leg.phase.ocp.iterations,
+                "iterations": None if leg.phase is None else leg.phase.ocp.iterations,
             }
             for leg in plan.legs
         ],

@@ -97,7 +97,7 @@ def fit_map(
     for name in free:
         fixed.pop(name, None)
     for name, value in fixed.items():
-        if name not in ALL or not math.isfinite(value):
+        if name not in ALL or not (math.isfinite(value) and value >= 0.0):
             raise RecordingError(f"cannot fix {name!r} at {value!r}; parameters: {', '.join(ALL)}")
     _check_directions(data)
     outliers = find_outliers(data.w, data.tau)

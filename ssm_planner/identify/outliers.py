@@ -12,6 +12,9 @@ from ssm_planner.problem.values import Array
 BEYOND = 5.0
 """Robust standard deviations between a point and its neighbours' line that make it an outlier."""
 
+LEAST = 0.005
+"""Least deviation assumed, as a share of the torque range: what a bend of the map looks like between its points."""
+
 _KEEP = 3.0
 _FEWEST = 5
 
@@ -60,7 +63,7 @@ def _scores(w: Array, tau: Array, left: Array) -> tuple[Array, Array, float]:
     if not known.any():
         return np.zeros(len(w)), np.zeros(len(w)), 0.0
     deviation = 1.4826 * float(np.median(np.abs(distance[known] / spread[known])))
-    deviation = max(deviation, 1e-12 * float(np.ptp(tau)), 1e-300)
+    deviation = max(deviation, LEAST * float(np.ptp(tau)), 1e-300)
     score = np.where(known, distance / (spread * deviation), 0.0)
     return score, np.where(known, distance, 0.0), deviation
 

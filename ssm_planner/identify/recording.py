@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.identify.columns import Column, Table, find_columns, parse_table
@@ -16,7 +17,7 @@ MAX_BYTES = 64_000_000
 
 MIN_SAMPLES = 8
 SPIKE_GAP = 3.0
-"""A sample is a spike when its distance to all others exceeds this many times the range of all others."""
+"""A sample is a spike when its distance to the others exceeds this many times their range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +35,13 @@ class Recording:
     header: dict[str, str] = field(default_factory=dict)
 
 
-def read_recording(path: str | Path, *, nominal_torque: float | None = None, direction: int = 1) -> Recording:
+def read_recording(
+    path: str | Path, *, nominal_torque: float | None = None, direction: int = 1, name: str | None = None
+) -> Recording:
     """Read one recording.
 
     nominal_torque: N·m behind a torque channel in percent or per mille. direction: sign of the recorded channels.
-    Raises RecordingError naming file, line and fault where the file cannot be used.
+    name: how results call it, default the file's name. Raises RecordingError naming file, line and fault where the file cannot be used.
     """
     path = Path(path)
     text = _read_text(path)
@@ -60,11 +63,11 @@ def read_recording(path: str | Path, *, nominal_torque: float | None = None, dir
     _check_time(time, lines, path)
     if len(time) < MIN_SAMPLES:
         raise RecordingError(f"{path}: {len(time)} samples; at least {MIN_SAMPLES} are needed")
-    for name, channel in (("torque", torque), ("speed", speed)):
+    for quantity, channel in (("torque", torque), ("speed", speed)):
         spikes = find_spikes(channel)
         if len(spikes):
             shown = ", ".join(f"line {lines[k]}" for k in spikes[:5])
-            repairs.append(f"{len(spikes)} isolated {name} samples far outside the rest left out ({shown})")
+            repairs.append(f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})")
             channel[spikes] = np.nan
     keep = np.isfinite(torque) & np.isfinite(speed)
     time, speed, torque = time[keep], speed[keep], torque[keep]
@@ -73,7 +76,7 @@ def read_recording(path: str | Path, *, nominal_torque: float | None = None, dir
             f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
         )
     return Recording(
-        name=path.name,
+        name=name or path.name,
         time=time - time[0],
         w=direction * speed,
         tau=direction * torque,
@@ -86,41 +89,35 @@ def read_recording(path: str | Path, *, nominal_torque: float | None = None, dir
 def read_recordings(
     paths: list[str | Path] | tuple[str | Path, ...], *, nominal_torque: float | None = None, direction: int = 1
 ) -> list[Recording]:
-    """Read files and all `*.csv` and `*.txt` files below directories, sorted within each directory."""
-    files: list[Path] = []
+    """Read files and all `*.csv` and `*.txt` files below directories, sorted and
+    named by their place within each directory."""
+    files: list[tuple[Path, str]] = []
     for entry in map(Path, paths):
         if entry.is_dir():
             found = sorted(p for p in entry.rglob("*") if p.suffix.lower() in (".csv", ".txt") and p.is_file())
             if not found:
                 raise RecordingError(f"{entry}: no .csv or .txt file in this directory")
-            files.extend(found)
+            files.extend((file, file.relative_to(entry).as_posix()) for file in found)
         else:
-            files.append(entry)
-    return [read_recording(file, nominal_torque=nominal_torque, direction=direction) for file in files]
+            files.append((entry, entry.name))
+    return [read_recording(file, nominal_torque=nominal_torque, direction=direction, name=name) for file, name in files]
 
 
-def find_spikes(values: Array, most: float = 0.01) -> Array:
-    """Indices of isolated samples whose distance to the rest exceeds SPIKE_GAP times the range of the rest.
+def find_spikes(values: Array, most: float = 0.01) -> NDArray[np.intp]:
+    """Indices of isolated samples: beyond a gap of SPIKE_GAP times the range of all but the outermost samples.
 
-    At most a share `most` of the samples (one, for short recordings), else they are no isolated samples: then none.
+    At most a share `most` of the samples (one, for short recordings) on either side; more are no isolated samples.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
-    low, high = 0, len(values) - 1
-    allowed = max(1, int(most * len(values)))
-    for taken in range(allowed + 1):
-        below, above = ranked[low + 1] - ranked[low], ranked[high] - ranked[high - 1]
-        gap_low = below > SPIKE_GAP * max(ranked[high] - ranked[low + 1], 1e-12)
-        gap_high = above > SPIKE_GAP * max(ranked[high - 1] - ranked[low], 1e-12)
-        if not (gap_low or gap_high):
-            return np.sort(np.concatenate([order[:low], order[high + 1 :]])).astype(int)
-        if taken == allowed:
-            break
-        if gap_low:
-            low += 1
-        else:
-            high -= 1
-    return np.zeros(0, dtype=int)
+    outermost = max(1, int(most * len(values)))
+    inner = ranked[outermost : len(values) - outermost]
+    gap = np.diff(ranked) > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)
+    below = np.flatnonzero(gap[:outermost])
+    above = np.flatnonzero(gap[len(gap) - outermost :])
+    low = int(below[-1]) + 1 if len(below) else 0
+    high = len(values) - outermost + int(above[0]) if len(above) else len(values)
+    return np.sort(np.concatenate([order[:low], order[high:]]))
 
 
 def _read_text(path: Path) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.model.friction import friction_coefficient
+from ssm_planner.model.friction import friction_coefficient, friction_of
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.trajectory import Samples
 from ssm_planner.model.transmission import motor_torque, output_effort
@@ -34,15 +34,17 @@ def motor_motion(robot: Robot, body: RigidBody, samples: Samples, direction: Arr
     breakaway (n, 4), bool: the joint starts to move there, so the static friction coefficient applies.
     """
     tau = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
-    columns = {name: np.full(samples.q.shape, np.nan) for name in ("angle", "speed", "acceleration", "torque", "effort")}
+    columns = {
+        name: np.full(samples.q.shape, np.nan) for name in ("angle", "speed", "acceleration", "torque", "effort")
+    }
     for i, joint in enumerate(robot.joints):
         drive = joint.drive
         if drive is None:
             continue
-        sign = direction[:, i]
+        friction, sign = friction_of(drive), direction[:, i]
         w, wd = drive.ratio * samples.qd[:, i], drive.ratio * samples.qdd[:, i]
-        mu = friction_coefficient(drive.friction, w)
-        mu = np.where(breakaway[:, i], np.maximum(mu, drive.friction.mu_static), mu)
+        mu = friction_coefficient(friction, w)
+        mu = np.where(breakaway[:, i], np.maximum(mu, friction.mu_static), mu)
         effort = output_effort(drive, tau[:, i], samples.qd[:, i], samples.qdd[:, i], sign)
         columns["angle"][:, i] = drive.ratio * samples.q[:, i]
         columns["speed"][:, i] = w

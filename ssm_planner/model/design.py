@@ -18,6 +18,10 @@ from ssm_planner.model.workspace import magnitude_range, tilt_magnitudes
 Array = NDArray[np.float64]
 
 
+ROUNDING = 1e-12
+"""rad by which a corner of a region may fall outside it."""
+
+
 @dataclass(frozen=True, eq=False)
 class DesignRegion:
     """All (α, β) whose workspace holds a tilt range with a margin; rad."""
@@ -38,7 +42,7 @@ class DesignRegion:
 
     def contains(self, alpha: float, beta: float) -> bool:
         """Does (α, β) reach the range with the margin?"""
-        return design_margin(alpha, beta, self.tilt_range) >= self.margin
+        return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
 
 
 def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> DesignRegion:

@@ -123,3 +123,10 @@ def _body_terms(mechanism: Mechanism) -> Array:
     terms[0, 0, 5, 2] = 1.0
     terms[0, 0, 2, 3] = 1.0
     return terms.reshape(9, 24)
+
+
+def tip_velocity(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Velocity of the tool tip, m/s, (n, 3): v + ω × p of the spatial velocity (v, ω) = J_s(q) qd; q, qd (n, 4)."""
+    twist = np.einsum("nij,nj->ni", space_jacobian(mechanism, q), batch("qd", qd, 4))
+    velocity: Array = twist[:, :3] + np.cross(twist[:, 3:], tip_position(mechanism, q))
+    return velocity

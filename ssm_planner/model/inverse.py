@@ -107,9 +107,11 @@ def inverse_tip(
     pointing: then the tool keeps that of `reference`, or of home, and the second pair does not count.
     """
     tip = batch("tip", tip, 3)
-    spins = np.broadcast_to(np.asarray(spin, dtype=float), len(tip)) if np.ndim(spin) == 0 else np.asarray(spin, float)
-    if spins.shape != (len(tip),):
+    spins = np.asarray(spin, dtype=float)
+    arguments.finite("spin", spins)
+    if spins.shape not in ((), (len(tip),)):
         raise GeometryError(f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip")
+    spins = np.broadcast_to(spins, len(tip))
     zero = np.zeros(3)
     theta4, _ = subproblem_3_prime(mechanism.omega3, zero, zero, np.linalg.norm(tip, axis=1))
     at_rcm = np.abs(theta4[:, 0]) <= TOLERANCE

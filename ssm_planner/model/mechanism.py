@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssm_planner.errors import GeometryError
 from ssm_planner.model.namespace import NUMPY
 from ssm_planner.model.screws import exponential_terms, rotation
-from ssm_planner.model.triangle import azimuths
+from ssm_planner.model.triangle import azimuths, elbow_squares
 from ssm_planner.problem.values import Geometry, frozen
 
 Array = NDArray[np.float64]
@@ -36,6 +36,8 @@ class Mechanism:
     """R_0, (3, 3), base ← tool at q = 0; its z column is omega3."""
     tilt_axis: Array
     """t: unit, perpendicular to omega1, in the plane of omega1 and omega2, on omega2's side."""
+    side: int
+    """Sign of the home tilt: task coordinates name a pose by its tilt on this side of ω1."""
     insertion_sign: int = -1
     """depth = insertion_sign · θ4."""
 
@@ -53,13 +55,16 @@ class Mechanism:
         tool_home = _tool_home(geometry.tool_home, omega3)
         if geometry.insertion_sign not in (-1, 1):
             raise GeometryError(f"insertion_sign = {geometry.insertion_sign!r}: must be 1 or -1")
-        tilt_axis = omega2 - omega1 * (omega1 @ omega2)
+        normal = np.cross(omega1, omega2)
+        normal = normal / np.linalg.norm(normal)
+        tilt_axis = np.cross(normal, omega1)
         return cls(
             omega1=frozen(omega1, (3,)),
             omega2=frozen(omega2, (3,)),
             omega3=frozen(omega3, (3,)),
             tool_home=frozen(tool_home, (3, 3)),
             tilt_axis=frozen(tilt_axis / np.linalg.norm(tilt_axis), (3,)),
+            side=_side(float(omega3 @ tilt_axis), float(omega3 @ normal)),
             insertion_sign=int(geometry.insertion_sign),
         )
 
@@ -88,15 +93,18 @@ class Mechanism:
                 f"home_tilt = {tilt!r} rad: |tilt| must be in [{low:.6g}, {high:.6g}] rad (paper, eq. 9)"
             )
         x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-        omega2 = np.array([math.cos(alpha), math.sin(alpha), 0.0])
-        pointing = rotation(x, _home_roll(alpha, beta, tilt)) @ rotation(y, tilt)
+        omega2, omega3 = np.array([math.cos(alpha), math.sin(alpha), 0.0]), _omega3(alpha, beta, tilt)
+        sign = math.copysign(1.0, tilt)
+        roll = math.atan2(sign * omega3[1], -sign * omega3[2])
+        pointing = rotation(x, roll) @ rotation(y, tilt)
         default = pointing @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
         return cls(
             omega1=frozen(x, (3,)),
             omega2=frozen(omega2, (3,)),
-            omega3=frozen(pointing[:, 0], (3,)),
-            tool_home=frozen(default if tool_home is None else _tool_home(tool_home, pointing[:, 0]), (3, 3)),
+            omega3=frozen(omega3, (3,)),
+            tool_home=frozen(_tool_home(default if tool_home is None else tool_home, omega3), (3, 3)),
             tilt_axis=frozen(y, (3,)),
+            side=int(sign),
             insertion_sign=insertion_sign,
         )
 
@@ -120,14 +128,6 @@ class Mechanism:
         """δ: the θ2, in [−π, π], at which cos φ is largest (the tool nearest to ω1), the zero of x = θ2 − δ."""
         toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
         return -math.atan2(-float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ toward_omega1))
-
-    @cached_property
-    def side(self) -> int:
-        """Sign of the home tilt: task coordinates name a pose by its tilt on this side of ω1."""
-        along_t, along_n = self.omega3 @ self.tilt_axis, self.omega3 @ self.frame[:, 2]
-        if abs(along_n) > PARALLEL:
-            return -1 if along_n > 0.0 else 1
-        return 1 if along_t > PARALLEL else -1
 
     @cached_property
     def home_branch(self) -> int:
@@ -214,10 +214,18 @@ def _angle(a: Array, b: Array) -> float:
     return 2.0 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
 
 
-def _home_roll(alpha: float, beta: float, tilt: float) -> float:
-    """The roll that puts ω3 at the angle β from ω2: cos β = cos α cos φ + sin α sin φ sin ψ."""
-    sine = math.sin(alpha) * math.sin(tilt)
-    if abs(sine) < PARALLEL:
-        return 0.0
-    value = (math.cos(beta) - math.cos(alpha) * math.cos(tilt)) / sine
-    return math.asin(max(-1.0, min(1.0, value)))
+def _side(along_t: float, along_n: float) -> int:
+    """Sign of the tilt φ with sin φ (sin ψ, −cos ψ) along (t, n) and a roll ψ in (−90°, 90°]."""
+    if abs(along_n) > PARALLEL:
+        return -1 if along_n > 0.0 else 1
+    return 1 if along_t > PARALLEL else -1
+
+
+def _omega3(alpha: float, beta: float, tilt: float) -> Array:
+    """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 of triangle.py."""
+    half = abs(tilt) / 2.0
+    cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
+    x = math.copysign(2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt)
+    on_omega1 = math.cos(alpha) * math.cos(beta) + math.sin(alpha) * math.sin(beta) * math.cos(x)
+    on_t = math.sin(alpha) * math.cos(beta) - math.cos(alpha) * math.sin(beta) * math.cos(x)
+    return np.array([on_omega1, on_t, -math.sin(beta) * math.sin(x)])

@@ -54,17 +54,12 @@ def inverse_dynamics_symbolic(
         to_base = rotation @ ca.DM(body.frame)
         com = to_base @ ca.DM(body.com)
         acceleration = (
-            base_acceleration
-            + offset_acceleration
-            + ca.cross(omega_dot, com)
-            + ca.cross(omega, ca.cross(omega, com))
+            base_acceleration + offset_acceleration + ca.cross(omega_dot, com) + ca.cross(omega, ca.cross(omega, com))
         )
         inertia = to_base @ ca.DM(inertia_about_com(body)) @ to_base.T
         force = body.mass * acceleration
         forces.append(force)
-        moments.append(
-            inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(offset + com, force)
-        )
+        moments.append(inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(offset + com, force))
     tau = [ca.dot(world_axes[i], _total(moments[i:])) for i in range(3)]
     tau.append(ca.dot(world_axes[3], forces[3]))
     return ca.vertcat(*tau)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem.values import Array
+from ssm_planner.problem.values import Array, Indices
 
 DEGREE = 5
 Side = Literal["left", "right"]
@@ -64,7 +64,7 @@ class Trajectory:
     def duration(self) -> float:
         return float(self.breaks[-1] - self.breaks[0])
 
-    def piece_of(self, t: Array, side: Side = "right") -> Array:
+    def piece_of(self, t: Array, side: Side = "right") -> Indices:
         """Index of the piece that holds each t; at a break the one to its right or left."""
         where = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
         return np.clip(where, 0, len(self.breaks) - 2)
@@ -75,7 +75,7 @@ class Trajectory:
         piece = self.piece_of(t, side)
         return self.sample_pieces(piece, t - self.breaks[piece])
 
-    def sample_pieces(self, piece: Array, local: Array) -> Samples:
+    def sample_pieces(self, piece: Indices, local: Array) -> Samples:
         """The motion at local time (n,) after the start of each piece (n,)."""
         derivatives = []
         coefficients = self.coefficients[piece]
@@ -115,9 +115,7 @@ class Trajectory:
         return cls(breaks, coefficients, phases)
 
 
-def hermite(
-    breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
-) -> Array:
+def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]) -> Array:
     """Quintic pieces with given q, qd, qdd at both ends of every piece.
 
     breaks (m + 1,); start and end hold (q, qd, qdd), each (m, 4). Returns coefficients (m, 6, 4).

@@ -139,8 +139,8 @@ class TorqueRows:
 def motor_torque_rows(drive: Drive, direction: int, mu: ArrayLike | None = None) -> TorqueRows:
     """The rows of `TorqueRows` for motion of sign `direction` (+1 or −1).
 
-    mu: coefficient to use (float, array or CasADi expression), default the kinetic `friction.mu`. The torque grows with μ in the direction of motion, so an
-    upper bound of μ gives rows on the safe side.
+    mu: coefficient to use (float, array or CasADi expression), default the kinetic `friction.mu`. The torque grows with
+    μ in the direction of motion, so an upper bound of μ gives rows on the safe side.
     """
     if direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")

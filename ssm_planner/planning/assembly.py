@@ -8,9 +8,11 @@ faster than differentiating the mapped element, and gives the same numbers.
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 
-IPOPT = {
+IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
     "max_iter": 300,
@@ -19,15 +21,26 @@ IPOPT = {
     "bound_push": 1e-2,
     "bound_frac": 1e-2,
 }
+WARM: dict[str, Any] = {
+    **IPOPT,
+    "mu_init": 1e-7,
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-9,
+    "warm_start_bound_frac": 1e-9,
+    "warm_start_slack_bound_push": 1e-9,
+    "warm_start_slack_bound_frac": 1e-9,
+    "warm_start_mult_bound_push": 1e-9,
+}
 
 
 def assemble(
     x: ca.MX, p: ca.MX, objective: ca.MX, plain: ca.MX, element: ca.Function, z: ca.MX, shared: list[ca.MX]
-) -> tuple[ca.Function, int]:
+) -> tuple[ca.Function, ca.Function, int]:
     """Ipopt for min objective(x) subject to g = [plain(x, p); element rows of every column of z(x, p)].
 
     x (n, 1) variables, p parameters; z (inputs of the element, count) linear in x; shared: the element's further
-    arguments, each with one column per element or a single one for all. Returns the solver and the number of rows.
+    arguments, each with one column per element or a single one for all. Returns two solvers, the second for
+    warm starts, and the number of rows.
     """
     count = z.size2()
     single = [i + 1 for i, argument in enumerate(shared) if argument.size2() == 1]
@@ -42,14 +55,15 @@ def assemble(
     curvature = hessian.map("H", "serial", count, single, [])(z, *shared, ca.reshape(lam_rows, -1, count))
     hess = ca.hessian(lam_f * objective + ca.dot(lam_plain, plain), x)[0]
     hess += of_x.T @ block_diagonal(curvature, hessian.sparsity_out(0), count) @ of_x
-    options = {
-        "ipopt": IPOPT,
+    options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
         "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
         "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
     }
-    return ca.nlpsol("ocp", "ipopt", {"x": x, "p": p, "f": objective, "g": g}, options), g.numel()
+    nlp: Any = {"x": x, "p": p, "f": objective, "g": g}
+    cold, warm = (ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt}) for ipopt in (IPOPT, WARM))
+    return cold, warm, g.numel()
 
 
 def element_derivatives(element: ca.Function) -> tuple[ca.Function, ca.Function]:

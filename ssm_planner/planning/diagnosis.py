@@ -35,9 +35,14 @@ def no_motion(problem: Problem, leg: Leg, retiming: Retiming) -> Reason:
                     f"away against gravity and friction and has {1e3 * joint.motor.max_torque:.4g} mN·m ({place})"
                 )
                 relaxation = f"motor torque of joint {joint.name} of at least {1e3 * needed[k]:.4g} mN·m"
-                worst = ratio, Reason(
-                    "motor torque", joint.name, place, float(needed[k]), joint.motor.max_torque, relaxation, message
+                worst = (
+                    ratio,
+                    Reason(
+                        "motor torque", joint.name, place, float(needed[k]), joint.motor.max_torque, relaxation, message
+                    ),
                 )
         if worst is not None:
             return worst[1]
-    return Reason("solver", None, leg.motion.name, None, None, None, retiming.message or "the optimisation did not converge")
+    return Reason(
+        "solver", None, leg.motion.name, None, None, None, retiming.message or "the optimisation did not converge"
+    )

@@ -122,7 +122,10 @@ def _out_of_range(robot: Robot, legs: tuple[Leg, ...]) -> Reason | None:
         for i, joint in enumerate(robot.joints):
             low, high = joint.position
             slack = 1e-9 * (high - low)
-            for bad, value, limit in ((q[:, i] < low - slack, q[:, i].min(), low), (q[:, i] > high + slack, q[:, i].max(), high)):
+            for bad, value, limit in (
+                (q[:, i] < low - slack, q[:, i].min(), low),
+                (q[:, i] > high + slack, q[:, i].max(), high),
+            ):
                 if bad.any():
                     unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
                     place = f"{leg.motion.name}, {100 * s[np.argmax(bad)]:.0f} % of the way"

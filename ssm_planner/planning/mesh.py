@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Mesh:
                 ends.append(float(switch))
         borders = np.array(sorted(ends))
         pieces = []
-        for start, end in zip(borders[:-1], borders[1:], strict=True):
+        for start, end in pairwise(borders):
             pieces.append(np.linspace(start, end, max(FEWEST, round(count * (end - start) / duration)), endpoint=False))
         instants = np.append(np.concatenate(pieces), duration)
         interval = np.clip(np.searchsorted(turns, (instants[1:] + instants[:-1]) / 2) - 1, 0, len(turns) - 2)

@@ -18,20 +18,24 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.model.functions import call
+from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.planning.assembly import assemble
+from ssm_planner.planning.local_path import LOCAL, fit
 from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.retiming import Retiming
 from ssm_planner.planning.stage import COLLOCATION, NUMBERS, StraightStage
 from ssm_planner.problem.values import Array, Robot
 
-ELEMENTS = 48
+ELEMENTS = 64
 UNLIMITED = 1e9
 EXCESS = 2e-7
 """Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
 BACKOFF = 1.2
 """Tightening per excess found."""
 ROUNDS = 5
+
+
 @dataclass(frozen=True, eq=False)
 class PathMotion:
     """s(t) as elements (n, 5): s, ṡ, s̈ at the start, s̈ at the end, length; s, and s ∈ [0, 1]."""
@@ -58,7 +62,12 @@ class OcpResult:
 
 
 def solve_straight(
-    robot: Robot, path: StraightPath, guess: Retiming, tighten: Array | None = None, count: int = ELEMENTS
+    robot: Robot,
+    path: StraightPath,
+    guess: Retiming,
+    tip_speed: float | None = None,
+    tighten: Array | None = None,
+    count: int = ELEMENTS,
 ) -> OcpResult:
     """Time-optimal motion along the path, from TOPP-RA's motion as guess.
 
@@ -68,22 +77,27 @@ def solve_straight(
     knots, signs = path.directions
     mesh = Mesh.along(guess, knots, count)
     scale = guess.duration
-    problem = _Problem.build(StraightStage(path.mechanism, robot, path.branch, jerk), mesh.share)
+    problem = _Problem.build(StraightStage(robot, jerk), mesh.share)
     limits = limit_table(robot) * (1.0 if tighten is None else tighten)
     sigma = signs[mesh.interval]
     start = mesh.guess(guess)
     times = np.bincount(mesh.interval, np.diff(mesh.instants)) / scale
-    numbers = [path.start, path.end - path.start, limits.ravel(), [scale], sigma.ravel(), mesh.fractions, knots[1:-1]]
-    p = np.concatenate(numbers)
-    x = np.concatenate([start.ravel(), times])
+    numbers = np.concatenate([limits.ravel(), [UNLIMITED if tip_speed is None else tip_speed, scale]])
+    body = RigidBody.from_robot(robot)
+    local = fit(path, body, start[:, 0], np.append(start[1:, 0], 1.0))
+    point: dict[str, Any] = {"x0": np.concatenate([start.ravel(), times])}
     allowed = np.ones((len(mesh.interval), problem.stage.between.size1_out(0)))
     iterations = 0
     for _ in range(ROUNDS):
-        x, stats = problem.solve(x, p, allowed)
+        p = np.concatenate([numbers, sigma.ravel(), local.ravel(), mesh.fractions, knots[1:-1]])
+        answer, stats = problem.solve(point, p, allowed)
+        x = answer["x"].full().ravel()
+        point = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
         iterations += int(stats["iter_count"])
         states, times = x[: start.size].reshape(-1, 4), x[start.size :]
         elements = np.column_stack([states, times[mesh.interval] * mesh.fractions])
-        excess = call(problem.stage.between, elements, sigma, np.tile(p[:NUMBERS], (len(elements), 1)))[0] - 1
+        local = fit(path, body, elements[:, 0], np.append(elements[1:, 0], 1.0))
+        excess = call(problem.stage.between, elements, sigma, local, np.tile(numbers, (len(elements), 1)))[0] - 1
         if _status(str(stats["return_status"])) != "solved" or excess.max() <= EXCESS:
             break
         allowed -= BACKOFF * np.maximum(excess, 0)
@@ -110,20 +124,27 @@ class _Problem:
     """The nonlinear program of one mesh, all numbers being parameters, and the bounds of its variables."""
 
     stage: StraightStage
-    solver: ca.Function
+    cold: ca.Function
+    warm: ca.Function
     lower: Array
     upper: Array
     equal: int
     """Rows that are equations; then come those ≤ 1, the last of them the elements'."""
     rows: int
 
-    def solve(self, x: Array, p: Array, allowed: Array) -> tuple[Array, dict[str, Any]]:
-        """Variables and Ipopt's statistics; allowed (n, rows of an instant): what each element's rows may reach."""
+    def solve(self, start: dict[str, Any], p: Array, allowed: Array) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Ipopt's answer and statistics, from variables x0 alone or a whole earlier answer (x0, lam_x0, lam_g0).
+
+        allowed (n, rows of an instant): what each element's rows may reach.
+        """
         lower = np.concatenate([np.zeros(self.equal), np.full(self.rows - self.equal, -np.inf)])
         element_rows = np.tile(allowed, (1, len(COLLOCATION))).ravel()
-        upper = np.concatenate([np.zeros(self.equal), np.ones(self.rows - self.equal - element_rows.size), element_rows])
-        answer = self.solver(x0=x, p=p, lbx=self.lower, ubx=self.upper, lbg=lower, ubg=upper)
-        return answer["x"].full().ravel(), self.solver.stats()
+        upper = np.concatenate(
+            [np.zeros(self.equal), np.ones(self.rows - self.equal - element_rows.size), element_rows]
+        )
+        solver = self.warm if "lam_g0" in start else self.cold
+        answer = solver(**start, p=p, lbx=self.lower, ubx=self.upper, lbg=lower, ubg=upper)
+        return answer, solver.stats()
 
     @classmethod
     def build(cls, stage: StraightStage, share: tuple[int, ...]) -> _Problem:
@@ -131,7 +152,7 @@ class _Problem:
         n, intervals = sum(share), len(share)
         x, time = ca.MX.sym("x", 4, n), ca.MX.sym("time", intervals)
         numbers, sigma = ca.MX.sym("numbers", NUMBERS), ca.MX.sym("sigma", 4, n)
-        knots = ca.MX.sym("knots", intervals - 1)
+        local, knots = ca.MX.sym("local", LOCAL, n), ca.MX.sym("knots", intervals - 1)
         fractions = ca.MX.sym("fractions", n)
         h = fractions * ca.vertcat(*(ca.repmat(time[i], k, 1) for i, k in enumerate(share)))
         elements = ca.vertcat(x, h.T)
@@ -145,13 +166,19 @@ class _Problem:
         first = [0, *np.cumsum(share)[:-1].tolist()]
         equal += [s[k] - knots[i] for i, k in enumerate(first[1:])]
         variables = ca.vertcat(ca.vec(x), time)
-        parameters = ca.vertcat(numbers, ca.vec(sigma), fractions, knots)
-        loose = [stage.breakaway(elements[:, 0], sigma[:, 0], numbers)]
+        parameters = ca.vertcat(numbers, ca.vec(sigma), ca.vec(local), fractions, knots)
+        loose = [stage.breakaway(elements[:, 0], sigma[:, 0], local[:, 0], numbers)]
         for k in first[1:]:  # the joint may turn back either way
-            loose += [stage.breakaway(elements[:, k], sigma[:, k - side], numbers) for side in (0, 1)]
+            loose += [stage.breakaway(elements[:, k], sigma[:, k - side], local[:, k], numbers) for side in (0, 1)]
         equal_rows, loose_rows = ca.vertcat(*equal), ca.vertcat(*loose)
-        solver, rows = assemble(
-            variables, parameters, ca.sum1(time), ca.vertcat(equal_rows, loose_rows), stage.element, elements, [sigma, numbers]
+        cold, warm, rows = assemble(
+            variables,
+            parameters,
+            ca.sum1(time),
+            ca.vertcat(equal_rows, loose_rows),
+            stage.element,
+            elements,
+            [sigma, local, numbers],
         )
         lower = np.tile([0.0, 0.0, -np.inf, -np.inf], (n, 1))
         upper = np.tile([1.0, np.inf, np.inf, np.inf], (n, 1))
@@ -160,7 +187,8 @@ class _Problem:
             lower[0, 2] = upper[0, 2] = lower[-1, 3] = upper[-1, 3] = 0.0
         return cls(
             stage,
-            solver,
+            cold,
+            warm,
             np.append(lower.ravel(), np.full(intervals, 1e-3)),
             np.append(upper.ravel(), np.full(intervals, np.inf)),
             equal_rows.numel(),

@@ -8,6 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from ssm_planner.model.forward import tip_velocity
 from ssm_planner.model.functions import call
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.symbolic import joints_from_task_symbolic
@@ -66,6 +67,10 @@ class StraightPath:
         q, dq, ddq, dddq = call(self._function, s[:, None])
         return PathSamples(s, q + self._turns, dq, ddq, dddq)
 
+    def tip_slope(self, samples: PathSamples) -> Array:
+        """dp/ds of the tool tip, m, (n, 3)."""
+        return tip_velocity(self.mechanism, samples.q, samples.dq)
+
     @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Where watched joints turn back: knots s_k (m + 1,) and the sign of q'(s) between them, (m, 4), else 0."""
@@ -76,7 +81,7 @@ class StraightPath:
         knots = [0.0]
         for joint in np.flatnonzero(moving):
             crossing = np.flatnonzero(np.signbit(dq[1:, joint]) != np.signbit(dq[:-1, joint]))
-            knots.extend(self._turning_point(joint, s[i], s[i + 1]) for i in crossing)
+            knots.extend(self._turning_point(int(joint), s[i], s[i + 1]) for i in crossing)
         knots = sorted({round(k, 12) for k in knots if 1e-6 < k < 1 - 1e-6} | {0.0, 1.0})
         middle = (np.array(knots[1:]) + np.array(knots[:-1])) / 2
         return np.array(knots), np.sign(self.sample(middle).dq) * moving

@@ -68,8 +68,8 @@ def plan_motion(
         if not retiming.solved:
             return Planned("infeasible", None, tuple(planned), no_motion(problem, leg, retiming))
         progress(f"{leg.motion.name}: optimal control")
-        phase = plan_straight(problem.robot, leg.path, retiming, tighten)
-        if phase.ocp is None or not phase.ocp.solved:
+        phase = plan_straight(problem.robot, leg.path, retiming, problem.tip_speed, tighten)
+        if not phase.ocp.solved:
             return Planned("not converged", None, tuple(planned), no_motion(problem, leg, retiming))
         planned.append(PlannedLeg(leg, phase.duration, retiming.duration, lower_bound(problem.robot, leg.path), phase))
         parts.append((leg.motion.name, phase.breaks, phase.coefficients))

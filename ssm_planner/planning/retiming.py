@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.model.friction import friction_coefficient
+from ssm_planner.model.friction import friction_coefficient, friction_of
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.transmission import motor_torque_rows
 from ssm_planner.planning.path import PathSamples, StraightPath
@@ -82,21 +82,32 @@ def retime(path: StraightPath, robot: Robot, points: int = 1000, tip_speed: floa
     interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
     ceiling = speed_ceiling(path, samples, robot, tip_speed)
     load = PathLoad.along(RigidBody.from_robot(robot), samples)
-    speed_squared = ceiling
-    previous = np.inf
-    nothing = np.full(points, -2)
+    tangent = ceiling
+    best = Retiming(
+        "infeasible",
+        "TOPP-RA finds no motion along the path within the limits",
+        np.inf,
+        grid,
+        np.zeros_like(grid),
+        0,
+        np.full(points, -2),
+    )
     for count in range(1, PASSES + 1):
-        rows = path_rows(robot, samples, load, signs[interval], ceiling, speed_squared)
-        found = _solve(grid, rows, speed_squared)
+        rows = path_rows(robot, samples, load, signs[interval], ceiling, tangent)
+        found = _solve(grid, rows, tangent)
         if found is None:
-            message = "TOPP-RA finds no motion along the path within the limits"
-            return Retiming("infeasible", message, np.inf, grid, ceiling * 0, count, nothing)
+            if best.solved:
+                break
+            # a tangent at high speed over-estimates viscous friction at low speed: try nearer to rest
+            tangent = tangent / 16
+            continue
         duration = float(_times(grid, found)[-1])
-        speed_squared = found
-        if abs(previous - duration) <= CONVERGED * duration or not rows.k.any():
+        settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k.any()
+        best = Retiming("solved", "", duration, grid, found, count, rows.active(grid, found))
+        if settled:
             break
-        previous = duration
-    return Retiming("solved", "", duration, grid, found, count, rows.active(grid, found))
+        tangent = found
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +137,8 @@ def speed_ceiling(path: StraightPath, samples: PathSamples, robot: Robot, tip_sp
             limit[i] = min(limit[i], joint.motor.max_speed / joint.drive.ratio)
     with np.errstate(divide="ignore"):
         speed = (limit / np.abs(samples.dq)).min(axis=1)
+        if tip_speed is not None:
+            speed = np.minimum(speed, tip_speed / np.linalg.norm(path.tip_slope(samples), axis=1))
     return np.asarray(speed**2)
 
 
@@ -139,8 +152,11 @@ def path_rows(
         for side in (1.0, -1.0):
             rows.add(side * samples.dq[:, i], side * samples.ddq[:, i], zero, zero, joint.acceleration)
         if joint.drive is not None and joint.motor is not None:
-            _add_torque_rows(rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared)
-    return PathRows(*(np.stack(column, axis=1) for column in (rows.a, rows.b, rows.c, rows.k)), ceiling)
+            _add_torque_rows(
+                rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared
+            )
+    a, b, c, k = (np.stack(column, axis=1) for column in (rows.a, rows.b, rows.c, rows.k))
+    return PathRows(a, b, c, k, ceiling)
 
 
 @dataclass(frozen=True)
@@ -167,7 +183,7 @@ def _add_torque_rows(
     speed_squared: Array,
 ) -> None:
     """σ τ_motor ≤ limit as two rows, and −σ τ_motor ≤ limit as one on the safe side."""
-    friction, r = drive.friction, drive.ratio
+    friction, r = friction_of(drive), drive.ratio
     dq, ddq = samples.dq[:, i], samples.ddq[:, i]
     moving = np.abs(sigma)
     mu = friction_coefficient(friction, r * np.abs(dq) * np.sqrt(speed_squared))
@@ -229,7 +245,7 @@ def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
     c = rows.c + rows.k * (root / 2)[:, None]
     count = rows.a.shape[1]
 
-    class Rows(LinearConstraint):  # type: ignore[misc]
+    class Rows(LinearConstraint):
         def __init__(self) -> None:
             super().__init__()
             self.identical = True
@@ -239,7 +255,7 @@ def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
             bounds = np.stack([np.zeros(len(grid)), rows.ceiling], axis=1)
             return rows.a, b, c, np.eye(count), np.ones(count), None, bounds
 
-    class Line(AbstractGeometricPath):  # type: ignore[misc]
+    class Line(AbstractGeometricPath):
         dof = 1
         path_interval = np.array([0.0, 1.0])
         waypoints = None

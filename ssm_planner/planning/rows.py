@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ssm_planner.model.friction import friction_coefficient
+from ssm_planner.model.friction import friction_coefficient, friction_of
 from ssm_planner.model.transmission import motor_torque_rows, output_effort
 from ssm_planner.problem.values import Drive, Joint
 
@@ -27,13 +27,14 @@ class Row:
 class Instant:
     """Symbolic state of all joints, (4,) each; sigma: direction of each joint's motion, +1, −1 or 0 (does not move)."""
 
-    q: ca.SX
     qd: ca.SX
     qd_hull: ca.SX
     """Stands in for qd in the velocity rows (stage.element_state)."""
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX
+    tip_speed: ca.SX
+    """|ṗ| of the tool tip, scalar; of the hull where qd_hull is."""
     sigma: ca.SX
 
 
@@ -45,11 +46,12 @@ class Bounds:
     acceleration: ca.SX
     jerk: ca.SX
     torque: ca.SX
+    tip_speed: ca.SX
 
 
 def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[Row]:
-    """Velocity, acceleration and, where asked for, jerk of every joint."""
-    rows = []
+    """Tip speed; velocity, acceleration and, where asked for, jerk of every joint."""
+    rows = [Row("tip speed", None, at.tip_speed / bounds.tip_speed)]
     for i, joint in enumerate(joints):
         senses = (1, -1) if joint.drive is None else (at.sigma[i],)
         rows += [Row("velocity", i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
@@ -82,7 +84,7 @@ def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, break
 
 def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> tuple[ca.SX, ca.SX]:
     """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
-    friction = drive.friction
+    friction = friction_of(drive)
     sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]
     mu = friction.mu_static if breakaway else friction_coefficient(friction, sigma * w)
     effort = output_effort(drive, at.tau_rigid[i], at.qd[i], at.qdd[i], sigma)
@@ -94,4 +96,3 @@ def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> t
 
     first, second = (is_forward * torque(forward, k) - is_backward * torque(backward, k) for k in (0, 1))
     return first, second
-

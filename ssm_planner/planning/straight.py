@@ -9,7 +9,7 @@ import numpy as np
 from ssm_planner.model.trajectory import hermite
 from ssm_planner.planning.ocp import OcpResult, PathMotion, solve_straight
 from ssm_planner.planning.path import StraightPath
-from ssm_planner.planning.retiming import Retiming, retime
+from ssm_planner.planning.retiming import Retiming
 from ssm_planner.problem.values import Array, Robot
 
 SUBDIVISION = 4
@@ -22,7 +22,7 @@ class StraightPhase:
 
     path: StraightPath
     retiming: Retiming
-    ocp: OcpResult | None
+    ocp: OcpResult
     breaks: Array
     coefficients: Array
 
@@ -31,9 +31,11 @@ class StraightPhase:
         return float(self.breaks[-1])
 
 
-def plan_straight(robot: Robot, path: StraightPath, retiming: Retiming, tighten: Array | None = None) -> StraightPhase:
-    """Plan one phase along the path; where TOPP-RA finds no motion there is none, and the pieces are empty."""
-    result = solve_straight(robot, path, retiming, tighten)
+def plan_straight(
+    robot: Robot, path: StraightPath, retiming: Retiming, tip_speed: float | None = None, tighten: Array | None = None
+) -> StraightPhase:
+    """Plan one phase along the path from TOPP-RA's motion; arguments as for `solve_straight`."""
+    result = solve_straight(robot, path, retiming, tip_speed, tighten)
     breaks, coefficients = joint_pieces(path, result.motion)
     return StraightPhase(path, retiming, result, breaks, coefficients)
 
@@ -61,6 +63,3 @@ def _joint_state(path: StraightPath, elements: Array, share: Array) -> tuple[Arr
     acceleration = (a0 + share * rise).ravel()[:, None]
     at = path.sample(s)
     return at.q, at.dq * speed, at.ddq * speed**2 + at.dq * acceleration
-
-
-__all__ = ["StraightPhase", "joint_pieces", "plan_straight", "retime"]

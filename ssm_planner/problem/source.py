@@ -42,9 +42,7 @@ class Section:
     def error(self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True) -> ProblemError:
         """A ProblemError that names file, line, key path and (unless show is false) the value found there."""
         line, node, complete = self._locate(path)
-        value = node.value if complete and show and not isinstance(node.value, (dict, list)) else None
-        if complete and show and isinstance(node.value, list):
-            value = "[" + ", ".join(_written(item) for item in node.value) + "]"
+        value = _written(node.value) if complete and show else None
         key = key_text((*self.path, *path)) or None
         return ProblemError(reason, file=self.file, line=line, key=key, value=value, allowed=allowed)
 
@@ -125,5 +123,10 @@ def _kind(value: object) -> str:
     return "a list" if isinstance(value, list) else f"only the text {str(value)[:40]!r}"
 
 
-def _written(value: object) -> str:
+def _written(value: object) -> str | None:
+    """A value as the user wrote it; None for a mapping, unless it is a figure with its value."""
+    if isinstance(value, dict):
+        return _written(value["value"]) if "value" in value else None
+    if isinstance(value, list):
+        return "[" + ", ".join(_written(item) or "{…}" for item in value) + "]"
     return value if isinstance(value, str) else repr(value)

@@ -80,7 +80,7 @@ def quantity(value: object, kind: str) -> float:
     """The SI magnitude of `65 deg/s` for a kind in kinds.KINDS. Raises BadQuantity."""
     wanted = KINDS[kind]
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise BadQuantity(f"{_describe(value)} where {wanted.name} is needed", wanted.expected)
+        raise BadQuantity(f"{describe(value)} where {wanted.name} is needed", wanted.expected)
     if not isinstance(value, str):
         raise BadQuantity("a number without a unit", wanted.expected)
     match = _QUANTITY.fullmatch(_spell(value))
@@ -96,7 +96,7 @@ def number(value: object) -> float:
     if isinstance(value, str) and (match := _QUANTITY.fullmatch(_spell(value))) and match[2]:
         raise BadQuantity("this figure has no unit", _NUMBER_HINT)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise BadQuantity(f"{_describe(value)} where a number is needed", _NUMBER_HINT)
+        raise BadQuantity(f"{describe(value)} where a number is needed", _NUMBER_HINT)
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", _NUMBER_HINT)
     return float(value)
@@ -111,7 +111,7 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
             raise BadQuantity("numbers without a unit", allowed)
         value = [f"{part.strip()} {match[2]}" for part in match[1].split(",")]
     if not isinstance(value, (list, tuple)):
-        raise BadQuantity(f"{_describe(value)} where {len(kinds)} values are needed", allowed)
+        raise BadQuantity(f"{describe(value)} where {len(kinds)} values are needed", allowed)
     if len(value) != len(kinds):
         raise BadQuantity(f"{len(value)} values", allowed)
     return tuple(quantity(part, kind) for part, kind in zip(value, kinds, strict=True))
@@ -195,11 +195,14 @@ def _spell(text: str) -> str:
     return text
 
 
-def _describe(value: object) -> str:
+def describe(value: object) -> str:
+    """What kind of YAML value this is, for messages."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
         return "true/false"
+    if isinstance(value, (int, float)):
+        return "a number"
     if isinstance(value, (list, tuple)):
         return "a list"
     return "a mapping" if isinstance(value, dict) else "a text"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ssm_planner.problem.rig import Rig
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 Range = tuple[float, float]
 
 JOINTS = ("roll", "tilt", "spin", "insertion")

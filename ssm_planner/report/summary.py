@@ -20,7 +20,8 @@ def summary_lines(plan: Plan) -> list[str]:
         return lines
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
     phases = [
-        (leg.leg.motion.name, f"{leg.duration:.4f}", f"{leg.toppra_duration:.4f}", f"{leg.lower_bound:.4f}") for leg in plan.legs
+        (leg.leg.motion.name, f"{leg.duration:.4f}", f"{leg.toppra_duration:.4f}", f"{leg.lower_bound:.4f}")
+        for leg in plan.legs
     ]
     total = ("total", f"{plan.duration:.4f}", f"{plan.toppra_duration:.4f}", f"{plan.lower_bound:.4f}")
     lines += _table(("phase", "duration s", "TOPP-RA s", "lower bound s"), [*phases, total])
@@ -35,7 +36,9 @@ def verdicts(plan: Plan) -> list[str]:
     lines = []
     if plan.duration is not None and plan.toppra_duration:
         ratio = plan.duration / plan.toppra_duration
-        lines.append(f"planned      {plan.duration:.4f} s, {100 * (ratio - 1):+.3f} % of TOPP-RA's time on the same path")
+        lines.append(
+            f"planned      {plan.duration:.4f} s, {100 * (ratio - 1):+.3f} % of TOPP-RA's time on the same path"
+        )
     if plan.certificate is not None:
         worst = plan.certificate.worst
         word = "PASSED" if plan.certificate.passed else "FAILED"
@@ -45,7 +48,9 @@ def verdicts(plan: Plan) -> list[str]:
             f"smallest margin {worst.margin:+.1e} ({worst.name}{joint}, t = {worst.time:.3f} s)"
         )
         for violation in plan.certificate.violations:
-            lines.append(f"             exceeded: {violation.name} {violation.joint or ''} at t = {violation.time:.4f} s")
+            lines.append(
+                f"             exceeded: {violation.name} {violation.joint or ''} at t = {violation.time:.4f} s"
+            )
     for requirement in plan.requirements:
         motor = requirement.motor
         if motor is None:
@@ -101,6 +106,8 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
     def line(cells: Sequence[str]) -> str:
         first = cells[0].ljust(widths[0])
-        return "  ".join([first, *(cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True))]).rstrip()
+        return "  ".join(
+            [first, *(cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True))]
+        ).rstrip()
 
     return [line(header), "  ".join("-" * width for width in widths), *(line(row) for row in rows)]

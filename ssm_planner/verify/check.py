@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.forward import space_jacobian, tip_position
+from ssm_planner.model.forward import tip_velocity
+from ssm_planner.model.friction import friction_of
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.task import task_from_joints
 from ssm_planner.model.trajectory import Samples, Trajectory
 from ssm_planner.model.transmission import nut_contact, self_locking_margin
-from ssm_planner.problem.values import TASK, Array, Range, Robot
+from ssm_planner.problem.values import TASK, Array, Indices, Range, Robot
 from ssm_planner.verify.certificate import Certificate, LimitCheck
 
 RATE = 10_000.0
@@ -67,9 +68,11 @@ def check(
     ranges: by name in TASK, rad or m. rate: sampling rate of the check in Hz.
     """
     look = _Evaluator(robot, trajectory)
-    piece, local = _dense(trajectory, rate)
+    piece, local = _instants(trajectory, rate)
     instants = look(piece, local)
-    limits = [_worst(quantity, instants, piece, local, look) for quantity in _quantities(robot, ranges or {}, tip_speed)]
+    limits = [
+        _worst(quantity, instants, piece, local, look) for quantity in _quantities(robot, ranges or {}, tip_speed)
+    ]
     limits += _jumps(trajectory, robot)
     limits += _locking(robot)
     unchecked = tuple(
@@ -83,28 +86,38 @@ def check(
 def _quantities(robot: Robot, ranges: dict[str, Range], tip_speed: float | None) -> Iterable[Quantity]:
     for i, joint in enumerate(robot.joints):
         unit = "rad" if joint.kind == "revolute" else "m"
-        derivatives = (("velocity", "qd", joint.velocity, "/s"), ("acceleration", "qdd", joint.acceleration, "/s²"))
+        derivatives = [("velocity", "qd", joint.velocity, "/s"), ("acceleration", "qdd", joint.acceleration, "/s²")]
         if joint.jerk is not None:
-            derivatives += (("jerk", "qddd", joint.jerk, "/s³"),)
-        yield Quantity("position", joint.name, _column("q", i), *joint.position, unit)
+            derivatives.append(("jerk", "qddd", joint.jerk, "/s³"))
+        yield Quantity("position", joint.name, _of_samples("q", i), *joint.position, unit)
         for name, field, limit, per in derivatives:
-            yield Quantity(name, joint.name, _column(field, i), -limit, limit, unit + per)
+            yield Quantity(name, joint.name, _of_samples(field, i), -limit, limit, unit + per)
         if joint.drive is not None and joint.motor is not None:
             speed, torque = joint.motor.max_speed, joint.motor.max_torque
-            yield Quantity("motor speed", joint.name, lambda at, i=i: at.motor_speed[:, i], -speed, speed, "rad/s")
-            yield Quantity("motor torque", joint.name, lambda at, i=i: at.motor_torque[:, i], -torque, torque, "N·m")
+            yield Quantity("motor speed", joint.name, _of("motor_speed", i), -speed, speed, "rad/s")
+            yield Quantity("motor torque", joint.name, _of("motor_torque", i), -torque, torque, "N·m")
         if joint.drive is not None and joint.drive.kind == "antibacklash_screw":
-            yield Quantity("nut contact", joint.name, lambda at, i=i: at.contact[:, i], 0.0, np.inf, "N")
+            yield Quantity("nut contact", joint.name, _of("contact", i), 0.0, np.inf, "N")
     for k, name in enumerate(TASK):
         if name in ranges:
             unit = "m" if name == "depth" else "rad"
-            yield Quantity(f"{name} range", None, lambda at, k=k: at.task[:, k], *ranges[name], unit)
+            yield Quantity(f"{name} range", None, _of("task", k), *ranges[name], unit)
     if tip_speed is not None:
         yield Quantity("tip speed", None, lambda at: at.tip_speed, -tip_speed, tip_speed, "m/s")
 
 
-def _column(field: str, i: int) -> Callable[[Instants], Array]:
-    return lambda at: getattr(at.samples, field)[:, i]
+def _of_samples(field: str, i: int) -> Callable[[Instants], Array]:
+    def value(at: Instants) -> Array:
+        return np.asarray(getattr(at.samples, field)[:, i])
+
+    return value
+
+
+def _of(field: str, i: int) -> Callable[[Instants], Array]:
+    def value(at: Instants) -> Array:
+        return np.asarray(getattr(at, field)[:, i])
+
+    return value
 
 
 class _Evaluator:
@@ -115,25 +128,19 @@ class _Evaluator:
         self.mechanism = Mechanism.from_geometry(robot.geometry)
         self.body = RigidBody.from_robot(robot)
 
-    def __call__(self, piece: Array, local: Array) -> Instants:
+    def __call__(self, piece: Indices, local: Array) -> Instants:
         samples = self.trajectory.sample_pieces(piece, local)
-        torque = np.full(samples.q.shape, -np.inf)
-        speed = contact = torque
+        torque = speed = contact = np.full(samples.q.shape, np.inf)
         for side in (1, -1):
             direction, breakaway = directions(self.robot, samples, side)
             motor = motor_motion(self.robot, self.body, samples, direction, breakaway)
-            torque = np.where(np.abs(motor.torque) > np.abs(torque), motor.torque, torque) if side < 0 else motor.torque
+            harder = np.abs(motor.torque) > np.abs(torque)
+            torque = np.where(harder, motor.torque, torque) if side < 0 else motor.torque
+            contact = np.minimum(contact, self._contact(motor.effort, motor.acceleration))
             speed = motor.speed
-            contact = self._contact(motor.effort, motor.acceleration)
         task = task_from_joints(self.mechanism, samples.q)
-        tip = self._tip_speed(samples)
+        tip = np.linalg.norm(tip_velocity(self.mechanism, samples.q, samples.qd), axis=1)
         return Instants(samples, task, tip, speed, torque, contact)
-
-    def _tip_speed(self, samples: Samples) -> Array:
-        """|v + ω × p| of the tool tip p under the spatial velocity (v, ω)."""
-        twist = np.einsum("nij,nj->ni", space_jacobian(self.mechanism, samples.q), samples.qd)
-        tip = tip_position(self.mechanism, samples.q)
-        return np.asarray(np.linalg.norm(twist[:, :3] + np.cross(twist[:, 3:], tip), axis=1))
 
     def _contact(self, effort: Array, acceleration: Array) -> Array:
         contact = np.full(effort.shape, np.inf)
@@ -143,7 +150,32 @@ class _Evaluator:
         return contact
 
 
-def _dense(trajectory: Trajectory, rate: float) -> tuple[Array, Array]:
+def _instants(trajectory: Trajectory, rate: float) -> tuple[Indices, Array]:
+    """Piece and local time of what is looked at: every piece densely, and where a joint turns back within a piece."""
+    piece, local = _dense(trajectory, rate)
+    turned_piece, turned_local = _reversals(trajectory, piece, local)
+    piece, local = np.append(piece, turned_piece), np.append(local, turned_local)
+    order = np.lexsort((local, piece))
+    return piece[order], local[order]
+
+
+def _reversals(trajectory: Trajectory, piece: Indices, local: Array) -> tuple[Indices, Array]:
+    """Where a joint's velocity passes through zero between two samples of one piece, to the last digit (bisection)."""
+    qd = trajectory.sample_pieces(piece, local).qd
+    same = piece[1:] == piece[:-1]
+    turns = same[:, None] & (qd[1:] * qd[:-1] < 0)
+    before, joint = np.nonzero(turns)
+    low, high = local[before], local[before + 1]
+    sign = np.sign(qd[before, joint])
+    each = np.arange(len(before))
+    for _ in range(60):
+        middle = (low + high) / 2
+        ahead = np.sign(trajectory.sample_pieces(piece[before], middle).qd[each, joint]) == sign
+        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+    return piece[before], high
+
+
+def _dense(trajectory: Trajectory, rate: float) -> tuple[Indices, Array]:
     """Instants that cover every piece from its start to its end, both included."""
     lengths = np.diff(trajectory.breaks)
     counts = np.maximum(np.ceil(lengths * rate).astype(int), 4) + 1
@@ -153,11 +185,10 @@ def _dense(trajectory: Trajectory, rate: float) -> tuple[Array, Array]:
     return piece, share * lengths[piece]
 
 
-def _worst(quantity: Quantity, instants: Instants, piece: Array, local: Array, look: _Evaluator) -> LimitCheck:
+def _worst(quantity: Quantity, instants: Instants, piece: Indices, local: Array, look: _Evaluator) -> LimitCheck:
     """The worst instant of one quantity, refined between the samples."""
     value = quantity.value(instants)
-    step = np.diff(local, append=local[-1])
-    step = float(step[step > 0].max())
+    step = float(np.diff(local).max())
     margin = _margins(value, quantity)
     best = int(np.argmin(margin))
     found = (float(margin[best]), float(value[best]), float(instants.samples.t[best]))
@@ -229,7 +260,8 @@ def _locking(robot: Robot) -> list[LimitCheck]:
         drive = joint.drive
         if drive is None or not drive.self_locking:
             continue
-        lowest = drive.friction.mu if drive.friction.mu_lowest is None else drive.friction.mu_lowest
+        friction = friction_of(drive)
+        lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
         checks.append(LimitCheck("self-locking", joint.name, lowest, needed, float(in_mu) / needed, 0.0, "μ"))

@@ -33,14 +33,15 @@ class Files:
         return LOADERS.get(folder, load_problem)(self.root / name)
 
     def rejection(self, name: str, old: str, new: str, at: str | None = None) -> str:
-        """The message of the error that the edit causes; it points at the line of `at` (by default of `new`)."""
+        """The message of the error that the edit causes; it points at the edited line, or at the first line with at."""
+        before = (self.root / name).read_text(encoding="utf-8")
         path = self.edit(name, old, new)
         with pytest.raises(ProblemError) as caught:
             self.load(name)
         message = str(caught.value)
-        marker = new.strip("\n") if at is None else at
-        lines = path.read_text(encoding="utf-8").splitlines()
-        line = next(i for i, text in enumerate(lines, 1) if marker.splitlines()[0] in text)
+        after = path.read_text(encoding="utf-8")
+        place = before.index(old) if at is None else after.index(at)
+        line = after.count("\n", 0, place) + 1
         assert message.startswith(f"{path}:{line}: "), (message, line)
         return message
 

@@ -32,7 +32,7 @@ class Model(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if not isinstance(data, dict):
-            raise wrong(f"{_describe(data)} where a mapping is needed", "the keys " + ", ".join(cls.model_fields))
+            raise wrong(f"{units.describe(data)} where a mapping is needed", "the keys " + ", ".join(cls.model_fields))
         check_keys(data, list(cls.model_fields))
         return data
 
@@ -114,13 +114,13 @@ def _figure(value: object, reader: Callable[[object], float]) -> Figure:
         raise wrong("missing", "value: the figure itself", "value")
     source, placeholder = value.get("source"), value.get("placeholder", False)
     if source is not None and not (isinstance(source, str) and source.strip()):
-        raise wrong(f"{_describe(source)} where a text is needed", "where the figure comes from", "source")
+        raise wrong(f"{units.describe(source)} where a text is needed", "where the figure comes from", "source")
     return Figure(_guarded(reader, "value")(value["value"]), source, _truth(placeholder, "placeholder"))
 
 
 def _text(value: object) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise wrong(f"{_describe(value)} where a text is needed", "a text of at least one character")
+        raise wrong(f"{units.describe(value)} where a text is needed", "a text of at least one character")
     return value
 
 
@@ -129,7 +129,7 @@ _TRUTH = {True: True, False: False, "yes": True, "no": False, "on": True, "off":
 
 def _truth(value: object, key: str | None = None) -> bool:
     if not isinstance(value, (bool, str)) or value not in _TRUTH:
-        raise wrong(f"{_describe(value)} where true or false is needed", "true or false", key)
+        raise wrong(f"{units.describe(value)} where true or false is needed", "true or false", key)
     return _TRUTH[value]
 
 
@@ -165,11 +165,3 @@ def _json_schema(kind: str) -> dict[str, Any]:
         return {"type": "number"}
     wanted = KINDS[kind]
     return {"type": "string", "description": wanted.expected, "examples": [wanted.example]}
-
-
-def _describe(value: object) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, (list, tuple)):
-        return "a list"
-    return "a mapping" if isinstance(value, dict) else "a single value"

@@ -1,0 +1,177 @@
+"""Identification from maps: known truths found, intervals honest, what the data cannot tell is called so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identify.fit import fit_map
+from ssm_planner.identify.outliers import find_outliers
+from ssm_planner.identify.parameters import map_torque, with_parameters
+from ssm_planner.identify.torque_map import TorqueMap, read_figures
+from ssm_planner.model.friction import friction_of
+from ssm_planner.problem.load import load_drive
+
+DRIVES = Path(__file__).parents[2] / "problems" / "drives"
+RPM = np.pi / 30
+SPEEDS = RPM * np.array([1, 2, 4, 6, 8, 10, 13, 17, 20, 25, 40, 50, 60, 80, 90, 100, 140, 180, 200.0])
+WORM = {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12}
+STRIBECK = {**WORM, "mu_stribeck": 0.06, "stribeck_speed": 0.688}
+RIGS = ("rig1_lead_screw", "rig2_antibacklash_screw", "rig3_worm")
+
+
+def rig(name: str):
+    drive = load_drive(DRIVES / f"{name}.yaml")
+    return drive, drive.rig.F_payload
+
+
+def synthetic(drive, load, law, truth, noise=0.0, rng=None, speeds=SPEEDS) -> TorqueMap:
+    w = np.sort(np.concatenate([-speeds, speeds]))
+    tau = map_torque(with_parameters(drive, law, truth), w, load)
+    if noise:
+        tau = tau + rng.normal(0.0, noise * np.ptp(tau), len(w))
+    zero = np.zeros(len(w))
+    return TorqueMap(tuple(f"{v:.2f}" for v in w), w, tau, zero, zero, zero)
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "truth", "fixed"),
+    [
+        ("rig3_worm", "coulomb", WORM, {"b_oc": 4e-3}),
+        ("rig3_worm", "coulomb", WORM, {"mu": 0.12}),
+        ("rig3_worm", "stribeck_exponential", STRIBECK, {}),
+        ("rig3_worm", "stribeck_gaussian", STRIBECK, {"b_oc": 4e-3}),
+        (
+            "rig1_lead_screw",
+            "stribeck_exponential",
+            {"b_c": 1e-3, "b_v": 3e-5, "b_oc": 3e-2, "mu": 0.27, "mu_stribeck": 0.1, "stribeck_speed": 6.4},
+            {"b_oc": 3e-2},
+        ),
+    ],
+)
+def test_exact_maps_give_back_the_truth(name, law, truth, fixed):
+    drive, load = rig(name)
+    fit = fit_map(drive, synthetic(drive, load, law, truth), load, law=law, fixed=fixed)
+    for parameter, value in truth.items():
+        assert fit.estimates[parameter].value == pytest.approx(value, rel=2e-3), parameter
+    assert fit.nrmsd < 1e-6
+    assert fit.outliers == ()
+
+
+@pytest.mark.parametrize(("law", "truth"), [("coulomb", WORM), ("stribeck_exponential", STRIBECK)])
+def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
+    drive, load = rig("rig3_worm")
+    rng = np.random.default_rng(7)
+    trials, hits = 60, dict.fromkeys(truth, 0)
+    for _ in range(trials):
+        data = synthetic(drive, load, law, truth, 0.01, rng)
+        fit = fit_map(drive, data, load, law=law, fixed={"b_oc": 4e-3})
+        for name in hits:
+            estimate = fit.estimates[name]
+            hits[name] += estimate.low <= truth[name] <= estimate.high
+            assert estimate.low <= estimate.value <= estimate.high
+    del hits["b_oc"]
+    # Of 60 intervals of 95 % each covers 57 on average; fewer than 51 happen less than once in 300.
+    assert min(hits.values()) >= 51
+    assert np.mean(list(hits.values())) >= 0.92 * trials
+    assert np.mean(list(hits.values())) <= 0.985 * trials
+
+
+def test_what_the_map_gives_only_together_is_called_so():
+    drive, load = rig("rig3_worm")
+    fit = fit_map(drive, synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(1)), load, law="coulomb")
+    assert [set(group) for group in fit.inseparable] == [{"b_c", "mu", "b_oc"}]
+    assert not fit.estimates["mu"].separable
+    assert fit.estimates["b_v"].separable
+    k = fit.correlation_names.index("mu")
+    assert abs(fit.correlation[k, fit.correlation_names.index("b_c")]) > 0.99
+    held = fit_map(drive, synthetic(drive, load, "coulomb", WORM), load, law="coulomb", fixed={"mu": 0.12})
+    assert held.inseparable == ()
+    assert held.estimates["mu"].fixed
+
+
+def test_preload_and_mu_of_the_antibacklash_screw_trade_off():
+    drive, load = rig("rig2_antibacklash_screw")
+    truth = {"b_c": 2e-3, "b_v": 3e-5, "b_oc": 2e-2, "mu": 0.2, "preload": 0.8}
+    data = synthetic(drive, load, "coulomb", truth, 0.005, np.random.default_rng(2))
+    fit = fit_map(drive, data, load, law="coulomb", fixed={"b_c": 2e-3, "b_oc": 2e-2}, free=("preload",))
+    k, j = (fit.correlation_names.index(n) for n in ("mu", "preload"))
+    assert abs(fit.correlation[k, j]) > 0.98
+    assert fit.estimates["preload"].low <= 0.8 <= fit.estimates["preload"].high
+
+
+def test_reference_values_decide_only_what_the_data_leave_open():
+    drive, load = rig("rig3_worm")
+    data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
+    alone = fit_map(drive, data, load, law="coulomb")
+    told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
+    assert told.estimates["mu"].value == pytest.approx(0.07, rel=0.2)
+    assert told.estimates["b_v"].value == pytest.approx(alone.estimates["b_v"].value, rel=1e-3)
+    np.testing.assert_allclose(told.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10)
+
+
+def test_the_criterion_finds_the_law():
+    drive, load = rig("rig1_lead_screw")
+    rng = np.random.default_rng(4)
+    truth = {"b_c": 1e-3, "b_v": 3e-5, "b_oc": 3e-2, "mu": 0.27, "mu_stribeck": 0.1, "stribeck_speed": 6.4}
+    for law in ("coulomb", "stribeck_exponential", "stribeck_gaussian"):
+        fit = fit_map(drive, synthetic(drive, load, law, truth, 0.003, rng), load, law="auto")
+        assert fit.law == law, fit.criterion
+        assert min(fit.criterion, key=fit.criterion.get) == law
+
+
+def test_an_outlier_is_listed_and_hardly_counts():
+    drive, load = rig("rig3_worm")
+    data = synthetic(drive, load, "coulomb", WORM, 0.002, np.random.default_rng(5))
+    clean = fit_map(drive, data, load, law="coulomb", fixed={"b_oc": 4e-3})
+    tau = data.tau.copy()
+    tau[[9, 30]] += np.array([0.4, -0.3]) * np.ptp(tau)
+    fit = fit_map(drive, replace(data, tau=tau), load, law="coulomb", fixed={"b_oc": 4e-3})
+    assert [name for name, _, _ in fit.outliers] == [data.names[9], data.names[30]]
+    for name in ("b_c", "b_v", "mu"):
+        assert fit.estimates[name].value == pytest.approx(clean.estimates[name].value, rel=0.05)
+
+
+def test_a_law_that_fits_badly_makes_no_outliers():
+    w = np.sort(np.concatenate([-SPEEDS, SPEEDS]))
+    assert find_outliers(w, np.sign(w) * (1.0 + 3.0 * np.exp(-np.abs(w))) + 1e-3 * np.sin(40 * w)) == []
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_shipped_figures_are_fitted_within_two_percent(name):
+    drive, load = rig(name)
+    fit = fit_map(drive, read_figures(DRIVES / "rig_figures.csv", name), load, reference=drive.rig.published)
+    assert fit.nrmsd <= 0.02
+    assert friction_of(fit.drive).identified_speed == pytest.approx(200 * RPM, rel=0.01)
+
+
+def test_coulomb_fit_of_the_worm_rig_gives_the_published_numbers():
+    drive, load = rig("rig3_worm")
+    data = read_figures(DRIVES / "rig_figures.csv", "rig3_worm")
+    estimates = fit_map(drive, data, load, law="coulomb", reference=drive.rig.published).estimates
+    for name, value, within in [("b_c", 5.5e-4, 0.1), ("b_v", 1.15e-5, 0.1), ("mu", 0.12, 0.1), ("b_oc", 4e-3, 0.25)]:
+        assert estimates[name].value == pytest.approx(value, rel=within), name
+
+
+def test_maps_that_cannot_support_a_fit_are_refused():
+    drive, load = rig("rig3_worm")
+    data = synthetic(drive, load, "coulomb", WORM)
+
+    def part(mask):
+        columns = {n: getattr(data, n)[mask] for n in ("w", "tau", "w_deviation", "tau_deviation", "samples")}
+        return TorqueMap(tuple(np.array(data.names)[mask]), **columns)
+
+    with pytest.raises(RecordingError, match="positive direction"):
+        fit_map(drive, part(data.w > 0), load)
+    with pytest.raises(RecordingError, match="at least 5 speeds"):
+        fit_map(drive, part(np.isin(np.arange(38), [0, 1, 36, 37])), load, law="coulomb")
+    with pytest.raises(RecordingError, match="unknown friction law"):
+        fit_map(drive, data, load, law="viscous")
+    with pytest.raises(RecordingError, match="cannot fix 'nu'"):
+        fit_map(drive, data, load, fixed={"nu": 1.0})
+    with pytest.raises(RecordingError, match="no figures of 'rig9'"):
+        read_figures(DRIVES / "rig_figures.csv", "rig9")

@@ -1,0 +1,171 @@
+"""Prediction of torque from speed, dynamic identification, and the two commands built on them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time as clock
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.commands.drives import identify_command, predict_command
+from ssm_planner.errors import ProblemError, RecordingError
+from ssm_planner.identify.dynamic import fit_dynamic
+from ssm_planner.identify.fit import fit_map
+from ssm_planner.identify.prediction import Motion, nrmsd, predict, predict_torque
+from ssm_planner.identify.recording import Recording
+from ssm_planner.identify.rig_figures import rig_map
+from ssm_planner.identify.torque_map import read_figures
+from ssm_planner.model.friction import friction_of
+from ssm_planner.model.transmission import breakaway_torque, motor_torque, output_effort
+from ssm_planner.problem.load import load_drive
+from ssm_planner.report.drive_figures import map_figure, prediction_figure
+
+DRIVES = Path(__file__).parents[2] / "problems" / "drives"
+RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+FOLDERS = {
+    "rig1_lead_screw": "drive1_lead_screw",
+    "rig2_antibacklash_screw": "drive2_antibacklash_screw",
+    "rig3_worm": "drive3_worm",
+}
+needs_recordings = pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+
+
+def identified(name="rig3_worm"):
+    drive = load_drive(DRIVES / f"{name}.yaml")
+    data = read_figures(DRIVES / "rig_figures.csv", name)
+    return fit_map(drive, data, drive.rig.F_payload, reference=drive.rig.published).drive
+
+
+def start_stop(rest: float = 2.0, speed: float = 5.0, dt: float = 0.02):
+    """Time and speed of rest, motion forwards, a pause, motion back, rest."""
+    time = np.arange(0.0, 4 * rest + 6.0, dt)
+    w = np.interp(time, [rest, rest + 0.1, rest + 2.9, rest + 3.0], [0, speed, speed, 0])
+    return time, w - np.interp(
+        time, [2 * rest + 3, 2 * rest + 3.1, 2 * rest + 5.9, 2 * rest + 6.0], [0, speed, speed, 0]
+    )
+
+
+def test_in_steady_motion_the_prediction_is_the_inverse_law():
+    drive = identified()
+    time = np.arange(0.0, 3.0, 0.01)
+    w = np.full_like(time, 7.0)
+    tau = predict_torque(drive, Motion.of(time, w), -0.0188, 0.0)
+    expected = motor_torque(drive, output_effort(drive, -0.0188, 7.0 / drive.ratio, 0.0), 7.0, 0.0)
+    np.testing.assert_allclose(tau, expected, rtol=1e-12)
+
+
+def test_rest_needs_no_torque_and_starts_with_breakaway():
+    drive = identified()
+    drive = replace(drive, friction=replace(friction_of(drive), mu_static=0.3))
+    time, w = start_stop()
+    motion = Motion.of(time, w)
+    tau = predict_torque(drive, motion, -0.0188, 0.0)
+    first = int(np.flatnonzero(w)[0])
+    assert np.all(tau[: first - 3] == 0.0)
+    assert tau[first - 1] == pytest.approx(float(breakaway_torque(drive, -0.0188, 1.0)), rel=0.01)
+    assert np.all(np.sign(tau[motion.direction != 0]) == np.sign(motion.direction[motion.direction != 0]))
+
+
+def test_nrmsd_is_scaled_by_the_measured_range():
+    measured = np.array([0.0, 1.0, 2.0, 4.0])
+    assert nrmsd(measured + 0.2, measured) == pytest.approx(0.05)
+    with pytest.raises(RecordingError, match="constant"):
+        nrmsd(measured, np.ones(4))
+
+
+@pytest.mark.parametrize("truth", [(0.20, None, 0.0), (0.20, 1.0, 0.12)])
+def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
+    mu_static, dwell, memory = truth
+    drive = identified()
+    told = replace(friction_of(drive), mu_static=mu_static, dwell_constant=dwell, memory=memory)
+    rng = np.random.default_rng(0)
+    recordings = []
+    for rest in (0.5, 1.0, 4.0):
+        time, w = start_stop(rest)
+        tau = predict_torque(replace(drive, friction=told), Motion.of(time, w), -0.0188, 0.0)
+        recordings.append(Recording(f"{rest}", time, w, tau + rng.normal(0, 2e-5, len(tau))))
+    fit = fit_dynamic(drive, recordings, -0.0188)
+    assert fit.estimates["mu_static"].value == pytest.approx(mu_static, rel=0.05)
+    assert fit.estimates["memory"].value == pytest.approx(memory, abs=0.02)
+    if dwell is not None:
+        assert fit.estimates["dwell_constant"].value == pytest.approx(dwell, rel=0.2)
+    assert max(fit.after) < min(fit.before)
+
+
+@needs_recordings
+@pytest.mark.parametrize("name", FOLDERS)
+def test_start_stop_recordings_that_the_fit_has_not_seen(name, tmp_path):
+    folder = RECORDINGS / FOLDERS[name]
+    result = identify_command(
+        DRIVES / f"{name}.yaml", [folder / "steady_state"], tmp_path / "drive.yaml", figures=False
+    )
+    assert result["nrmsd"] <= 0.02
+    predicted = predict_command(tmp_path / "drive.yaml", [folder / "start_stop"])
+    assert [p["nrmsd"] <= 0.05 for p in predicted] == [True]
+    both = identify_command(DRIVES / f"{name}.yaml", [folder], tmp_path / "dynamic.yaml", figures=False)
+    assert all(each["nrmsd"] <= each["nrmsd_map_only"] for each in both["start_stop"])
+    assert predict_command(tmp_path / "dynamic.yaml", [folder / "start_stop"])[0]["nrmsd"] == pytest.approx(
+        both["start_stop"][0]["nrmsd"], rel=1e-4
+    )
+
+
+@needs_recordings
+@pytest.mark.parametrize("name", FOLDERS)
+def test_shipped_figures_are_what_the_reader_computes(name):
+    shipped = read_figures(DRIVES / "rig_figures.csv", name)
+    computed = rig_map(DRIVES / f"{name}.yaml", RECORDINGS / FOLDERS[name] / "steady_state")
+    np.testing.assert_allclose(shipped.w, computed.w, rtol=1e-8)
+    np.testing.assert_allclose(shipped.tau, computed.tau, rtol=1e-8)
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_path):
+    began = clock.perf_counter()
+    result = identify_command(DRIVES / f"{name}.yaml", output=tmp_path / "drive.yaml", figures=False)
+    assert clock.perf_counter() - began < 3.0
+    json.dumps(result)
+    drive = load_drive(tmp_path / "drive.yaml")
+    assert drive.friction.law == result["law"]
+    for parameter in ("mu", "b_c", "b_v", "b_oc"):
+        estimate = result["parameters"][parameter]
+        assert getattr(drive.friction, parameter) == pytest.approx(estimate["value"], rel=1e-6, abs=1e-12)
+        assert estimate["low"] <= estimate["value"] <= estimate["high"]
+    assert "steady-state recordings" in drive.friction.source
+    assert drive.friction.covariance["mu"]["mu"] > 0
+
+
+def test_commands_refuse_what_they_cannot_use(tmp_path):
+    copy = tmp_path / "rig3_worm.yaml"
+    shutil.copy(DRIVES / "rig3_worm.yaml", copy)
+    with pytest.raises(RecordingError, match="no steady-state recording"):
+        identify_command(copy)
+    with pytest.raises(RecordingError, match="no recording to predict"):
+        predict_command(copy, [])
+    lines = "\n".join(f"{k},30,{1 + k % 3}" for k in range(20))
+    (tmp_path / "one.csv").write_text("time [s],velocity [rpm],torque [%]\n" + lines)
+    with pytest.raises(RecordingError, match="direction"):
+        identify_command(copy, [tmp_path / "one.csv"])
+    still = "\n".join(f"{k},0,{1 + k % 3}" for k in range(20))
+    (tmp_path / "still.csv").write_text("time [s],velocity [rpm],torque [%]\n" + still)
+    with pytest.raises(RecordingError, match="never moves"):
+        identify_command(copy, [tmp_path / "still.csv"])
+    with pytest.raises(ProblemError):
+        identify_command(tmp_path / "absent.yaml")
+
+
+def test_figures_show_both_directions_and_the_prediction(tmp_path):
+    drive = load_drive(DRIVES / "rig3_worm.yaml")
+    data = read_figures(DRIVES / "rig_figures.csv", "rig3_worm")
+    fit = fit_map(drive, data, drive.rig.F_payload, law="coulomb")
+    axes = map_figure(fit, data, drive.rig.F_payload).axes[0]
+    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+    assert sorted(np.sign(line.get_xdata()[0]) for line in dashed) == [-1, 1]
+    time, w = start_stop()
+    prediction = predict(fit.drive, Recording("a", time, w, np.sign(w) * 1e-3), drive.rig.F_payload)
+    figure = prediction_figure(prediction)
+    assert len(figure.axes) == 2
+    assert figure.axes[0].get_ylabel().endswith("[mN·m]")

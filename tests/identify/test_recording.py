@@ -1,0 +1,187 @@
+"""Reading recordings: what is accepted, what is repaired and said, what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identify.recording import MAX_BYTES, find_spikes, read_recording, read_recordings
+from ssm_planner.identify.torque_map import kind_of, rest_mask, torque_map
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+NOMINAL = 9.84e-3
+RPM = math.pi / 30
+
+HEADER = '''Date:;2020-07-08 21:17:01
+Max. samples:;500
+Recorded samples:;{count}
+Sampling period:;10.000
+"Trigger:;1;0.000000;""Parameter values"";""Channel 1"";""Rising above value"""
+;Velocity actual value averaged;Torque actual value averaged
+ms;rpm;%
+'''
+
+
+def samples(count: int = 20) -> list[str]:
+    return [f"{10 * k}.000;{50 + k % 3};{20 + 0.1 * (k % 7):.1f}" for k in range(count)]
+
+
+def write(path: Path, lines: list[str], header: str | None = None) -> Path:
+    text = (HEADER.format(count=len(lines)) if header is None else header) + "\n".join(lines) + "\n"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def read(path: Path, **options):
+    return read_recording(path, nominal_torque=NOMINAL, **options)
+
+
+def test_a_recorder_export_in_si(tmp_path):
+    r = read(write(tmp_path / "a.csv", samples()), direction=-1)
+    assert r.repairs == ()
+    assert r.time[1] == pytest.approx(0.01)
+    assert r.w[0] == pytest.approx(-50 * RPM)
+    assert r.tau[1] == pytest.approx(-0.201 * NOMINAL)
+    assert r.quantum == pytest.approx(RPM, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "time [ms],velocity [rpm],torque [%]\n",
+        "time_ms,speed_rpm,torque_percent\n",
+        "Torque (%),t (ms),Velocity (rpm)\n",
+        "torque,time,w\n%,ms,rpm\n",
+    ],
+)
+def test_named_columns_in_any_order(tmp_path, header):
+    plain = read(write(tmp_path / "a.csv", samples()))
+    order = [["time", "velocity", "torque"], ["torque", "time", "velocity"]][header.lower().startswith("torque")]
+    rows = [dict(zip(("time", "velocity", "torque"), line.split(";"), strict=True)) for line in samples()]
+    r = read(write(tmp_path / "b.csv", [",".join(row[name] for name in order) for row in rows], header))
+    np.testing.assert_allclose(r.w, plain.w)
+    np.testing.assert_allclose(r.tau, plain.tau)
+    np.testing.assert_allclose(r.time, plain.time)
+
+
+def test_si_columns_need_no_nominal_torque(tmp_path):
+    lines = [f"{k},{1.5 + k % 2},{0.001 * (k % 5)}" for k in range(20)]
+    r = read_recording(write(tmp_path / "a.csv", lines, "time [s],velocity [rad/s],torque [N*m]\n"))
+    assert r.w[1] == 2.5
+    with pytest.raises(RecordingError, match="nominal torque"):
+        read_recording(write(tmp_path / "b.csv", samples()))
+
+
+def replaced(index: int, line: str) -> list[str]:
+    lines = samples()
+    lines[index] = line
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("lines", "said", "kept"),
+    [
+        (replaced(0, "0.000;50;-1200,,was 20.3"), "restored to 20.3", 20),
+        (replaced(3, "30.000;50;9999.0"), "isolated torque", 19),
+        (replaced(3, "30.000;50;nan"), "not finite", 19),
+        (replaced(3, "30.000;50;"), "not finite", 19),
+        (replaced(3, "30.000;50;20.0" + ";" * 5000), None, 20),
+        (replaced(3, "30.000;50;20.0;7;8"), "more than 3 columns", 20),
+        (replaced(3, ""), "blank", 19),
+        (replaced(19, "190.0"), "cut off", 19),
+        ([line.replace(".", ",") for line in samples()], "decimal comma", 20),
+        (replaced(3, '30.000;"50";"20.4"'), None, 20),
+        ([line + ",," for line in samples()], "commas added", 20),
+        ([f"{1000 * k:,}.0;50;{20 + k % 3}.0" for k in range(20)], "thousands separators", 20),
+    ],
+)
+def test_repairs_are_made_and_said(tmp_path, lines, said, kept):
+    r = read(write(tmp_path / "a.csv", lines))
+    assert len(r.time) == kept
+    assert np.ptp(r.tau) < 0.1 * NOMINAL
+    if said is None:
+        assert r.repairs == ()
+    else:
+        assert any(said in repair for repair in r.repairs), r.repairs
+
+
+def test_fewer_samples_than_promised_is_said(tmp_path):
+    r = read(write(tmp_path / "a.csv", samples(), HEADER.format(count=500)))
+    assert any("promises 500" in repair for repair in r.repairs)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "empty"),
+        (b"\n \n", "empty"),
+        (bytes(range(256)) * 40, "not a text file"),
+        (b"just some words\nand more\n", "no columns"),
+        (b"a;b;c\n1;2;3\n", "channel names"),
+        (HEADER.encode(), "no sample"),
+        ((HEADER + "\n".join(samples(3))).encode(), "3 samples"),
+        ((HEADER.replace("rpm", "furlong") + "\n".join(samples())).encode(), "furlong"),
+        ((HEADER.replace("ms;rpm;%", "ms;rpm;V") + "\n".join(samples())).encode(), "allowed: %"),
+        (b"time,velocity,torque\n" + b"\n".join(b"%d,1,2" % k for k in range(20)), "no unit"),
+        (b"time [s],velocity [rpm]\n" + b"\n".join(b"%d,1" % k for k in range(20)), "no torque column"),
+        ((HEADER + "\n".join(replaced(5, "20.0;50;20.0"))).encode(), r"a\.csv:13: time does not increase"),
+        ((HEADER + "\n".join(replaced(5, "50.0;50;twenty"))).encode(), r"a\.csv:13: 'twenty' is not a number"),
+        ((HEADER + "\n".join(line.rsplit(";", 1)[0] + ";nan" for line in samples())).encode(), "not finite"),
+        ((HEADER + "\n".join(line.rsplit(";", 1)[0] + ";20.0" for line in samples())).encode(), "constant"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_a_message(tmp_path, content, message):
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=message):
+        read(path)
+
+
+def test_huge_and_missing_files_are_refused_at_once(tmp_path):
+    path = tmp_path / "huge.csv"
+    with path.open("wb") as stream:
+        stream.truncate(1_000_000_000)
+    with pytest.raises(RecordingError, match=f"1000 MB; recordings up to {MAX_BYTES // 1_000_000} MB"):
+        read(path)
+    with pytest.raises(RecordingError, match="cannot be read"):
+        read(tmp_path / "absent.csv")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(RecordingError, match="no .csv"):
+        read_recordings([tmp_path / "folder"])
+
+
+def test_spikes_are_isolated_samples_only():
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=500)
+    assert len(find_spikes(noise)) == 0
+    assert len(find_spikes(np.concatenate([noise, 30 + noise]))) == 0
+    noise[[7, 300]] = (-400.0, 250.0)
+    assert find_spikes(noise).tolist() == [7, 300]
+
+
+def test_slow_motion_below_the_resolution_is_not_rest():
+    time = np.arange(40) * 0.1
+    creeping = np.where(np.arange(40) % 4 == 0, 0.1, 0.0)
+    assert not rest_mask(time, creeping)[:37].any()
+    stopped = np.concatenate([np.ones(10), np.zeros(20), -np.ones(10)])
+    assert rest_mask(time, stopped).sum() == 20
+    assert rest_mask(time, np.concatenate([np.ones(20), [0.0], -np.ones(19)])).sum() == 1
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+@pytest.mark.parametrize("rig", ["drive1_lead_screw", "drive2_antibacklash_screw", "drive3_worm"])
+def test_every_real_recording_is_read_and_told_apart(rig):
+    steady = read_recordings([RECORDINGS / rig / "steady_state"], nominal_torque=NOMINAL, direction=-1)
+    moving = read_recordings([RECORDINGS / rig / "start_stop"], nominal_torque=NOMINAL, direction=-1)
+    assert {kind_of(r) for r in steady} == {"steady"}
+    assert {kind_of(r) for r in moving} == {"start_stop"}
+    assert all(len(r.time) == 500 for r in (*steady, *moving))
+    points = torque_map(steady)
+    commanded = np.array([float(n.removesuffix(".csv").replace("n", "-")) for n in points.names])
+    np.testing.assert_allclose(points.w, -commanded * -RPM, rtol=0.1)
+    edited = {r.name for r in steady if any("restored" in repair for repair in r.repairs)}
+    assert edited == ({"1.csv", "2.csv", "n1.csv"} if rig == "drive3_worm" else set())

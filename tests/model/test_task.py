@@ -1,0 +1,99 @@
+"""Task coordinates: both ways, both names of a pose, one convention of the sign of tilt; numeric against symbolic."""
+
+from __future__ import annotations
+
+import math
+
+import casadi
+import numpy as np
+import pytest
+
+from ssm_planner.errors import GeometryError
+from ssm_planner.model.forward import forward
+from ssm_planner.model.screws import rotation
+from ssm_planner.model.symbolic import task_from_joints_symbolic
+from ssm_planner.model.task import pose_from_task, task_from_joints
+from ssm_planner.model.workspace import tilt_interval
+
+
+def test_task_names_the_pose_that_the_joints_make(random_mechanism):
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        mech = random_mechanism(rng)
+        q = rng.uniform(-4.0, 4.0, (50, 4))
+        task = task_from_joints(mech, q)
+        for reached, named in zip(forward(mech, q), pose_from_task(mech, task), strict=True):
+            assert np.abs(reached - named).max() < 1e-12
+        low, high = tilt_interval(mech)
+        assert np.all((task[:, 1] >= low - 1e-12) & (task[:, 1] <= high + 1e-12))
+        assert np.all((task[:, [0, 2]] > -math.pi) & (task[:, [0, 2]] <= math.pi))
+        assert np.allclose(task[:, 3], mech.insertion_sign * q[:, 3])
+
+
+def test_home_is_home(random_mechanism):
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        mech = random_mechanism(rng)
+        home = [mech.home_roll, mech.home_tilt, 0.0, 0.0]
+        assert np.abs(task_from_joints(mech, np.zeros(4))[0] - home).max() < 1e-12
+
+
+def test_pose_of_the_published_robot_is_its_published_formula(vitreoretinal):
+    rng = np.random.default_rng(7)
+    x, y, z = np.eye(3)
+    task = rng.uniform(-3.0, 3.0, (100, 4))
+    expected = (
+        rotation(x, task[:, 0])
+        @ rotation(y, task[:, 1] - vitreoretinal.home_tilt)
+        @ vitreoretinal.tool_home
+        @ rotation(z, task[:, 2])
+    )
+    rotations, positions = pose_from_task(vitreoretinal, task)
+    assert np.abs(rotations - expected).max() < 1e-14
+    assert np.abs(positions + task[:, 3:] * expected[:, :, 2]).max() < 1e-14
+
+
+def test_both_names_are_one_pose(random_mechanism):
+    rng = np.random.default_rng(8)
+    mech = random_mechanism(rng)
+    task = rng.uniform(-3.0, 3.0, (100, 4))
+    other = task * [1.0, -1.0, 1.0, 1.0] + [math.pi, 0.0, math.pi, 0.0]
+    for a, b in zip(pose_from_task(mech, task), pose_from_task(mech, other), strict=True):
+        assert np.abs(a - b).max() < 1e-14
+
+
+def test_roll_and_spin_continue_from_a_neighbour(vitreoretinal):
+    q = np.zeros((200, 4))
+    q[:, 0] = np.linspace(0.0, 25.0, 200)
+    q[:, 2] = np.linspace(0.0, -25.0, 200)
+    near = np.zeros(4)
+    for each in q:
+        task = task_from_joints(vitreoretinal, each, near=near)[0]
+        assert np.abs(task - near).max() < 2.1 * math.pi
+        near = task
+    assert near[0] == pytest.approx(25.0, abs=1e-9)
+    assert near[2] == pytest.approx(-25.0, abs=1e-9)
+
+
+def test_symbolic_equals_numeric(random_mechanism):
+    rng = np.random.default_rng(9)
+    for _ in range(10):
+        mech = random_mechanism(rng)
+        symbol = casadi.SX.sym("q", 4)
+        function = casadi.Function("task", [symbol], [task_from_joints_symbolic(mech, symbol)])
+        for q in rng.uniform(-3.0, 3.0, (20, 4)):
+            symbolic = function(q).full()[:, 0]
+            assert np.abs(task_from_joints(mech, q, near=symbolic)[0] - symbolic).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        (np.array([[0.0, -113.0, 0.0, 0.0]]), r"task\[0, 1\] of shape \(1, 4\): tilt = -113 rad.*degrees"),
+        (np.zeros((4, 9)), r"task has shape \(4, 9\).*transposed"),
+        (np.full((3, 4), math.inf), r"task of shape \(3, 4\) is not finite"),
+    ],
+)
+def test_bad_task_names_the_argument(vitreoretinal, task, message):
+    with pytest.raises(GeometryError, match=message):
+        pose_from_task(vitreoretinal, task)

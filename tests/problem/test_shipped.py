@@ -1,0 +1,109 @@
+"""The shipped files say what their sources say, load quickly, and fit the published schema."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ssm_planner.problem.load import load_drive, load_motor, load_robot
+from ssm_planner.problem.schema import json_schema
+from ssm_planner.problem.source import read
+
+SHIPPED = Path(__file__).parents[2] / "problems"
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("drives/*.yaml")), ids=lambda path: path.stem)
+def test_drives(path: Path) -> None:
+    drive = load_drive(path)
+    # without friction a drive passes power unchanged: γ · tan λ · ratio = 1
+    assert drive.gamma * math.tan(drive.lead_angle) * drive.ratio == pytest.approx(1, rel=1e-12)
+    assert set(drive.sources) >= {"input_inertia", "output_inertia", "thread_angle"}
+    if drive.friction is not None:
+        assert set(drive.sources) >= {"mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"}
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("motors/*.yaml")), ids=lambda path: path.stem)
+def test_motors(path: Path) -> None:
+    motor = load_motor(path)
+    assert all(motor.sources.values())
+    assert motor.max_torque >= motor.nominal_torque > 0
+
+
+def test_the_robot_is_the_published_one() -> None:
+    robot = load_robot(SHIPPED / "robots/vitreoretinal.yaml")
+    roll, tilt, spin, insertion = robot.joints
+    for joint in (roll, tilt, spin):
+        assert joint.velocity == pytest.approx(math.radians(65))
+        assert joint.acceleration == pytest.approx(math.radians(200))
+    assert (insertion.velocity, insertion.acceleration) == pytest.approx((0.02, 0.1))
+    table2 = {  # paper, Table II
+        "roll": (0.13, 0.15, 3.82e-3, 7.18e-5),
+        "tilt": (0.12, 0.13, 3.54e-3, 3.69e-5),
+        "insertion": (0.17, 0.17, 0.11e-3, 0.62e-5),
+    }
+    for joint in (roll, tilt, insertion):
+        friction = joint.drive.friction
+        assert (friction.mu, friction.mu_static, friction.b_c, friction.b_v) == pytest.approx(table2[joint.name])
+        assert friction.b_oc == pytest.approx(4e-3)
+        assert friction.b_ov == pytest.approx(2.2e-12)
+    assert spin.drive is None
+    assert spin.motor is None
+    assert [joint.drive.ratio for joint in (roll, tilt)] == [120, 120]
+    assert math.degrees(roll.drive.lead_angle) == pytest.approx(1.432, abs=1e-3)
+    assert math.degrees(insertion.drive.lead_angle) == pytest.approx(6.969, abs=1e-3)
+    assert [body.mass for body in robot.bodies] == [0.72278480, 0.37375585, 0, 0.09964338]
+
+
+def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
+    for kind, folder in (("problem", "."), ("robot", "robots"), ("drive", "drives"), ("motor", "motors")):
+        schema = json_schema(kind)
+        known = _properties(schema)
+        for path in (SHIPPED / folder).glob("*.yaml"):
+            assert _keys(read(path).value) <= known, path
+
+
+def test_a_problem_loads_quickly_and_without_the_heavy_libraries() -> None:
+    code = f"""
+import sys, time
+start = time.perf_counter()
+from ssm_planner.problem.load import load_problem
+heavy = {{"scipy.optimize", "matplotlib", "toppra", "casadi"}}
+assert not ({{"pint"}} | heavy) & set(sys.modules)
+load_problem({str(SHIPPED / "tilt_insert.yaml")!r})
+assert not heavy & set(sys.modules)
+print(time.perf_counter() - start)
+"""
+    times = []
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=SHIPPED.parent
+        )
+        times.append(float(done.stdout))
+        if times[-1] < 0.35:
+            break
+    assert min(times) < 1.0  # 0.3 s on a quiet machine
+
+
+def _properties(schema: Any) -> set[str]:
+    found: set[str] = set()
+    if isinstance(schema, dict):
+        found |= set(schema.get("properties", {}))
+        for value in schema.values():
+            found |= _properties(value)
+    elif isinstance(schema, list):
+        for value in schema:
+            found |= _properties(value)
+    return found
+
+
+def _keys(value: Any) -> set[str]:
+    if isinstance(value, dict):
+        return set(value).union(*(_keys(part) for part in value.values()))
+    if isinstance(value, list):
+        return set().union(*(_keys(part) for part in value))
+    return set()
