@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import json
+import importlib
+import re
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import metadata
-from pathlib import Path
 
 from ssm_planner.errors import SsmPlannerError
 
-OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+BAD_INPUT, INTERRUPTED = 2, 130
+
+COMMANDS = {
+    "plan": ("planning", "plan, cross-check, verify, size, report"),
+    "workspace": ("workspace", "closed-form tilt range, or the (alpha, beta) that reach a range"),
+    "ik": ("ik", "closed-form inverse kinematics, all branches"),
+}
+"""Module in ssm_planner.commands and help of every command; the module is imported only when its command is used.
+
+A module has add_arguments(parser) and run(options) -> exit status: 0 done and every check passed, 1 infeasible or a failed
+check, 2 bad input.
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0: done and checked, 1: infeasible or a failed check, 2: bad input."""
-    options = _parser().parse_args(arguments)
+    """Run one command and return its exit status."""
+    words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    options = _parser(words).parse_args(words)
     try:
         return int(options.run(options))
     except SsmPlannerError as error:
@@ -28,51 +39,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="ssm-planner",
         description="Plan, verify and export motions of serial spherical mechanisms with self-locking drives.",
+        epilog="Exit status: 0 done and every check passed; 1 infeasible, or a check failed; 2 bad input.",
     )
     parser.add_argument("--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    plan = commands.add_parser("plan", help="plan, cross-check, verify, size, report")
-    plan.add_argument("problem", type=Path, help="problem file (YAML)")
-    plan.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)"
-    )
-    plan.add_argument("--json", action="store_true", help="print one JSON object on stdout")
-    plan.set_defaults(run=_plan)
+    for name, (module, text) in COMMANDS.items():
+        command = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        if name in words:
+            implementation = importlib.import_module(f"ssm_planner.commands.{module}")
+            implementation.add_arguments(command)
+            command.set_defaults(run=implementation.run)
     return parser
 
 
-def _plan(options: argparse.Namespace) -> int:
-    progress = _progress()
-    progress(f"reading {options.problem}")
-    from ssm_planner.problem.load import load_problem
-    from ssm_planner.report.summary import summary_lines
-    from ssm_planner.run import plan_to_folder
-
-    problem = load_problem(options.problem)
-    folder = options.output or Path("results") / problem.name
-    result, files = plan_to_folder(problem, folder, progress)
-    progress("done")
-    if options.json:
-        print(json.dumps({**result.summary(), "files": {name: str(path) for name, path in files.items()}}, indent=1))
-    else:
-        print("\n".join(summary_lines(result)))
-        if files:
-            print(f"\nResults: {folder}")
-    return OK if result.passed else FAILED
-
-
-def _progress() -> Callable[[str], None]:
-    """Reports each step on stderr with the time since the start."""
-    begin = time.perf_counter()
-
-    def report(step: str) -> None:
-        print(f"[{time.perf_counter() - begin:6.2f} s] {step}", file=sys.stderr, flush=True)
-
-    return report
+def _kept_apart(word: str) -> str:
+    """`-140deg` is a value, not an option: argparse takes a word with a space in it as a value."""
+    return f" {word}" if re.match(r"-\.?\d", word) else word
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import numpy as np
 from ssm_planner.export.folder import write_folder
 from ssm_planner.plan import Plan
 from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import Array, Problem
 from ssm_planner.sizing.requirements import motor_requirements
 from ssm_planner.verify.certificate import Certificate
@@ -44,14 +45,18 @@ def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
             seconds = time.perf_counter() - begin
             progress("motor requirements")
             requirements = motor_requirements(trajectory, problem.robot)
-            return Plan(problem, planned.status, trajectory, planned.legs, certificate, requirements, None, seconds)
+            reason = None if certificate.passed else _exceeded(certificate)
+            return Plan(problem, planned.status, trajectory, planned.legs, certificate, requirements, reason, seconds)
         attempt += 1
 
 
 def plan_to_folder(problem: Problem, folder: Path, progress: Progress = lambda _: None) -> tuple[Plan, dict[str, Path]]:
-    """Plan and write plan.json, trajectory.csv and the figures; nothing is written where there is no plan."""
+    """Plan and write plan.json, trajectory.csv and the figures.
+
+    Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program.
+    """
     result = plan(problem, progress)
-    if result.trajectory is None:
+    if not result.passed:
         return result, {}
     progress("writing results")
     return result, write_folder(result, folder)
@@ -66,3 +71,19 @@ def _tighten(table: Array, certificate: Certificate, problem: Problem) -> bool:
             table[TIGHTENED.index(limit.name), names.index(limit.joint)] *= 1 + 1.5 * limit.margin
             held = True
     return held
+
+
+def _exceeded(certificate: Certificate) -> Reason:
+    """The worst violation that the check found and tightening did not cure."""
+    worst = certificate.worst
+    joint = "" if worst.joint is None else f" of joint {worst.joint}"
+    return Reason(
+        worst.name,
+        worst.joint,
+        f"t = {worst.time:.4f} s",
+        worst.worst,
+        worst.limit,
+        None,
+        f"the independent check found {worst.name}{joint} exceeded: {worst.worst:.6g} {worst.unit} against "
+        f"{worst.limit:.6g} {worst.unit} at t = {worst.time:.4f} s; the motion is not written",
+    )

@@ -188,6 +188,7 @@ def _predicted(prediction: Prediction, origin: str, output: str | Path | None) -
         "repairs": list(recording.repairs),
         "samples": len(recording.time),
         "rest_share": float(prediction.rest.mean()),
+        "contact_lost": prediction.contact_lost,
         "friction": origin,
         "files": {},
     }

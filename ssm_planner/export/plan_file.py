@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
+import hashlib
 import json
 import platform
-from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import numpy as np
-
+from ssm_planner.errors import TrajectoryError
 from ssm_planner.export.atomic import replacing
-from ssm_planner.plan import Plan
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.resolved import plain, robot_from_plain
+from ssm_planner.problem.values import TASK, Range, Robot
+from ssm_planner.verify.certificate import Certificate
 
+if TYPE_CHECKING:
+    from ssm_planner.plan import Plan
+
+FORMAT = "ssm_planner plan"
 VERSION = 1
 UNITS = {
     "time": "s",
@@ -26,11 +32,101 @@ UNITS = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class PlanFile:
+    """What later stages need of a plan, as read from plan.json: everything but the way it was found."""
+
+    robot: Robot
+    ranges: dict[str, Range]
+    """Ranges of task coordinates, by name in TASK."""
+    tip_speed: float | None
+    trajectory: Trajectory
+    certificate: Certificate | None
+    document: dict[str, Any]
+    """The whole file."""
+    path: Path
+    sha256: str
+    """Of the file's bytes."""
+
+
+def read_plan(path: str | Path) -> PlanFile:
+    """Read plan.json. Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError."""
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
+    return plan_from_bytes(data, path)
+
+
+def plan_from_bytes(data: bytes, path: Path) -> PlanFile:
+    """The plan in the content of a plan.json; path is named in messages. Raises as read_plan."""
+    document = _document(data, path)
+    problem = _mapping(document, "problem", path)
+    robot = robot_from_plain(_mapping(problem, "robot", path), file=str(path))
+    tip_speed = problem.get("tip_speed")
+    if tip_speed is not None and not (isinstance(tip_speed, (int, float)) and tip_speed > 0):
+        raise TrajectoryError(f"{path}: problem.tip_speed = {tip_speed!r}: not a speed in m/s")
+    if document.get("trajectory") is None:
+        raise TrajectoryError(f"{path}: this plan holds no trajectory (status: {document.get('status')})")
+    try:
+        trajectory = Trajectory.from_dict(_mapping(document, "trajectory", path))
+        stated = document.get("certificate")
+        certificate = None if stated is None else Certificate.from_dict(stated)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{path}: {error}") from error
+    ranges = _ranges(problem.get("limits", {}), path)
+    sha256 = hashlib.sha256(data).hexdigest()
+    return PlanFile(robot, ranges, tip_speed, trajectory, certificate, document, path, sha256)
+
+
+def _document(data: bytes, path: Path) -> dict[str, Any]:
+    def refuse(constant: str) -> NoReturn:
+        raise TrajectoryError(f"{path}: holds {constant}; a plan holds only finite numbers")
+
+    try:
+        document = json.loads(data.decode("utf-8"), parse_constant=refuse)
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(f"{path}: not a text file: not a plan.json") from error
+    except json.JSONDecodeError as error:
+        cut = error.pos >= len(data.decode("utf-8").rstrip())
+        what = "ends in the middle: truncated" if cut and data.strip() else "not JSON"
+        raise TrajectoryError(f"{path}:{error.lineno}: {what} ({error.msg})") from error
+    except RecursionError as error:
+        raise TrajectoryError(f"{path}: nested too deeply for a plan.json") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
+    if document.get("version") != VERSION:
+        raise TrajectoryError(
+            f"{path}: plan.json of version {document.get('version')!r}; this program reads version {VERSION}"
+        )
+    return document
+
+
+def _mapping(data: dict[str, Any], key: str, path: Path) -> dict[str, Any]:
+    value = data.get(key)
+    if not isinstance(value, dict):
+        raise TrajectoryError(f"{path}: {key} is missing or is no mapping: not a whole plan.json")
+    return value
+
+
+def _ranges(data: object, path: Path) -> dict[str, Range]:
+    fault = TrajectoryError(f"{path}: problem.limits: not ranges [low, high] of {', '.join(TASK)}")
+    if not isinstance(data, dict) or not set(data) <= set(TASK):
+        raise fault
+    ranges = {}
+    for name, ends in data.items():
+        if not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(end, (int, float)) for end in ends)):
+            raise fault
+        ranges[name] = (float(ends[0]), float(ends[1]))
+    return ranges
+
+
 def plan_document(plan: Plan) -> dict[str, Any]:
     """What plan.json holds; every value SI, angles in radians."""
     trajectory = plan.trajectory
     return {
-        "format": "ssm_planner plan",
+        "format": FORMAT,
         "version": VERSION,
         "units": UNITS,
         "software": software(),
@@ -71,18 +167,3 @@ def software() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             versions[name] = "unknown"
     return versions
-
-
-def plain(value: Any) -> Any:
-    """Dataclasses, arrays and mappings as JSON types."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value

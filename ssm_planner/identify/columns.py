@@ -38,6 +38,9 @@ NAMES = {
 }
 """Accepted column names, best first."""
 
+MAX_LINE = 100_000
+"""Longest line read, characters."""
+
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
@@ -71,6 +74,9 @@ class Column:
 def parse_table(text: str, path: Path) -> Table:
     """Split a text into header, channel names, units and samples."""
     lines = text.splitlines()
+    for k, line in enumerate(lines):
+        if len(line) > MAX_LINE:
+            raise RecordingError(f"{path}:{k + 1}: a line of {len(line)} characters is no line of a table")
     separator = _separator(lines, path)
     names_at = _find_names(lines, separator, path)
     header: dict[str, str] = {}

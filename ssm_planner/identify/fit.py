@@ -23,6 +23,7 @@ from ssm_planner.identify.parameters import (
 )
 from ssm_planner.identify.torque_map import TorqueMap
 from ssm_planner.model.friction import friction_of
+from ssm_planner.model.transmission import nut_contact, output_effort
 from ssm_planner.problem.values import Array, Drive
 
 CONFIDENCE = 0.95
@@ -215,20 +216,36 @@ def _report(
     }
     estimates |= {n: Estimate(v, v, v, fixed=True) for n, v in problem.fixed.items()}
     predicted = problem.torque(chosen.q)
+    drive = _identified(problem, values, cov * np.outer(problem.scale, problem.scale))
     return MapFit(
         law=problem.law,
-        drive=_identified(problem, values, cov * np.outer(problem.scale, problem.scale)),
+        drive=drive,
         estimates=estimates,
         correlation_names=names,
         correlation=correlation,
-        inseparable=tuple(
-            g for g in ls.groups(correlation, names, LINKED) if not all(separable[names.index(n)] for n in g)
-        ),
+        inseparable=_inseparable(correlation, names, separable),
         predicted=predicted,
         nrmsd=float(np.sqrt(np.mean((problem.tau - predicted) ** 2)) / np.ptp(problem.tau)),
         outliers=tuple((data.names[o.index], o.distance, o.weight) for o in outliers),
         criterion=criterion,
+        notes=_notes(problem, drive),
     )
+
+
+def _inseparable(correlation: Array, names: tuple[str, ...], separable: list[bool]) -> tuple[tuple[str, ...], ...]:
+    """Groups of parameters that only together are determined; those linked to no single other one form the last."""
+    alone = [name for name, known in zip(names, separable, strict=True) if not known]
+    found = [g for g in ls.groups(correlation, names, LINKED) if any(name in alone for name in g)]
+    rest = tuple(name for name in alone if not any(name in g for g in found))
+    return tuple(found) + ((rest,) if rest else ())
+
+
+def _notes(problem: ls.MapProblem, drive: Drive) -> tuple[str, ...]:
+    effort = output_effort(drive, problem.load, problem.w / drive.ratio, 0.0)
+    lost = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
+    if not lost:
+        return ()
+    return (f"the preload does not keep both half nuts in contact at {lost} points: the law does not hold there",)
 
 
 def _intervals(problem: ls.MapProblem, best: ls.Solution, cov: Array) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from ssm_planner.model.friction import (
     static_coefficient,
     stribeck_shape,
 )
-from ssm_planner.model.transmission import holding_torque, motor_torque, output_effort
+from ssm_planner.model.transmission import holding_torque, motor_torque, nut_contact, output_effort
 from ssm_planner.problem.values import Array, Drive, Friction
 
 START_LEAD = 0.05
@@ -38,6 +38,8 @@ class Prediction:
     rest: Array
     """(samples,) of bool: the drive stands; its torque is then what holding needs."""
     nrmsd: float
+    contact_lost: float = 0.0
+    """Share of the samples in which a half nut of an antibacklash screw lifts off: there the law does not hold."""
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
@@ -56,7 +58,10 @@ def predict(drive: Drive, recording: Recording, load: float = 0.0, load_inertia:
     """
     motion = Motion.of(recording.time, recording.w)
     tau = predict_torque(drive, motion, load, load_inertia)
-    return Prediction(recording, tau, motion.direction == 0, nrmsd(tau, recording.tau))
+    loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
+    effort = output_effort(loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
+    lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
+    return Prediction(recording, tau, motion.direction == 0, nrmsd(tau, recording.tau), lost)
 
 
 @dataclass(frozen=True, eq=False)

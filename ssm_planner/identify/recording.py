@@ -12,8 +12,8 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.identify.columns import Column, Table, find_columns, parse_table
 from ssm_planner.problem.values import Array
 
-MAX_BYTES = 64_000_000
-"""Largest file read: about two hours at 1 kHz. An EPOS recorder export is some 10 kB."""
+MAX_BYTES = 32_000_000
+"""Largest file read: more than half an hour at 1 kHz. An EPOS recorder export is some 10 kB."""
 
 MIN_SAMPLES = 8
 SPIKE_GAP = 3.0
@@ -41,7 +41,8 @@ def read_recording(
     """Read one recording.
 
     nominal_torque: N·m behind a torque channel in percent or per mille. direction: sign of the recorded channels.
-    name: how results call it, default the file's name. Raises RecordingError naming file, line and fault where the file cannot be used.
+    name: how results call it, default the file's name.
+    Raises RecordingError naming file, line and fault where the file cannot be used.
     """
     path = Path(path)
     text = _read_text(path)

@@ -3,7 +3,7 @@
 Regenerate it, from the project's folder, with
 
     python -m ssm_planner.identify.rig_figures problems/drives/rig_figures.csv \\
-        problems/drives/rig1_lead_screw.yaml=../shared/recordings/drive1_lead_screw …
+        problems/drives/rig1_lead_screw.yaml=../shared/recordings/drive1_lead_screw/steady_state …
 """
 
 from __future__ import annotations

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.identify.recording import Recording
+from ssm_planner.model.friction import STANDSTILL
 from ssm_planner.problem.values import Array
 
 FIGURES_HEADER = (
@@ -29,6 +31,9 @@ REST_TIME = 0.3
 REST_SAMPLES = 6
 """Readings of zero speed that last this long (s and samples) are rest; shorter ones, motion below the resolution."""
 
+FLICKER = 0.05
+"""Motions shorter than REST_SAMPLES and slower than this share of the usual speed are noise of the channel."""
+
 
 @dataclass(frozen=True, eq=False)
 class TorqueMap:
@@ -44,16 +49,28 @@ class TorqueMap:
 
 
 def rest_mask(time: Array, w: Array) -> Array:
-    """(samples,) of bool: True where the drive stands, not merely turns too slowly for the speed channel."""
-    still = np.abs(w) < 1e-9
+    """(samples,) of bool: True where the drive stands, not merely turns too slowly for the speed channel.
+
+    Flickers of the speed channel, brief motions far slower than the recording's others, count as standing.
+    """
+    still = np.abs(w) <= STANDSTILL
+    fast = FLICKER * float(np.quantile(np.abs(w[~still]), 0.9)) if not still.all() else 0.0
+    for start, stop in _runs(~still):
+        if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < fast:
+            still[start:stop] = True
     rest = np.zeros(len(w), dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in _runs(still):
         long = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         turns = not at_end and w[start - 1] * w[stop] < 0
         rest[start:stop] = long or turns
     return rest
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, one past last) of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:

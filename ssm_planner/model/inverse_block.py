@@ -20,6 +20,8 @@ from ssm_planner.model.workspace import tilt_magnitudes
 Array = NDArray[np.float64]
 
 BRANCHES = (1, -1)
+ALIGNED = 1e-14
+"""Distance of two unit vectors below which it is their angle, to the last digit."""
 LEVER = 1e-3
 """Where tip and orientation of a target contradict each other, m of tip error that weigh as much as 1 rad."""
 
@@ -37,11 +39,14 @@ def solve_block(
     cosine2, sine2 = _elbow(mech, u)
     theta4 = _dot(p, u)
     tip_error[:] = np.sqrt(_square(p - theta4 * u))
-    middle = z + u
-    length2 = _square(middle)
-    orientation_error[:] = 2.0 * np.arctan2(np.sqrt(_square(z - u)), np.sqrt(length2))
-    # the smallest rotation that takes z to u takes w along
-    w = w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle
+    chord = np.sqrt(_square(z - u))
+    orientation_error[:] = chord
+    if chord.max() > ALIGNED:
+        middle = z + u
+        length2 = _square(middle)
+        orientation_error[:] = 2.0 * np.arctan2(chord, np.sqrt(length2))
+        # the smallest rotation that takes z to u takes w along
+        w = w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle
 
     # Subproblem 2: θ2 from the triangle, θ1 from the azimuths of e^{ω̂2θ2} ω3 and of u about ω1
     c, s = np.sqrt(cosine2), np.sqrt(sine2)
@@ -58,6 +63,7 @@ def solve_block(
     # Subproblem 1 about ω3, with w, turned back by θ1, in the frame (ω2, toward ω1, −n)
     cos_x, w_along, w_across = cosine2 - sine2, math.cos(mech.alpha) * w[0], math.sin(mech.alpha) * w[0]
     scale = math.sin(mech.beta) * (cosine2 + sine2)
+    rows = np.empty((2, 4, len(x)))
     for k, (branch, (cosine, sine)) in enumerate(zip(BRANCHES, turned, strict=True)):
         cosine[free] = 1.0
         c1, s1 = cosine / size, sine / size
@@ -65,10 +71,11 @@ def solve_block(
         h0, h1 = w_along + math.sin(mech.alpha) * w1, w_across - math.cos(mech.alpha) * w1
         sin_x = twice if branch > 0 else -twice
         at_zero = math.cos(mech.beta) * (cos_x * h1 - sin_x * w2) - scale * h0
-        joints[:, k, 0] = np.arctan2(sine, cosine)
-        joints[:, k, 1] = mech.delta + branch * x
-        joints[:, k, 2] = np.arctan2(-cos_x * w2 - sin_x * h1, at_zero)
-        joints[:, k, 3] = theta4
+        np.arctan2(sine, cosine, out=rows[k, 0])
+        np.add(mech.delta, branch * x, out=rows[k, 1])
+        np.arctan2(-(cos_x * w2 + sin_x * h1), at_zero, out=rows[k, 2])
+        rows[k, 3] = theta4
+    joints[:] = np.moveaxis(rows, 2, 0)
 
 
 def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:

@@ -107,7 +107,7 @@ class RigidBody:
     @cached_property
     def _inverse_dynamics(self) -> ca.Function:
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
-        return ca.Function("inverse_dynamics", [q, qd, qdd], [self.symbolic(q, qd, qdd)])
+        return ca.Function("inverse_dynamics", [q, qd, qdd], [self.symbolic(q, qd, qdd)], ["q", "qd", "qdd"], ["tau"])
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:

@@ -24,6 +24,39 @@ def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, cas
     return elbow @ three @ _constant(mechanism.tool_home), elbow @ _constant(mechanism.omega3) * q[3]
 
 
+def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """p (3, 1) of joints q (4, 1)."""
+    return forward_symbolic(mechanism, q)[1]
+
+
+def space_jacobian_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """Columns ξ'_i as (v, omega), (6, 4), of joints q (4, 1)."""
+    import casadi
+
+    one = _rotation(mechanism.omega1, q[0])
+    tool = one @ _rotation(mechanism.omega2, q[1]) @ _constant(mechanism.omega3)
+    none = casadi.SX.zeros(3)
+    angular = (_constant(mechanism.omega1), one @ _constant(mechanism.omega2), tool)
+    return casadi.horzcat(*(casadi.vertcat(none, axis) for axis in angular), casadi.vertcat(tool, none))
+
+
+def body_jacobian_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """Columns Ad(g⁻¹) ξ'_i as (v, omega), (6, 4), of joints q (4, 1)."""
+    import casadi
+
+    rotation, position = forward_symbolic(mechanism, q)
+    space = space_jacobian_symbolic(mechanism, q)
+    linear = space[:3, :] - casadi.skew(position) @ space[3:, :]
+    return casadi.vertcat(rotation.T @ linear, rotation.T @ space[3:, :])
+
+
+def pose_from_task_symbolic(mechanism: Mechanism, task: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    """(R (3, 3), p (3, 1)) of (roll, tilt, spin, depth) (4, 1), any sign of tilt; formula at task.pose_from_task."""
+    pointing = _rotation(mechanism.omega1, task[0]) @ _rotation(mechanism.tilt_axis, task[1])
+    rotation = pointing @ _constant(mechanism.tool_on_omega1) @ _rotation((0.0, 0.0, 1.0), task[2])
+    return rotation, pointing @ _constant(mechanism.omega1) * (mechanism.insertion_sign * task[3])
+
+
 def joints_from_task_symbolic(
     mechanism: Mechanism, task: casadi.SX, branch: int, reference: Any | None = None
 ) -> casadi.SX:

@@ -28,6 +28,8 @@ def summary_lines(plan: Plan) -> list[str]:
     lines += ["", *_motor_table(plan), "", *_limit_table(plan)]
     if plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
+    if plan.reason is not None:
+        lines += ["", plan.reason.message]
     return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
 
 

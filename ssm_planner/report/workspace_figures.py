@@ -123,7 +123,8 @@ def design_region_figure(region: DesignRegion, built: tuple[float, float] | None
     axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
     axes.set_xticks(range(0, 181, 30))
     axes.set_yticks(range(0, 181, 30))
-    axes.legend(frameon=False, loc="upper right", fontsize=8)
+    if not region.empty or built is not None:
+        axes.legend(frameon=False, loc="upper right", fontsize=8)
     return figure
 
 
@@ -160,7 +161,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
         # next to ω1 the label would lie on its arrow
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
-        text = f"{np.degrees(tilt) + 0.0:.2f}°"
+        text = f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°"
         axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center")
     home = mechanism.home_tilt
     axes.plot([0.0, np.cos(home)], [0.0, -np.sin(home)], color="black", linewidth=1.2, linestyle="--", label="home")

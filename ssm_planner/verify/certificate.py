@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from ssm_planner.errors import TrajectoryError
+
 TOLERANCE = 1e-6
 """A limit counts as kept while it is exceeded by no more than this share of itself (rounding)."""
 
@@ -39,6 +41,16 @@ class LimitCheck:
             "unit": self.unit,
         }
 
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> LimitCheck:
+        """Read back what `to_dict` wrote. Raises TrajectoryError."""
+        try:
+            joint = None if data["joint"] is None else str(data["joint"])
+            worst, limit, margin, time = (float(data[key]) for key in ("worst", "limit", "margin", "time"))
+            return cls(str(data["name"]), joint, worst, limit, margin, time, str(data["unit"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -70,3 +82,13 @@ class Certificate:
             "limits": [limit.to_dict() for limit in self.limits],
             "unchecked": list(self.unchecked),
         }
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Certificate:
+        """Read back what `to_dict` wrote. Raises TrajectoryError."""
+        try:
+            limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])
+            unchecked = tuple(str(what) for what in data["unchecked"])
+            return cls(limits, str(data["interpolation"]), int(data["instants"]), unchecked)
+        except (KeyError, TypeError, ValueError) as error:
+            raise TrajectoryError(f"not a certificate: {error!r}") from error

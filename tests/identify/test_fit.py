@@ -104,6 +104,14 @@ def test_preload_and_mu_of_the_antibacklash_screw_trade_off():
     assert fit.estimates["preload"].low <= 0.8 <= fit.estimates["preload"].high
 
 
+def test_lost_contact_of_the_half_nuts_is_reported():
+    drive, load = rig("rig2_antibacklash_screw")
+    data = read_figures(DRIVES / "rig_figures.csv", "rig2_antibacklash_screw")
+    assert fit_map(drive, data, load, law="coulomb").notes == ()
+    lifted = fit_map(drive, data, -load, law="coulomb").notes
+    assert any("contact" in note for note in lifted)
+
+
 def test_reference_values_decide_only_what_the_data_leave_open():
     drive, load = rig("rig3_worm")
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))

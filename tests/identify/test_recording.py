@@ -120,6 +120,7 @@ def test_fewer_samples_than_promised_is_said(tmp_path):
         (b"", "empty"),
         (b"\n \n", "empty"),
         (bytes(range(256)) * 40, "not a text file"),
+        (b"time;velocity;torque\n" + b"1;" * 100_000, "no line of a table"),
         (b"just some words\nand more\n", "no columns"),
         (b"a;b;c\n1;2;3\n", "channel names"),
         (HEADER.encode(), "no sample"),
@@ -150,7 +151,7 @@ def test_huge_and_missing_files_are_refused_at_once(tmp_path):
     with pytest.raises(RecordingError, match="cannot be read"):
         read(tmp_path / "absent.csv")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(RecordingError, match="no .csv"):
+    with pytest.raises(RecordingError, match=r"no \.csv"):
         read_recordings([tmp_path / "folder"])
 
 
@@ -170,6 +171,9 @@ def test_slow_motion_below_the_resolution_is_not_rest():
     stopped = np.concatenate([np.ones(10), np.zeros(20), -np.ones(10)])
     assert rest_mask(time, stopped).sum() == 20
     assert rest_mask(time, np.concatenate([np.ones(20), [0.0], -np.ones(19)])).sum() == 1
+    flickering = np.concatenate([20.0 * np.ones(10), np.zeros(20), 20.0 * np.ones(10)])
+    flickering[[15, 22]] = (0.1, -0.1)
+    assert rest_mask(time, flickering).sum() == 20
 
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")

@@ -44,9 +44,10 @@ def test_joint_speed_has_no_bound_at_the_boundary(random_mechanism):
     for _ in range(20):
         mech = random_mechanism(rng, rng.uniform(0.3, 1.2), rng.uniform(1.3, 1.8))
         low, high = tilt_interval(mech)
-        assert np.isinf(joint_speed_per_tilt_speed(mech, low, 1)[1]) or np.abs(
-            joint_speed_per_tilt_speed(mech, low, 1)[1]
-        ) > 1e6
+        assert (
+            np.isinf(joint_speed_per_tilt_speed(mech, low, 1)[1])
+            or np.abs(joint_speed_per_tilt_speed(mech, low, 1)[1]) > 1e6
+        )
         near = np.abs(joint_speed_per_tilt_speed(mech, high - np.array([1e-2, 1e-4, 1e-6]), 1)[:, 1])
         # θ2 goes with the square root of the distance to the boundary
         assert near[1:] / near[:-1] == pytest.approx([10.0, 10.0], rel=0.1)
@@ -72,6 +73,8 @@ def test_smallest_singular_value_vanishes_at_the_boundary_only(random_mechanism)
 def test_boundary_distance(vitreoretinal):
     low, high = tilt_interval(vitreoretinal)
     tilts = np.array([low, high, (low + high) / 2.0, low - 0.1, -high])
-    assert boundary_distance(vitreoretinal, tilts) == pytest.approx([0.0, 0.0, (high - low) / 2.0, -0.1, 0.0], abs=1e-15)
+    assert boundary_distance(vitreoretinal, tilts) == pytest.approx(
+        [0.0, 0.0, (high - low) / 2.0, -0.1, 0.0], abs=1e-15
+    )
     with pytest.raises(GeometryError, match=r"tilt of shape \(\).*degrees"):
         boundary_distance(vitreoretinal, -113.0)

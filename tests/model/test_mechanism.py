@@ -19,7 +19,12 @@ from ssm_planner.model.forward import (
 )
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.screws import adjoint, hat, rotation, rotation_angle
-from ssm_planner.model.symbolic import forward_symbolic
+from ssm_planner.model.symbolic import (
+    body_jacobian_symbolic,
+    forward_symbolic,
+    space_jacobian_symbolic,
+    tip_position_symbolic,
+)
 from ssm_planner.problem.values import Geometry
 
 RNG_SEED = 3
@@ -126,13 +131,16 @@ def test_symbolic_forward_equals_numeric(random_mechanism):
     for _ in range(5):
         mech = random_mechanism(rng)
         symbol = casadi.SX.sym("q", 4)
-        function = casadi.Function("forward", [symbol], list(forward_symbolic(mech, symbol)))
+        outputs = [*forward_symbolic(mech, symbol), tip_position_symbolic(mech, symbol)]
+        outputs += [space_jacobian_symbolic(mech, symbol), body_jacobian_symbolic(mech, symbol)]
+        function = casadi.Function("forward", [symbol], outputs)
         q = rng.uniform(-3.0, 3.0, (20, 4))
         rotations, positions = forward(mech, q)
+        numeric = rotations, positions[..., np.newaxis], positions[..., np.newaxis]
+        numeric += space_jacobian(mech, q), body_jacobian(mech, q)
         for i, each in enumerate(q):
-            r, p = function(each)
-            assert np.abs(r.full() - rotations[i]).max() < 1e-14
-            assert np.abs(p.full()[:, 0] - positions[i]).max() < 1e-14
+            for symbolic, array in zip(function(each), numeric, strict=True):
+                assert np.abs(symbolic.full() - array[i]).max() < 1e-14
 
 
 def test_rotation_angle_is_exact_at_both_ends():

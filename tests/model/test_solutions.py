@@ -97,10 +97,10 @@ def test_bad_arguments_are_named(vitreoretinal):
         inverse_task(vitreoretinal, task, limits=[*WIDE[:2], (math.nan, 1.0), WIDE[3]])
     with pytest.raises(GeometryError, match=r"reference has shape \(3, 4\)"):
         inverse_task(vitreoretinal, task, reference=np.zeros((3, 4)))
+    both_branches = [[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 3.0, 0.0]]
+    ordered = inverse_task(vitreoretinal, task * 2, reference=both_branches)
     with pytest.raises(GeometryError, match="give no reference"):
-        task = np.array([[0.0, -2.0, 0.0, 0.0]] * 2)
-        near = [[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 3.0, 0.0]]
-        follow(inverse_task(vitreoretinal, task, reference=near), np.zeros(4))
+        follow(ordered, np.zeros(4))
     with pytest.raises(GeometryError, match="start has shape"):
         follow(inverse_task(vitreoretinal, task), np.zeros((2, 4)))
 

@@ -11,7 +11,7 @@ import pytest
 from ssm_planner.errors import GeometryError
 from ssm_planner.model.forward import forward
 from ssm_planner.model.screws import rotation
-from ssm_planner.model.symbolic import task_from_joints_symbolic
+from ssm_planner.model.symbolic import pose_from_task_symbolic, task_from_joints_symbolic
 from ssm_planner.model.task import pose_from_task, task_from_joints
 from ssm_planner.model.workspace import tilt_interval
 
@@ -80,10 +80,14 @@ def test_symbolic_equals_numeric(random_mechanism):
     for _ in range(10):
         mech = random_mechanism(rng)
         symbol = casadi.SX.sym("q", 4)
-        function = casadi.Function("task", [symbol], [task_from_joints_symbolic(mech, symbol)])
+        outputs = [task_from_joints_symbolic(mech, symbol), *pose_from_task_symbolic(mech, symbol)]
+        function = casadi.Function("task", [symbol], outputs)
         for q in rng.uniform(-3.0, 3.0, (20, 4)):
-            symbolic = function(q).full()[:, 0]
-            assert np.abs(task_from_joints(mech, q, near=symbolic)[0] - symbolic).max() < 1e-13
+            task, rotation_, position = (each.full() for each in function(q))
+            assert np.abs(task_from_joints(mech, q, near=task[:, 0])[0] - task[:, 0]).max() < 1e-13
+            rotations, positions = pose_from_task(mech, q)
+            assert np.abs(rotation_ - rotations[0]).max() < 1e-14
+            assert np.abs(position[:, 0] - positions[0]).max() < 1e-14
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,36 @@
+"""`ssm-planner plan PROBLEM`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ssm_planner.commands.output import FAILED, OK, print_json, progress_reporter
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("problem", type=Path, help="problem file (YAML)")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.problem}")
+    from ssm_planner.problem.load import load_problem
+    from ssm_planner.report.summary import summary_lines
+    from ssm_planner.run import plan_to_folder
+
+    problem = load_problem(options.problem)
+    folder = options.output or Path("results") / problem.name
+    result, files = plan_to_folder(problem, folder, progress)
+    progress("done")
+    if options.json:
+        print_json({**result.summary(), "files": {name: str(path) for name, path in files.items()}})
+    else:
+        print("\n".join(summary_lines(result)))
+        if files:
+            print(f"\nResults: {folder}")
+    return OK if result.passed else FAILED

@@ -1,0 +1,91 @@
+"""What the kinematic commands return: the contract of their JSON, on the shipped robot."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.commands.kinematics import ik_command, workspace_command
+from ssm_planner.errors import GeometryError
+from ssm_planner.model.forward import forward
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import pose_from_task
+from ssm_planner.problem.load import load_robot
+from ssm_planner.problem.values import Robot
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot(ROOT / "problems/robots/vitreoretinal.yaml")
+
+
+def test_workspace_of_the_robot(robot, tmp_path):
+    result = workspace_command(robot, figures_dir=tmp_path)
+    assert json.loads(json.dumps(result)) == result
+    assert math.degrees(result["alpha"]) == pytest.approx(30.0)
+    assert math.degrees(result["beta"]) == pytest.approx(109.778393)
+    assert np.degrees(result["tilt_range"]) == pytest.approx([-139.778393, -79.778393])
+    assert sorted(extreme["tilt"] for extreme in result["extremes"]) == pytest.approx(result["tilt_range"], abs=1e-14)
+    assert set(result["files"]) == {"reachable_set", "theta2_against_tilt", "joint_speeds"}
+    for path in result["files"].values():
+        assert Path(path).read_bytes().startswith(b"\x89PNG")
+
+
+def test_reach_returns_the_published_design(robot, tmp_path):
+    asked = (math.radians(-140.0), math.radians(-80.0))
+    result = workspace_command(None, reach=asked, figures_dir=tmp_path)
+    assert json.loads(json.dumps(result)) == result
+    assert np.degrees([result["alpha"], result["beta"]]) == pytest.approx([30.0, 110.0])
+    assert np.degrees(result["region"]) == pytest.approx(np.array([[30, 110], [110, 30], [150, 70], [70, 150]]))
+    assert Path(result["files"]["design_region"]).exists()
+    with_robot = workspace_command(robot, reach=asked[::-1])
+    assert math.degrees(with_robot["robot"]["margin"]) == pytest.approx(-0.221607, abs=1e-6)
+
+
+def test_reach_of_the_impossible_is_an_answer():
+    result = workspace_command(None, reach=(-3.0, -0.1), margin=0.2)
+    assert result == {"alpha": None, "beta": None, "region": [], "margin": 0.2, "reachable": False}
+
+
+def test_workspace_needs_something_to_work_on():
+    with pytest.raises(GeometryError, match="a robot file or a tilt range"):
+        workspace_command(None)
+
+
+def test_ik_returns_branches_that_reach(robot):
+    target = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.02}
+    result = ik_command(robot, **target)
+    assert json.loads(json.dumps(result)) == result
+    assert result["reachable"]
+    assert result["error"] == {"orientation": 0.0, "tip": 0.0}
+    assert len(result["branches"]) == 2
+    mech = Mechanism.from_geometry(robot.geometry)
+    expected = pose_from_task(mech, [[*target.values()]])
+    for reached, asked in zip(forward(mech, result["branches"]), expected, strict=True):
+        assert np.abs(reached - asked).max() < 1e-12
+
+
+def test_ik_within_limits_drops_what_is_outside(robot):
+    target = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.2}
+    assert ik_command(robot, **target)["in_limits"] == [False, False]
+    assert ik_command(robot, **target, within_limits=True)["branches"] == []
+
+
+def test_ik_outside_the_workspace_says_by_how_much(robot):
+    result = ik_command(robot, roll=0.1, tilt=math.radians(-145.0), depth=0.02)
+    excess = math.radians(145.0 - 139.77839335)
+    assert not result["reachable"]
+    assert len(result["branches"]) == 1  # at the boundary the branches meet
+    assert result["error"] == pytest.approx({"orientation": excess, "tip": 0.02 * math.sin(excess)}, abs=1e-9)
+    assert result["boundary_distance"] == pytest.approx(-excess, abs=1e-9)
+
+
+def test_ik_in_degrees_is_refused(robot):
+    with pytest.raises(GeometryError, match="degrees"):
+        ik_command(robot, roll=0.1, tilt=-120.0)

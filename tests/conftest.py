@@ -1,0 +1,22 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.problem.load import load_problem, load_robot
+from ssm_planner.problem.values import Problem, Robot
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    """The shipped vitreoretinal robot."""
+    return load_robot(ROOT / "problems/robots/vitreoretinal.yaml")
+
+
+@pytest.fixture(scope="session")
+def tilt_insert() -> Problem:
+    """The shipped problem."""
+    return load_problem(ROOT / "problems/tilt_insert.yaml")

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ssm_planner.errors import GeometryError
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.screws import rotation
+from ssm_planner.problem.values import Body, Geometry, Robot, frozen
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from pinocchio_model import build
+
+RNG = np.random.default_rng(7)
+
+
+def random_states(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    q = rng.uniform(-np.pi, np.pi, (count, 4))
+    q[:, 3] = rng.uniform(-0.05, 0.05, count)
+    return q, rng.uniform(-2, 2, (count, 4)), rng.uniform(-5, 5, (count, 4))
+
+
+def random_robot(robot: Robot, rng: np.random.Generator) -> Robot:
+    """Arbitrary angles, mounting and physical bodies."""
+    turn = rotation(unit(rng), rng.uniform(0, np.pi))
+    mechanism = Mechanism.from_angles(*rng.uniform(0.2, 2.8, 2))
+    axes = [turn @ axis for axis in (mechanism.omega1, mechanism.omega2, mechanism.omega3)]
+    tool = turn @ mechanism.tool_home
+    bodies = []
+    for axis in (axes[0], axes[1], axes[2], axes[2]):
+        points = rng.normal(0, 0.1, (6, 3))
+        masses = rng.uniform(0.05, 0.5, 6)
+        com = masses @ points / masses.sum()
+        inertia = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
+        bodies.append(Body("b", masses.sum(), frozen(com, (3,)), frozen(inertia, (3, 3)), frozen(frame(axis), (3, 3))))
+    geometry = Geometry(*(frozen(axis, (3,)) for axis in axes), frozen(tool, (3, 3)))
+    gravity = frozen(9.81 * unit(rng), (3,))
+    return dataclasses.replace(robot, geometry=geometry, bodies=tuple(bodies), gravity=gravity)
+
+
+def unit(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)
+
+
+def frame(z: np.ndarray) -> np.ndarray:
+    x = np.cross(z, [0.3, 0.5, 0.8])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def rnea(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed")
+    model = build(robot)
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *state) for state in zip(q, qd, qdd, strict=True)])
+
+
+def test_inverse_dynamics_agrees_with_pinocchio_for_the_shipped_robot(robot: Robot) -> None:
+    q, qd, qdd = random_states(RNG, 1000)
+    tau = RigidBody.from_robot(robot).inverse_dynamics(q, qd, qdd)
+    assert np.abs(tau - rnea(robot, q, qd, qdd)).max() <= 1e-9
+    assert np.abs(tau).max() > 0.1
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_inverse_dynamics_agrees_with_pinocchio_for_any_angles_and_mounting(robot: Robot, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    other = random_robot(robot, rng)
+    q, qd, qdd = random_states(rng, 200)
+    tau = RigidBody.from_robot(other).inverse_dynamics(q, qd, qdd)
+    assert np.abs(tau - rnea(other, q, qd, qdd)).max() <= 1e-9
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_power_equals_the_rate_of_energy(robot: Robot, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    body = RigidBody.from_robot(random_robot(robot, rng))
+    q, qd, qdd = random_states(rng, 1)
+    power = float(np.sum(body.inverse_dynamics(q, qd, qdd) * qd))
+    h = 1e-5
+
+    def energy(t: float) -> float:
+        kinetic, potential = body.energy(q + t * qd + t**2 / 2 * qdd, qd + t * qdd)
+        return float(kinetic[0] + potential[0])
+
+    assert power == pytest.approx((energy(h) - energy(-h)) / (2 * h), rel=1e-6, abs=1e-6)
+
+
+def test_mass_matrix_is_symmetric_positive_definite_and_that_of_the_dynamics(robot: Robot) -> None:
+    body = RigidBody.from_robot(robot)
+    q, _, qdd = random_states(RNG, 50)
+    mass = body.mass_matrix(q)
+    assert np.abs(mass - mass.transpose(0, 2, 1)).max() < 1e-14
+    assert np.linalg.eigvalsh(mass).min() > 0
+    still = np.zeros_like(q)
+    tau = body.inverse_dynamics(q, still, qdd) - body.gravity_load(q)
+    assert np.abs(np.einsum("nij,nj->ni", mass, qdd) - tau).max() < 1e-12
+
+
+def test_a_transposed_batch_is_refused(robot: Robot) -> None:
+    body = RigidBody.from_robot(robot)
+    batch = np.zeros((7, 4))
+    with pytest.raises(GeometryError, match=r"argument qd has shape \(4, 7\), expected \(n, 4\) with n = 7"):
+        body.inverse_dynamics(batch, batch.T, batch)

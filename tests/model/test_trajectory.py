@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ssm_planner.errors import TrajectoryError
+from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
+
+
+def random_trajectory(seed: int, pieces: int = 5) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.5, pieces))])
+    states = [rng.normal(size=(pieces + 1, 4)) for _ in range(3)]
+    start, end = tuple(x[:-1] for x in states), tuple(x[1:] for x in states)
+    return join([("move", breaks, hermite(breaks, start, end)), ("rest", np.array([0.0, 0.3]), hold(states[0][-1]))])
+
+
+@given(seed=st.integers(0, 1000))
+def test_hermite_pieces_meet_their_ends(seed: int) -> None:
+    trajectory = random_trajectory(seed)
+    inner = trajectory.breaks[1:-2]
+    left, right = trajectory.sample(inner, side="left"), trajectory.sample(inner, side="right")
+    for name in ("q", "qd", "qdd"):
+        assert np.allclose(getattr(left, name), getattr(right, name), rtol=1e-9, atol=1e-9)
+
+
+@given(seed=st.integers(0, 1000))
+def test_derivatives_are_those_of_the_position(seed: int) -> None:
+    trajectory = random_trajectory(seed)
+    t = np.linspace(0.01, trajectory.breaks[-2] - 0.01, 37)
+    t = t[np.abs(t[:, None] - trajectory.breaks).min(axis=1) > 2e-5]
+    h = 1e-5
+    low, here, high = (trajectory.sample(t + step) for step in (-h, 0.0, h))
+    for value, derivative in (("q", "qd"), ("qd", "qdd"), ("qdd", "qddd")):
+        numeric = (getattr(high, value) - getattr(low, value)) / (2 * h)
+        exact = getattr(here, derivative)
+        assert np.allclose(numeric, exact, rtol=1e-5, atol=1e-4 * np.abs(exact).max())
+
+
+def test_round_trip_through_json_is_exact() -> None:
+    trajectory = random_trajectory(3)
+    again = Trajectory.from_dict(json.loads(json.dumps(trajectory.to_dict())))
+    assert np.array_equal(again.coefficients, trajectory.coefficients)
+    assert np.array_equal(again.breaks, trajectory.breaks)
+    assert again.phases == trajectory.phases
+
+
+@pytest.mark.parametrize("rate", [1000.0, 137.0, 3.0])
+def test_uniform_samples_end_exactly_at_the_end(rate: float) -> None:
+    trajectory = random_trajectory(1)
+    samples = trajectory.uniform(rate)
+    assert samples.t[-1] == trajectory.breaks[-1]
+    assert np.allclose(np.diff(samples.t)[:-1], 1 / rate)
+    assert np.all(np.diff(samples.t) > 0)
+
+
+@pytest.mark.parametrize(
+    ("breaks", "coefficients"),
+    [
+        ([0.0, 1.0], np.zeros((2, 6, 4))),
+        ([0.0, 0.0], np.zeros((1, 6, 4))),
+        ([0.0, 1.0], np.full((1, 6, 4), np.nan)),
+        ([0.0], np.zeros((0, 6, 4))),
+    ],
+)
+def test_what_is_no_trajectory_is_refused(breaks: list[float], coefficients: np.ndarray) -> None:
+    with pytest.raises(TrajectoryError):
+        Trajectory(np.array(breaks), coefficients, ())

@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.planning.bound import rest_to_rest
+from ssm_planner.problem.values import Motion, Problem, Robot, Target
+from ssm_planner.run import plan
+
+
+def weaker(robot: Robot, factor: float) -> Robot:
+    joints = tuple(
+        joint
+        if joint.motor is None
+        else dataclasses.replace(
+            joint, motor=dataclasses.replace(joint.motor, max_torque=factor * joint.motor.max_torque)
+        )
+        for joint in robot.joints
+    )
+    return dataclasses.replace(robot, joints=joints)
+
+
+def straight(problem: Problem, **task: float) -> Problem:
+    """The problem with one straight motion to the given task coordinates, rad and m."""
+    return dataclasses.replace(problem, motion=(Motion("straight", "straight", Target(task=task)),))
+
+
+def assert_certified_and_as_fast_as_toppra(problem: Problem) -> None:
+    result = plan(problem)
+    assert result.status == "solved"
+    assert result.certificate is not None
+    assert min(limit.margin for limit in result.certificate.limits) >= -1e-6
+    assert result.passed
+    for leg in result.legs:
+        assert 1 - 5e-4 <= leg.duration / leg.toppra_duration <= 1 + 5e-3
+        assert leg.duration >= leg.lower_bound * (1 - 1e-6)
+
+
+def test_tilt_and_insert(tilt_insert: Problem) -> None:
+    assert_certified_and_as_fast_as_toppra(tilt_insert)
+
+
+@pytest.mark.parametrize("factor", [0.3, 0.285])
+def test_with_motors_that_bind(tilt_insert: Problem, factor: float) -> None:
+    problem = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor), motion=tilt_insert.motion[:1])
+    result = plan(problem)
+    assert result.passed
+    torque = [limit for limit in result.certificate.limits if limit.name == "motor torque"]
+    assert min(limit.margin for limit in torque) < 1e-3
+    assert_certified_and_as_fast_as_toppra(problem)
+
+
+def test_all_coordinates_together(tilt_insert: Problem) -> None:
+    target = {"roll": np.radians(15), "tilt": np.radians(-120), "spin": np.radians(80), "depth": 0.015}
+    assert_certified_and_as_fast_as_toppra(straight(tilt_insert, **target))
+
+
+def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
+    """Rolling on while tilting makes joint 1 reverse: the friction of its drive changes sign on the way."""
+    problem = straight(tilt_insert, roll=np.radians(-30), tilt=np.radians(-112))
+    start = Target(task={"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
+    problem = dataclasses.replace(problem, start=start)
+    result = plan(problem)
+    assert len(result.legs[0].leg.path.directions[0]) > 2
+    assert result.passed
+    assert_certified_and_as_fast_as_toppra(problem)
+
+
+def test_tip_speed_is_kept(tilt_insert: Problem) -> None:
+    problem = dataclasses.replace(tilt_insert, tip_speed=0.012, motion=tilt_insert.motion[1:])
+    result = plan(problem)
+    assert result.passed
+    limit = next(limit for limit in result.certificate.limits if limit.name == "tip speed")
+    assert limit.worst == pytest.approx(0.012, rel=1e-5)
+    assert result.duration == pytest.approx(rest_to_rest(0.02, 0.012, 0.1), rel=1e-4)
+
+
+def test_a_motor_too_weak_is_named_with_what_it_needs(tilt_insert: Problem) -> None:
+    result = plan(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.2)))
+    assert result.status == "infeasible"
+    assert not result.passed
+    assert result.trajectory is None
+    assert result.reason.constraint == "motor torque"
+    assert result.reason.joint == "roll"
+    assert result.reason.required > result.reason.available
+    enough = result.reason.required / tilt_insert.robot.joints[0].motor.max_torque
+    assert plan(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 1.02 * enough))).passed
+
+
+def test_a_joint_range_that_no_branch_respects_is_named(tilt_insert: Problem) -> None:
+    joints = list(tilt_insert.robot.joints)
+    joints[1] = dataclasses.replace(joints[1], position=(-0.1, 0.1))
+    problem = dataclasses.replace(tilt_insert, robot=dataclasses.replace(tilt_insert.robot, joints=tuple(joints)))
+    result = plan(problem)
+    assert result.status == "infeasible"
+    assert (result.reason.constraint, result.reason.joint) == ("position", "tilt")
+
+
+def test_a_tilt_beyond_the_mechanism_is_bad_input(tilt_insert: Problem) -> None:
+    with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
+        plan(straight(dataclasses.replace(tilt_insert, limits={}), tilt=np.radians(-140)))
+
+
+def test_a_motion_that_goes_nowhere_is_bad_input(tilt_insert: Problem) -> None:
+    with pytest.raises(ProblemError, match="goes nowhere"):
+        plan(straight(tilt_insert, depth=0.0))

@@ -1,0 +1,185 @@
+"""The command line as a user meets it: exit status, one message, files whole or untouched."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.cli import main
+
+ROOT = Path(__file__).parent.parent
+Edit = Callable[[str], str]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A copy of problems/ that a test may spoil."""
+    shutil.copytree(ROOT / "problems", tmp_path / "problems")
+    return tmp_path
+
+
+def replace(old: str, new: str) -> Edit:
+    def edit(text: str) -> str:
+        assert old in text
+        return text.replace(old, new, 1)
+
+    return edit
+
+
+def run_plan(files: Path, *options: str) -> int:
+    return main(["plan", str(files / "problems/tilt_insert.yaml"), "-o", str(files / "out"), *options])
+
+
+def test_plan_writes_a_complete_and_consistent_folder(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_plan(files, "--json") == 0
+    captured = capsys.readouterr()
+    printed = json.loads(captured.out)
+    assert {"status", "duration", "lower_bound", "gap", "toppra_duration", "passed", "solve_time"} <= set(printed)
+    assert {"motors", "limits", "reason", "files"} <= set(printed)
+    assert printed["passed"] is True
+    assert printed["reason"] is None
+    assert "independent check" in captured.err
+    assert all(limit["margin"] >= -1e-6 for limit in printed["limits"])
+    assert {motor["joint"]: motor["placeholder"] for motor in printed["motors"]}["roll"] is True
+
+    plan = json.loads((files / "out/plan.json").read_text())
+    assert plan["duration"] == pytest.approx(printed["duration"])
+    table = np.genfromtxt(files / "out/trajectory.csv", delimiter=",", names=True)
+    assert table["time_s"][-1] == pytest.approx(plan["duration"])
+    assert np.allclose(np.diff(table["time_s"])[:-1], 1e-3)
+    assert -1e3 * table["q4_m"][-1] == pytest.approx(20)
+    assert np.abs(table["motor1_torque_Nm"]).max() <= printed["motors"][0]["peak_torque"] + 1e-9
+    for name in ("motion.png", "motors.png"):
+        assert (files / "out" / name).stat().st_size > 10_000
+
+
+def test_the_summary_ends_with_verdicts_and_names_placeholders(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_plan(files) == 0
+    text = capsys.readouterr().out
+    assert "placeholder figures" in text
+    verdicts = text[text.index("Verdicts") :]
+    assert "PASSED" in verdicts
+    assert "TOPP-RA" in verdicts
+
+
+PROBLEM, ROBOT = "tilt_insert.yaml", "robots/vitreoretinal.yaml"
+WORM = "drives/vitreoretinal_joint1_worm.yaml"
+BAD = {
+    "unreachable tilt": (PROBLEM, replace("-135 deg", "-139.5 deg"), [r"tilt_insert.yaml:\d+", "tilt", "139.5"]),
+    "unknown key": (PROBLEM, replace("objective:", "objektive:"), [r"tilt_insert.yaml:\d+", "objektive", "objective"]),
+    "no unit": (PROBLEM, replace("-135 deg", "-135"), [r"tilt_insert.yaml:\d+", "-135", "unit"]),
+    "wrong unit": (PROBLEM, replace("-135 deg", "-135 mm"), [r"tilt_insert.yaml:\d+", "-135 mm", "angle"]),
+    "radians meant as degrees": (
+        PROBLEM,
+        replace("-135 deg", "-135 rad"),
+        [r"tilt_insert.yaml:\d+", "-135 rad", "deg"],
+    ),
+    "negative limit": (ROBOT, replace("velocity: 65 deg/s", "velocity: -65 deg/s"), [r"vitreoretinal.yaml:\d+", "velocity", "-65 deg/s"]),
+    "unphysical inertia": (
+        ROBOT,
+        replace("products_of_inertia: cad", "products_of_inertia: tensor"),
+        [r"vitreoretinal.yaml:\d+", "inertia", "sign", "cad"],
+    ),
+    "missing file": (PROBLEM, replace("robots/vitreoretinal", "robots/nobody"), [r"tilt_insert.yaml:\d+", "nobody"]),
+    "broken YAML": (PROBLEM, replace("start:", "start: {"), [r"tilt_insert.yaml:\d+"]),
+    "not self-locking": (
+        WORM,
+        replace("mu: {value: 0.13", "mu: {value: 0.01"),
+        [r"worm.yaml:\d+", "lock", "0.01", "0.0234"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD, ids=BAD.keys())
+def test_bad_input_gives_one_message_and_status_2(case: str, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name, edit, expected = BAD[case]
+    earlier = files / "out/plan.json"
+    earlier.parent.mkdir()
+    earlier.write_text("earlier result")
+    path = files / "problems" / name
+    path.write_text(edit(path.read_text(encoding="utf-8")), encoding="utf-8")
+    assert run_plan(files) == 2
+    captured = capsys.readouterr()
+    message = "\n".join(line for line in captured.err.splitlines() if not line.startswith("["))
+    for part in expected:
+        assert re.search(part, message), (part, message)
+    assert "Traceback" not in message
+    assert captured.out == ""
+    assert [file.name for file in earlier.parent.iterdir()] == ["plan.json"]
+    assert earlier.read_text() == "earlier result"
+
+
+def test_an_infeasible_problem_gives_its_reason_and_status_1(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = files / "problems/motors/maxon_ecx_torque_22_xl.yaml"
+    path.write_text(
+        path.read_text()
+        .replace("max_torque: 78 mN*m", "max_torque: 15 mN*m")
+        .replace("36.7", "14")
+        .replace("2480 mA", "946 mA")
+    )
+    assert run_plan(files, "--json") == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["status"] == "infeasible"
+    assert printed["passed"] is False
+    assert printed["files"] == {}
+    reason = printed["reason"]
+    assert (reason["constraint"], reason["joint"]) == ("motor torque", "roll")
+    assert reason["required"] > reason["available"] == pytest.approx(0.015)
+    assert reason["relaxation"]
+    assert not (files / "out").exists()
+
+
+def test_an_unwritable_folder_is_one_message(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (files / "out").write_text("a file where the folder should be")
+    assert run_plan(files) == 2
+    assert "cannot be written" in capsys.readouterr().err
+    assert (files / "out").read_text() == "a file where the folder should be"
+
+
+def test_workspace_and_reach(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["workspace", str(ROOT / "problems" / ROBOT), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert math.degrees(found["beta"]) == pytest.approx(109.778, abs=5e-4)
+    assert np.degrees(found["tilt_range"]) == pytest.approx([-139.778, -79.778], abs=5e-4)
+    assert main(["workspace", "--reach", "-140deg", "-80deg", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert np.degrees([found["alpha"], found["beta"]]) == pytest.approx([30, 110])
+
+
+def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
+    robot = str(ROOT / "problems" / ROBOT)
+    assert main(["ik", robot, "--roll", "5deg", "--tilt", "-100deg", "--depth", "15mm", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["reachable"] is True
+    assert len(found["branches"]) == 2
+    assert all(q[3] == pytest.approx(-0.015) for q in found["branches"])
+    assert main(["ik", robot, "--tilt", "-150deg", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["reachable"] is False
+
+
+@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["plan"], ["ik", "x.yaml", "--tilt", "-100"], ["workspace"]])
+def test_wrong_arguments_are_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        status = main(arguments)
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    assert status == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_help_names_every_command_without_loading_anything_heavy() -> None:
+    code = "import sys; from ssm_planner.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
+    code += "print(sorted({'numpy', 'casadi', 'toppra', 'matplotlib', 'pint', 'pydantic'} & set(sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.rstrip().endswith("[]")
+    for command in ("plan", "workspace", "ik"):
+        assert command in out
