@@ -9,7 +9,8 @@ from typing import Any
 from ssm_planner.errors import RecordingError
 from ssm_planner.identify.drive_file import write_drive
 from ssm_planner.identify.dynamic import DynamicFit, fit_dynamic
-from ssm_planner.identify.fit import Estimate, MapFit, fit_map
+from ssm_planner.identify.estimates import Estimate
+from ssm_planner.identify.fit import MapFit, fit_map
 from ssm_planner.identify.prediction import Prediction, predict
 from ssm_planner.identify.recording import Recording, read_recordings
 from ssm_planner.identify.rig_figures import TABLE

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import RecordingError
+from ssm_planner.identify.numbers import NUMBER, Notes
 from ssm_planner.problem.values import Array
 
 _RPM = math.pi / 30.0
@@ -41,10 +42,6 @@ NAMES = {
 MAX_LINE = 100_000
 """Longest line read, characters."""
 
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-_EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 _UNIT_IN_NAME = re.compile(r"^(.*?)\s*[\[(](.*?)[\])]\s*$")
 
 
@@ -88,7 +85,7 @@ def parse_table(text: str, path: Path) -> Table:
     units = [""] * len(names)
     if first < len(lines):
         second = [field.strip().strip('"') for field in _fields(lines[first], separator)]
-        if second and not any(_NUMBER.fullmatch(f) for f in second):
+        if second and not any(NUMBER.fullmatch(f) for f in second):
             units, first = second, first + 1
     names, units = _align(names, units)
     return _samples(lines, first, separator, names, units, header, path)
@@ -184,7 +181,7 @@ def _samples(
     lines: list[str], first: int, separator: str, names: list[str], units: list[str], header: dict[str, str], path: Path
 ) -> Table:
     width, rows, numbers = len(names), [], []
-    notes = _Notes(path, any("." in line for line in lines[first : first + 200]))
+    notes = Notes(path, any("." in line for line in lines[first : first + 200]))
     last = max((k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")), default=first - 1)
     for k in range(first, last + 1):
         raw = lines[k]
@@ -213,46 +210,3 @@ def _samples(
     if promised.isdigit() and int(promised) != len(rows):
         notes.add(f"the header promises {promised} samples, {len(rows)} were found")
     return Table(names, units, np.array(rows, dtype=float), numbers, notes.all(), header)
-
-
-class _Notes:
-    """Repairs of one file, equal ones counted."""
-
-    def __init__(self, path: Path, decimal_point: bool) -> None:
-        self.path, self.decimal_point = path, decimal_point
-        self.single: list[str] = []
-        self.counted: dict[str, list[int]] = {}
-
-    def add(self, text: str) -> None:
-        self.single.append(text)
-
-    def count(self, text: str, line: int) -> None:
-        self.counted.setdefault(text, []).append(line + 1)
-
-    def number(self, text: str, line: int) -> float:
-        """The number a field holds, its local habits undone; NaN for an empty field or a stated nan."""
-        text = text.strip().strip('"').strip()
-        if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
-            return math.nan
-        if _NUMBER.fullmatch(text):
-            return float(text)
-        edited = _EDITED.fullmatch(text)
-        if edited:
-            value, before = edited.group(1).strip(), edited.group(2)
-            self.add(f"line {line + 1}: edited value {value} restored to {before}, which the file states it was")
-            return float(before)
-        if _THOUSANDS.fullmatch(text) and self.decimal_point:
-            self.count("numbers with thousands separators read without them", line)
-            return float(text.replace(",", ""))
-        if _DECIMAL_COMMA.fullmatch(text):
-            self.count("numbers with a decimal comma read as such", line)
-            return float(text.replace(",", "."))
-        head = text.split(",", 1)[0].strip()
-        if "," in text and _NUMBER.fullmatch(head):
-            self.add(f"line {line + 1}: text after the number {head} ignored ({text[:40]!r})")
-            return float(head)
-        raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
-
-    def all(self) -> list[str]:
-        counted = [f"{len(at)} {text} (first: line {at[0]})" for text, at in self.counted.items()]
-        return self.single + counted

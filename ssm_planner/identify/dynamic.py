@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.identify.fit import CONFIDENCE, Estimate
+from ssm_planner.identify.estimates import CONFIDENCE, Estimate
 from ssm_planner.identify.prediction import Motion, nrmsd, predict_torque
 from ssm_planner.identify.recording import Recording
 from ssm_planner.model.friction import friction_of

@@ -17,7 +17,8 @@ from ssm_planner.model.drive_dynamics import breaks_away, friction_power, slip_a
 from ssm_planner.model.friction import friction_coefficient, friction_of, static_coefficient
 from ssm_planner.model.transmission import breakaway_torque
 from ssm_planner.problem.values import Array, Drive
-from ssm_planner.verify.simulate_arm import ArmMotion, ArmSimulation
+from ssm_planner.verify.simulate_arm import ArmSimulation
+from ssm_planner.verify.simulate_motion import ArmMotion
 
 Reference = Callable[[float], tuple[Array, Array, Array]]
 """Time (s) → q, qd, qdd wanted, (4,) each."""

@@ -11,9 +11,6 @@ Leapfrog steps in CasADi, several per control period, all periods in one call.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
@@ -22,6 +19,7 @@ from ssm_planner.model.drive_dynamics import always_unique
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.problem.values import Array, Drive, Robot
 from ssm_planner.verify.simulate import NOT_UNIQUE
+from ssm_planner.verify.simulate_motion import ArmMotion, Compliance
 from ssm_planner.verify.simulate_servo import Servo, servo_for, servo_step
 from ssm_planner.verify.simulate_step import drive_step
 
@@ -32,61 +30,6 @@ _CHUNK = 100
 _Q, _QD, _MOTOR, _W, _INTEGRAL, _REST, _ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
 _STATE = 28
 _WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
-
-
-@dataclass(frozen=True, eq=False)
-class Compliance:
-    """Spring and damper between each drive and its joint, (4,): N·m/rad and N·m·s/rad, N/m and N·s/m for joint 4."""
-
-    stiffness: Array
-    damping: Array
-
-    @classmethod
-    def of_frequency(
-        cls,
-        body: RigidBody,
-        q: Array,
-        frequency: tuple[float, float, float, float] = (30.0, 30.0, 30.0, 100.0),
-        damping_ratio: float = 0.3,
-    ) -> Compliance:
-        """Stiffness from the natural frequency (Hz) of each joint with its drive locked, at q (4,).
-
-        The default figures are assumptions, not measurements.
-        """
-        inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
-        omega = 2.0 * math.pi * np.asarray(frequency)
-        return cls(inertia * omega**2, 2.0 * damping_ratio * inertia * omega)
-
-
-@dataclass(frozen=True, eq=False)
-class ArmMotion:
-    """A simulated motion at the control instants: arrays (n,) and (n, 4), SI; motor columns are NaN without a drive."""
-
-    time: Array
-    q: Array
-    qd: Array
-    motor_angle: Array
-    w: Array
-    tau: Array
-    """Motor torque during the period that begins at each instant."""
-    work: Array
-    """Energy put in by the motors, and by what moves the joints without a drive, since the start, J."""
-    friction_loss: Array
-    damping_loss: Array
-    kinetic: Array
-    potential: Array
-    """Of gravity and of the springs, J."""
-    status: str
-    """`done`, or what makes the motion worthless."""
-
-    @property
-    def energy_error(self) -> float:
-        """Largest |work − (kinetic + potential + dissipated)| over the largest of these."""
-        stored = self.kinetic + self.potential
-        lost = self.friction_loss + self.damping_loss
-        error = self.work - (stored - stored[0]) - lost
-        scale = max(float(np.abs(x).max()) for x in (self.work, lost, stored - stored[0]))
-        return float(np.abs(error).max() / scale) if scale > 1e-12 else 0.0
 
 
 class ArmSimulation:
