@@ -16,6 +16,8 @@ BAD_INPUT, INTERRUPTED = 2, 130
 COMMANDS = {
     "plan": ("planning", "plan, cross-check, verify, size, report"),
     "workspace": ("workspace", "closed-form tilt range, or the (alpha, beta) that reach a range"),
+    "identify": ("identify", "friction with confidence, map figure, a drive file to use"),
+    "predict": ("predict", "predicted against measured torque, NRMSD"),
     "ik": ("ik", "closed-form inverse kinematics, all branches"),
 }
 """Module in ssm_planner.commands and help of every command; the module is imported only when its command is used.

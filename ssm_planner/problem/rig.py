@@ -24,7 +24,8 @@ class Rig:
     direction: Literal[-1, 1] = 1
     """The rig's positive motion and torque are direction times the recorded channels."""
     published: Mapping[str, float] = field(default_factory=dict)
-    """Parameters that others published for this drive, by name in Friction (and preload), SI; for comparison only."""
+    """Parameters that others published for this drive, by name in Friction (and preload), SI: for comparison, and the
+    reference nearest to which identification settles what its data leave open (it then says so)."""
 
     @property
     def F_payload(self) -> float:

@@ -66,7 +66,7 @@ FrictionLawName = Literal["coulomb", "stribeck_exponential", "stribeck_gaussian"
 class Friction:
     """Friction of one drive, motor side unless said otherwise (physics of the mesh: model/transmission.py).
 
-    μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), s = exp(−x), exp(−2x) or exp(−x²) by law; μ at rest is mu_static.
+    μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), s = 0, exp(−2x) or exp(−x²) by law; μ at rest is mu_static.
     """
 
     mu: float
