@@ -140,8 +140,8 @@ def plan_document(plan: Plan) -> dict[str, Any]:
                 "lower_bound": leg.lower_bound,
                 "task_start": leg.leg.start.tolist(),
                 "task_end": leg.leg.end.tolist(),
-                "branch": None if leg.leg.path is None else leg.leg.path.branch,
-                "iterations": None if leg.phase is None else leg.phase.ocp.iterations,
+                "branch": leg.leg.branch,
+                "iterations": leg.iterations,
             }
             for leg in plan.legs
         ],

@@ -79,4 +79,4 @@ def element_derivatives(element: ca.Function) -> tuple[ca.Function, ca.Function]
 def block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
     """diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side, keeping their sparsity."""
     pattern = ca.diagcat(*[block] * count)
-    return ca.MX(pattern, columns.nz[:])
+    return ca.MX(pattern, ca.vec(columns).nz[:]) if pattern.nnz() else ca.MX(*pattern.shape)

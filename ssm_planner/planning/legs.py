@@ -7,13 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.inverse import inverse_task
+from ssm_planner.model.inverse import inverse_task, inverse_tip
 from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.solutions import Solutions
 from ssm_planner.model.task import task_from_joints
 from ssm_planner.model.workspace import tilt_interval
 from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
+
+NOWHERE = 1e-9
+"""A motion over less than this (rad, m) goes nowhere."""
+LOOKS = 201
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,117 +31,160 @@ class Leg:
     first: Array
     last: Array
     path: StraightPath | None
-    """None for a dwell."""
+    """None for a dwell and for a free motion."""
+
+    @property
+    def straight(self) -> StraightPath:
+        if self.path is None:
+            raise ValueError(f"{self.motion.name} is no straight motion")
+        return self.path
+
+    @property
+    def branch(self) -> int | None:
+        return None if self.path is None else self.path.branch
 
 
 def legs_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Leg, ...], Reason | None]:
-    """The legs of a problem, or the reason why no IK branch carries it.
+    """The legs of a problem, or the reason why no start configuration carries it.
 
-    Branches are tried from the home configuration's on; the first whose joints stay in range all along is taken.
-    Raises ProblemError for a point that the mechanism cannot reach or a motion that goes nowhere.
+    Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
+    range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
-    start = _task_of(problem, mechanism, problem.start, np.zeros(4))
     reasons = []
-    for branch in _branches(problem, mechanism):
-        for first in _turns(problem, mechanism, start, branch):
-            legs = _chain(problem, mechanism, start, first, branch)
-            reason = _out_of_range(problem.robot, legs)
-            if reason is None:
-                return legs, None
-            reasons.append(reason)
+    for first in _starts(problem, mechanism):
+        legs = _chain(problem, mechanism, first)
+        reason = _out_of_range(problem.robot, legs)
+        if reason is None:
+            return legs, None
+        reasons.append(reason)
     return (), reasons[0]
 
 
-def _branches(problem: Problem, mechanism: Mechanism) -> tuple[int, ...]:
-    if problem.start.joints is not None:
-        elbow = float(np.sin(problem.start.joints[1] - mechanism.delta))
-        return (1,) if elbow > 0 else (-1,)
-    return (mechanism.home_branch, -mechanism.home_branch)
+def _starts(problem: Problem, mechanism: Mechanism) -> list[Array]:
+    """Start configurations to try: as given, or every closed-form solution with its whole turns."""
+    target = problem.start
+    if target.joints is not None:
+        return [np.array(target.joints)]
+    found = _solutions(problem, mechanism, target, np.zeros(4), None)
+    branches = np.where(found.reaches[0], found.branch[0], 0)
+    order = sorted(np.flatnonzero(branches), key=lambda k: bool(branches[k] != mechanism.home_branch))
+    return [q for k in order for q in _with_turns(found.joints[0, k])]
 
 
-def _turns(problem: Problem, mechanism: Mechanism, start: Array, branch: int) -> list[Array]:
-    """Start joints to try: as given, or the closed form with whole turns, nearest to q = 0 first."""
-    if problem.start.joints is not None:
-        return [np.array(problem.start.joints)]
-    solutions = inverse_task(mechanism, start[None, :])
-    q = np.array(solutions.joints[0, int(np.argmax(solutions.branch[0] == branch))])
-    q[:3] = np.arctan2(np.sin(q[:3]), np.cos(q[:3]))
-    choices = [[angle, angle - 2 * np.pi * np.sign(angle)] if angle else [angle] for angle in q[:3]]
+def _with_turns(q: Array) -> list[Array]:
+    """The same configuration with revolute joints within half a turn of zero, and one turn to the other side."""
+    angles = np.arctan2(np.sin(q[:3]), np.cos(q[:3]))
+    choices = [[angle, angle - 2 * np.pi * np.sign(angle)] if angle else [angle] for angle in angles]
     grid = [np.array([a, b, c, q[3]]) for a in choices[0] for b in choices[1] for c in choices[2]]
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
-def _chain(problem: Problem, mechanism: Mechanism, start: Array, first: Array, branch: int) -> tuple[Leg, ...]:
+def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Leg, ...]:
+    """The legs one after the other from a start configuration; start and end in task coordinates stay continuous."""
     legs = []
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
+    near = None if problem.start.task is None else _task_of(problem, mechanism, problem.start, np.zeros(4))
+    start = task_from_joints(mechanism, first[None, :], near=near)[0]
     for motion in problem.motion:
-        if motion.kind == "dwell":
+        if motion.kind == "dwell" or motion.target is None:
             legs.append(Leg(motion, start, start, first, first, None))
             continue
-        end = _task_of(problem, mechanism, _target(motion), start)
-        if np.abs(end - start).max() < 1e-9:
-            raise _bad(problem, motion.line, motion.name, "this motion goes nowhere: its start and target are the same")
-        path = StraightPath(mechanism, start, end, branch, first, driven)
-        last = path.sample(np.array([1.0])).q[0]
+        path = None
+        if motion.kind == "straight":
+            end = _task_of(problem, mechanism, motion.target, start)
+            _refuse_standstill(problem, motion, end - start)
+            branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
+            path = StraightPath(mechanism, start, end, branch, first, driven)
+            last = path.sample(np.array([1.0])).q[0]
+        else:
+            last = _free_end(problem, mechanism, motion.target, start, first)
+            _refuse_standstill(problem, motion, last - first)
+            end = task_from_joints(mechanism, last[None, :], near=start)[0]
         legs.append(Leg(motion, start, end, first, last, path))
         start, first = end, last
     return tuple(legs)
 
 
-def _task_of(problem: Problem, mechanism: Mechanism, target: Target, held: Array) -> Array:
-    """Task coordinates (4,) of a target; coordinates that it does not name are held."""
+def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Array, first: Array) -> Array:
+    """Joints at the end of a free motion: as given, or the solution nearest to where it starts, on the same branch."""
     if target.joints is not None:
-        return task_from_joints(mechanism, np.array([target.joints]), near=held[None, :])[0]
-    if target.task is None:
-        raise _bad(problem, target.line, "tip", "tip positions are not planned yet; give task coordinates or joints")
-    task = np.array([target.task.get(name, held[k]) for k, name in enumerate(TASK)])
+        return np.array(target.joints)
+    found = _solutions(problem, mechanism, target, held, first)
+    branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
+    usable = found.valid[0] & (found.branch[0] == branch)
+    if not usable.any():
+        usable = found.valid[0] if found.valid[0].any() else found.reaches[0]
+    return np.array(found.joints[0, int(np.argmax(usable))])
+
+
+def _solutions(
+    problem: Problem, mechanism: Mechanism, target: Target, held: Array, reference: Array | None
+) -> Solutions:
+    """All joint solutions of a target in task coordinates or tip position."""
+    limits = None if reference is None else np.array([joint.position for joint in problem.robot.joints])
+    if target.tip is not None:
+        spin = target.spin if target.spin is not None else float(held[2])
+        found = inverse_tip(mechanism, [target.tip], spin, limits=limits, reference=reference)
+        depth = mechanism.insertion_sign * found.joints[0, :, 3]
+        low, high = problem.limits.get("depth", (-np.inf, np.inf))
+        found.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
+        if not found.reaches[0].any():
+            raise ProblemError(
+                "the mechanism cannot bring the tip there within the depth range",
+                file=problem.file,
+                line=target.line,
+                key="tip",
+                value=", ".join(f"{1e3 * x:.4g} mm" for x in target.tip),
+            )
+        return found
+    task = _task_of(problem, mechanism, target, held)
+    return inverse_task(mechanism, task[None, :], limits=limits, reference=reference)
+
+
+def _task_of(problem: Problem, mechanism: Mechanism, target: Target, held: Array) -> Array:
+    """Task coordinates (4,) of a target that names some; those that it does not name are held."""
+    task = np.array([(target.task or {}).get(name, held[k]) for k, name in enumerate(TASK)])
     low, high = tilt_interval(mechanism)
     if not low < task[1] < high:
-        allowed = f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9)"
         raise ProblemError(
             "the mechanism cannot reach this tilt",
             file=problem.file,
             line=target.line,
             key="tilt",
             value=f"{np.degrees(task[1]):.6g} deg",
-            allowed=allowed,
+            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9)",
         )
     return task
 
 
-def _target(motion: Motion) -> Target:
-    return motion.target if motion.target is not None else Target(task={})
-
-
-def _bad(problem: Problem, line: int | None, key: str, reason: str) -> ProblemError:
-    return ProblemError(reason, file=problem.file, line=line, key=key)
+def _refuse_standstill(problem: Problem, motion: Motion, way: Array) -> None:
+    if np.abs(way).max() < NOWHERE:
+        raise ProblemError(
+            "this motion goes nowhere: its start and target are the same",
+            file=problem.file,
+            line=motion.line,
+            key=motion.name,
+        )
 
 
 def _out_of_range(robot: Robot, legs: tuple[Leg, ...]) -> Reason | None:
-    """The first joint that leaves its position range along the legs."""
+    """The first joint that leaves its position range along the legs; free motions stay between their ends."""
     for leg in legs:
-        if leg.path is None:
-            continue
-        s = np.linspace(0.0, 1.0, 201)
-        q = leg.path.sample(s).q
+        s = np.linspace(0.0, 1.0, LOOKS)
+        q = np.stack([leg.first, leg.last]) if leg.path is None else leg.path.sample(s).q
         for i, joint in enumerate(robot.joints):
             low, high = joint.position
-            slack = 1e-9 * (high - low)
-            for bad, value, limit in (
-                (q[:, i] < low - slack, q[:, i].min(), low),
-                (q[:, i] > high + slack, q[:, i].max(), high),
-            ):
-                if bad.any():
-                    unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
-                    place = f"{leg.motion.name}, {100 * s[np.argmax(bad)]:.0f} % of the way"
-                    return Reason(
-                        "position",
-                        joint.name,
-                        place,
-                        float(value),
-                        float(limit),
-                        f"joint range to {value * scale:.6g} {unit}",
-                        f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, "
-                        f"its range ends at {limit * scale:.6g} {unit} ({place})",
-                    )
+            over = np.maximum(low - q[:, i], q[:, i] - high)
+            if over.max() <= 1e-9 * (high - low):
+                continue
+            k = int(np.argmax(over))
+            value, limit = float(q[k, i]), low if q[k, i] < low else high
+            unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
+            place = f"{leg.motion.name}, {100 * k / (len(q) - 1):.0f} % of the way"
+            cure = f"range of joint {joint.name} to {value * scale:.6g} {unit}"
+            text = (
+                f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
+                f"{limit * scale:.6g} {unit} ({place})"
+            )
+            return Reason("position", joint.name, place, value, limit, cure, text)
     return None

@@ -23,8 +23,9 @@ from ssm_planner.planning.assembly import assemble
 from ssm_planner.planning.local_path import LOCAL, fit
 from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.retiming import Retiming
-from ssm_planner.planning.stage import COLLOCATION, NUMBERS, StraightStage
+from ssm_planner.planning.stage import COLLOCATION, DENSE, NUMBERS, StraightStage
 from ssm_planner.problem.values import Array, Robot
 
 ELEMENTS = 64
@@ -86,7 +87,7 @@ def solve_straight(
     body = RigidBody.from_robot(robot)
     local = fit(path, body, start[:, 0], np.append(start[1:, 0], 1.0))
     point: dict[str, Any] = {"x0": np.concatenate([start.ravel(), times])}
-    allowed = np.ones((len(mesh.interval), problem.stage.between.size1_out(0)))
+    allowed = np.ones((len(mesh.interval), problem.stage.between.size1_out(0) // len(DENSE)))
     iterations = 0
     for _ in range(ROUNDS):
         p = np.concatenate([numbers, sigma.ravel(), local.ravel(), mesh.fractions, knots[1:-1]])
@@ -97,13 +98,14 @@ def solve_straight(
         states, times = x[: start.size].reshape(-1, 4), x[start.size :]
         elements = np.column_stack([states, times[mesh.interval] * mesh.fractions])
         local = fit(path, body, elements[:, 0], np.append(elements[1:, 0], 1.0))
-        excess = call(problem.stage.between, elements, sigma, local, np.tile(numbers, (len(elements), 1)))[0] - 1
-        if _status(str(stats["return_status"])) != "solved" or excess.max() <= EXCESS:
+        rows = call(problem.stage.between, elements, sigma, local, np.tile(numbers, (len(elements), 1)))[0]
+        excess = peaks(rows.reshape(len(elements), len(DENSE), -1).transpose(0, 2, 1)) - 1
+        if status_of(str(stats["return_status"])) != "solved" or excess.max() <= EXCESS:
             break
         allowed -= BACKOFF * np.maximum(excess, 0)
     elements *= np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     ipopt = str(stats["return_status"])
-    return OcpResult(_status(ipopt), ipopt, PathMotion(elements), iterations)
+    return OcpResult(status_of(ipopt), ipopt, PathMotion(elements), iterations)
 
 
 def limit_table(robot: Robot) -> Array:
@@ -196,7 +198,7 @@ class _Problem:
         )
 
 
-def _status(ipopt: str) -> str:
+def status_of(ipopt: str) -> str:
     if ipopt in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
         return "solved"
     if ipopt == "Infeasible_Problem_Detected":

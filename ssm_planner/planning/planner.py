@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.trajectory import Trajectory, hold, join
+from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
 from ssm_planner.planning.bound import lower_bound
 from ssm_planner.planning.diagnosis import no_motion
+from ssm_planner.planning.free_ocp import solve_free
+from ssm_planner.planning.joint_path import StepPath, TravelledPath
 from ssm_planner.planning.legs import Leg, legs_of
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming import retime
-from ssm_planner.planning.straight import StraightPhase, plan_straight
+from ssm_planner.planning.straight import plan_straight
 from ssm_planner.problem.values import Array, Problem
 
 
@@ -26,8 +28,8 @@ class PlannedLeg:
     duration: float
     toppra_duration: float
     lower_bound: float
-    """A duration that no motion along the same path within the same limits can beat."""
-    phase: StraightPhase | None
+    """A duration that no motion within the same limits can beat."""
+    iterations: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +60,53 @@ def plan_motion(
     planned: list[PlannedLeg] = []
     parts = []
     for leg in legs:
-        if leg.path is None:
-            duration = float(leg.motion.duration or 0.0)
-            planned.append(PlannedLeg(leg, duration, duration, duration, None))
-            parts.append((leg.motion.name, np.array([0.0, duration]), hold(leg.first)))
-            continue
-        progress(f"{leg.motion.name}: TOPP-RA")
-        retiming = retime(leg.path, problem.robot, tip_speed=problem.tip_speed)
-        if not retiming.solved:
-            return Planned("infeasible", None, tuple(planned), no_motion(problem, leg, retiming))
-        progress(f"{leg.motion.name}: optimal control")
-        phase = plan_straight(problem.robot, leg.path, retiming, problem.tip_speed, tighten)
-        if not phase.ocp.solved:
-            return Planned("not converged", None, tuple(planned), no_motion(problem, leg, retiming))
-        planned.append(PlannedLeg(leg, phase.duration, retiming.duration, lower_bound(problem.robot, leg.path), phase))
-        parts.append((leg.motion.name, phase.breaks, phase.coefficients))
+        progress(leg.motion.name)
+        outcome = _PLANNERS[leg.motion.kind](problem, mechanism, leg, tighten)
+        if isinstance(outcome, Reason):
+            status = "infeasible" if outcome.constraint != "solver" else "not converged"
+            return Planned(status, None, tuple(planned), outcome)
+        done, breaks, coefficients = outcome
+        planned.append(done)
+        parts.append((leg.motion.name, breaks, coefficients))
     return Planned("solved", join(parts), tuple(planned), None)
+
+
+Outcome = tuple[PlannedLeg, Array, Array]
+"""A planned leg and its pieces: breaks from 0, coefficients."""
+
+
+def _dwell(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
+    duration = float(leg.motion.duration or 0.0)
+    return PlannedLeg(leg, duration, duration, duration, 0), np.array([0.0, duration]), hold(leg.first)
+
+
+def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
+    path = leg.straight
+    retiming = retime(path, problem.robot, tip_speed=problem.tip_speed)
+    if not retiming.solved:
+        return no_motion(problem, leg, path, retiming.message)
+    phase = plan_straight(problem.robot, path, retiming, problem.tip_speed, tighten)
+    if not phase.ocp.solved:
+        return no_motion(problem, leg, path, phase.ocp.message)
+    bound = lower_bound(problem.robot, leg.first, leg.last)
+    done = PlannedLeg(leg, phase.duration, retiming.duration, bound, phase.ocp.iterations)
+    return done, phase.breaks, phase.coefficients
+
+
+def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
+    result = solve_free(problem, mechanism, leg.first, leg.last, tighten)
+    if not result.solved:
+        return no_motion(problem, leg, StepPath(mechanism, leg.first, leg.last), result.message)
+    coefficients = hermite(result.breaks, result.start, result.end)
+    path = TravelledPath.of(mechanism, Trajectory(result.breaks, coefficients, ()), leg.last - leg.first)
+    again = retime(path, problem.robot, tip_speed=problem.tip_speed)
+    bound = lower_bound(problem.robot, leg.first, leg.last)
+    duration = float(result.breaks[-1])
+    return PlannedLeg(leg, duration, again.duration, bound, result.iterations), result.breaks, coefficients
+
+
+_PLANNERS: dict[str, Callable[[Problem, Mechanism, Leg, Array | None], Outcome | Reason]] = {
+    "dwell": _dwell,
+    "straight": _straight,
+    "free": _free,
+}

@@ -15,7 +15,8 @@ import numpy as np
 from ssm_planner.model.friction import friction_coefficient, friction_of
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.transmission import motor_torque_rows
-from ssm_planner.planning.path import PathSamples, StraightPath
+from ssm_planner.planning.joint_path import JointPath
+from ssm_planner.planning.path import PathSamples
 from ssm_planner.problem.values import Array, Drive, Robot
 
 PASSES = 12
@@ -74,7 +75,7 @@ class PathRows:
         return np.where(value.max(axis=1) > ACTIVE, row, -2)
 
 
-def retime(path: StraightPath, robot: Robot, points: int = 1000, tip_speed: float | None = None) -> Retiming:
+def retime(path: JointPath, robot: Robot, points: int = 1000, tip_speed: float | None = None) -> Retiming:
     """Time-optimal rest-to-rest motion along the path on `points` grid intervals."""
     knots, signs = path.directions
     grid = _grid(knots, points)
@@ -129,7 +130,7 @@ class PathLoad:
         )
 
 
-def speed_ceiling(path: StraightPath, samples: PathSamples, robot: Robot, tip_speed: float | None) -> Array:
+def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, tip_speed: float | None) -> Array:
     """Largest ṡ² that joint, motor and tip speeds allow at each sample, (n,)."""
     limit = np.array([joint.velocity for joint in robot.joints])
     for i, joint in enumerate(robot.joints):

@@ -61,5 +61,7 @@ def _joint_state(path: StraightPath, elements: Array, share: Array) -> tuple[Arr
     s = np.clip(s0 + t * (v0 + t * (a0 / 2 + share * rise / 6)), 0.0, 1.0).ravel()
     speed = (v0 + t * (a0 + share * rise / 2)).ravel()[:, None]
     acceleration = (a0 + share * rise).ravel()[:, None]
+    if share[-1] == 1.0:  # at rest at the end, without the solver's rounding
+        s[-1], speed[-1] = 1.0, 0.0
     at = path.sample(s)
     return at.q, at.dq * speed, at.ddq * speed**2 + at.dq * acceleration

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.planning.bound import rest_to_rest
+from ssm_planner.planning.profile import rest_to_rest
 from ssm_planner.problem.values import Motion, Problem, Robot, Target
 from ssm_planner.run import plan
 
@@ -75,7 +75,7 @@ def test_tip_speed_is_kept(tilt_insert: Problem) -> None:
     assert result.passed
     limit = next(limit for limit in result.certificate.limits if limit.name == "tip speed")
     assert limit.worst == pytest.approx(0.012, rel=1e-5)
-    assert result.duration == pytest.approx(rest_to_rest(0.02, 0.012, 0.1), rel=1e-4)
+    assert result.duration == pytest.approx(rest_to_rest(0.02, 0.012, 0.1).duration, rel=1e-4)
 
 
 def test_a_motor_too_weak_is_named_with_what_it_needs(tilt_insert: Problem) -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.planning.bound import rest_to_rest
 from ssm_planner.planning.legs import legs_of
 from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.profile import rest_to_rest
 from ssm_planner.planning.retiming import retime
 from ssm_planner.planning.straight import joint_pieces
 from ssm_planner.problem.values import Problem, Robot
@@ -37,7 +37,7 @@ def weaker(robot: Robot, factor: float) -> Robot:
 def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:
     insertion = paths(tilt_insert)[1]
     joint = tilt_insert.robot.joints[3]
-    expected = rest_to_rest(0.020, joint.velocity, joint.acceleration)
+    expected = rest_to_rest(0.020, joint.velocity, joint.acceleration).duration
     assert retime(insertion, tilt_insert.robot).duration == pytest.approx(expected, rel=1e-5)
 
 

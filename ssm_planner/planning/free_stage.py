@@ -1,0 +1,127 @@
+"""One element of a free phase as CasADi Functions: the limits that couple the joints, at its collocation points.
+
+Every joint moves one way, q = q0 + d y with y from 0 to 1, so the friction law enters exactly (planning/rows.py). An element
+is (y, ẏ, ÿ at its start, ÿ at its end, of the moving joints; length) in scaled time t = scale · t̂.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.symbolic import task_from_joints_symbolic, tip_position_symbolic
+from ssm_planner.planning.rows import Bounds, Instant, Row, torque_rows
+from ssm_planner.problem.values import TASK, Robot
+
+COLLOCATION = (0.0, 0.5, 1.0)
+DENSE = tuple(k / 8 for k in range(9))
+WATCHED = ("roll", "spin")
+"""Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
+NUMBERS = 4 + 4 + 16 + 1 + 2 * len(WATCHED) + 1
+"""q0, d, limits (velocity, acceleration, jerk, torque by joint), tip speed, centre and half width of the watched ranges,
+scale."""
+RowName = tuple[str, int | None]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeStage:
+    """Functions of one robot for a set of moving joints; `kept` names the rows that are wanted.
+
+    All take (element (4 · moving + 1), sigma (4), numbers (NUMBERS)).
+    """
+
+    robot: Robot
+    mechanism: Mechanism
+    moving: tuple[int, ...]
+    kept: frozenset[RowName]
+
+    @property
+    def size(self) -> int:
+        """Length of an element."""
+        return 4 * len(self.moving) + 1
+
+    @cached_property
+    def names(self) -> list[RowName]:
+        """Name and joint of every kept row, in order."""
+        return [(row.name, row.joint) for row in self._kept(self._rows(*self._symbols()))]
+
+    @cached_property
+    def element(self) -> ca.Function:
+        """Kept rows ≤ 1 at all collocation points; where none is kept, one that always holds."""
+        x, *parameters = self._inputs()
+        values = [self._point(self.state(x, c), *parameters) for c in COLLOCATION]
+        return ca.Function("element", [x, *parameters], [ca.vertcat(*values) if self.names else x[0] - 1])
+
+    @cached_property
+    def breakaway(self) -> ca.Function:
+        """Kept torque rows at the element's start with the static friction coefficient."""
+        x, *parameters = self._inputs()
+        at, bounds, _ = self._instant(self.state(x, 0.0), *parameters)
+        rows = self._kept(torque_rows(at, bounds, self.robot.joints, breakaway=True))
+        return ca.Function("breakaway", [x, *parameters], [ca.vertcat(*(row.value for row in rows))])
+
+    @cached_property
+    def between(self) -> ca.Function:
+        """The same rows at the points DENSE, one after the other."""
+        x, *parameters = self._inputs()
+        values = [self._point(self.state(x, c), *parameters) for c in DENSE]
+        return ca.Function("between", [x, *parameters], [ca.vertcat(*values)])
+
+    def state(self, x: ca.SX, c: float) -> ca.SX:
+        """y, ẏ, ÿ of all joints at the share c of an element's length, (12,); ÿ is linear, y cubic."""
+        m = len(self.moving)
+        y, speed, start, end, h = (x[k * m : (k + 1) * m] for k in range(5))
+        t, rise = c * h, end - start
+        values = ca.SX.zeros(12)
+        for k, joint in enumerate(self.moving):
+            a0, slope = start[k], c * rise[k]
+            values[joint] = y[k] + t * (speed[k] + t * (a0 / 2 + slope / 6))
+            values[4 + joint] = speed[k] + t * (a0 + slope / 2)
+            values[8 + joint] = a0 + slope
+        return values
+
+    @cached_property
+    def _point(self) -> ca.Function:
+        state, sigma, numbers = self._symbols()
+        rows = self._kept(self._rows(state, sigma, numbers))
+        return ca.Function("point", [state, sigma, numbers], [ca.vertcat(*(row.value for row in rows))])
+
+    def _kept(self, rows: list[Row]) -> list[Row]:
+        return [row for row in rows if (row.name, row.joint) in self.kept]
+
+    def _rows(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> list[Row]:
+        at, bounds, q = self._instant(state, sigma, numbers)
+        # squared: the norm has no derivative at rest
+        rows = [Row("tip speed", None, at.tip_speed / bounds.tip_speed**2)]
+        rows += torque_rows(at, bounds, self.robot.joints)
+        task = task_from_joints_symbolic(self.mechanism, q)
+        for k, name in enumerate(WATCHED):
+            centre, half = numbers[25 + 2 * k], numbers[26 + 2 * k]
+            value = (task[TASK.index(name)] - centre) / half
+            rows += [Row(f"{name} range", None, value), Row(f"{name} range", None, -value)]
+        return rows
+
+    def _instant(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds, ca.SX]:
+        d, scale = numbers[4:8], numbers[29]
+        q = numbers[:4] + d * state[:4]
+        qd, qdd = d * state[4:8] / scale, d * state[8:12] / scale**2
+        tau = RigidBody.from_robot(self.robot).symbolic(q, qd, qdd)
+        tip_speed_squared = ca.sumsqr(self._tip_jacobian(q) @ qd)
+        at = Instant(qd, qd, qdd, ca.SX.zeros(4), tau, tip_speed_squared, sigma)
+        velocity, acceleration, jerk, torque = (numbers[8 + 4 * k : 12 + 4 * k] for k in range(4))
+        return at, Bounds(velocity, acceleration, jerk, torque, numbers[24]), q
+
+    @cached_property
+    def _tip_jacobian(self) -> ca.Function:
+        q = ca.SX.sym("q", 4)
+        return ca.Function("tip_jacobian", [q], [ca.jacobian(tip_position_symbolic(self.mechanism, q), q)])
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return ca.SX.sym("state", 12), ca.SX.sym("sigma", 4), ca.SX.sym("numbers", NUMBERS)
+
+    def _inputs(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return ca.SX.sym("x", self.size), ca.SX.sym("sigma", 4), ca.SX.sym("numbers", NUMBERS)

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ssm_planner.model.forward import tip_position
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.problem.values import Motion, Problem, Robot, Target
+from ssm_planner.run import plan
+
+FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
+
+
+def free(problem: Problem, first: tuple[float, ...] = FIRST, **target: object) -> Problem:
+    goal = Target(**(target or {"joints": LAST}))
+    motion = (Motion("free", "free", goal),)
+    return dataclasses.replace(problem, start=Target(joints=first), motion=motion, limits={"depth": (0.0, 0.03)})
+
+
+def with_jerk(robot: Robot, revolute: float, prismatic: float) -> Robot:
+    jerks = {"revolute": revolute, "prismatic": prismatic}
+    return dataclasses.replace(
+        robot, joints=tuple(dataclasses.replace(joint, jerk=jerks[joint.kind]) for joint in robot.joints)
+    )
+
+
+def weaker(robot: Robot, factor: float) -> Robot:
+    joints = tuple(
+        joint
+        if joint.motor is None
+        else dataclasses.replace(
+            joint, motor=dataclasses.replace(joint.motor, max_torque=factor * joint.motor.max_torque)
+        )
+        for joint in robot.joints
+    )
+    return dataclasses.replace(robot, joints=joints)
+
+
+def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Problem) -> None:
+    result = plan(free(tilt_insert))
+    assert result.passed
+    assert result.gap < 1e-5
+
+
+@pytest.mark.parametrize("jerk", [5.0, 35.0, 500.0])
+def test_jerk_limited_free_motion_against_ruckig(tilt_insert: Problem, jerk: float) -> None:
+    ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
+    problem = free(dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, jerk, 0.1 * jerk)))
+    result = plan(problem)
+    task, reference = ruckig.InputParameter(4), ruckig.Trajectory(4)
+    task.current_position, task.target_position = FIRST, LAST
+    joints = problem.robot.joints
+    task.max_velocity = [joint.velocity for joint in joints]
+    task.max_acceleration = [joint.acceleration for joint in joints]
+    task.max_jerk = [joint.jerk for joint in joints]
+    ruckig.Ruckig(4).calculate(task, reference)
+    assert result.passed
+    assert result.duration <= 1.002 * reference.duration
+    assert result.duration >= (1 - 1e-6) * reference.duration
+
+
+@pytest.mark.parametrize("factor", [0.35, 0.3])
+def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: float) -> None:
+    result = plan(free(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor))))
+    assert result.passed
+    torque = min(limit.margin for limit in result.certificate.limits if limit.name == "motor torque")
+    assert -1e-6 <= torque < 1e-3
+    assert result.duration == pytest.approx(result.toppra_duration, rel=5e-3)
+
+
+def test_torque_jerk_and_tip_speed_together(tilt_insert: Problem) -> None:
+    robot = weaker(with_jerk(tilt_insert.robot, 35.0, 1.0), 0.32)
+    result = plan(dataclasses.replace(free(dataclasses.replace(tilt_insert, robot=robot)), tip_speed=0.012))
+    assert result.passed
+
+
+def test_every_joint_moves_one_way(tilt_insert: Problem) -> None:
+    result = plan(free(tilt_insert))
+    qd = result.trajectory.uniform(1000.0).qd
+    assert np.all(qd * np.sign(np.subtract(LAST, FIRST)) >= -1e-9)
+
+
+def test_a_tip_position_is_reached(tilt_insert: Problem) -> None:
+    tip = (0.003, 0.002, -0.014)
+    result = plan(free(tilt_insert, tip=tip, spin=0.3))
+    assert result.passed
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    reached = tip_position(mechanism, result.trajectory.sample(result.trajectory.breaks[-1:], side="left").q)[0]
+    assert reached == pytest.approx(tip, abs=1e-9)
+
+
+def test_one_joint_alone_leaves_the_others_at_rest(tilt_insert: Problem) -> None:
+    result = plan(free(tilt_insert, joints=(*FIRST[:3], -0.02)))
+    assert result.passed
+    assert np.ptp(result.trajectory.uniform(1000.0).q[:, :3], axis=0).max() == 0.0
