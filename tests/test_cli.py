@@ -83,7 +83,11 @@ BAD = {
         replace("-135 deg", "-135 rad"),
         [r"tilt_insert.yaml:\d+", "-135 rad", "deg"],
     ),
-    "negative limit": (ROBOT, replace("velocity: 65 deg/s", "velocity: -65 deg/s"), [r"vitreoretinal.yaml:\d+", "velocity", "-65 deg/s"]),
+    "negative limit": (
+        ROBOT,
+        replace("velocity: 65 deg/s", "velocity: -65 deg/s"),
+        [r"vitreoretinal.yaml:\d+", "velocity", "-65 deg/s"],
+    ),
     "unphysical inertia": (
         ROBOT,
         replace("products_of_inertia: cad", "products_of_inertia: tensor"),

@@ -23,7 +23,7 @@ from ssm_planner.model.task import task_from_joints
 from ssm_planner.planning.assembly import assemble
 from ssm_planner.planning.free_guess import FreeGuess, guess
 from ssm_planner.planning.free_stage import COLLOCATION, DENSE, NUMBERS, WATCHED, FreeStage, RowName
-from ssm_planner.planning.ocp import BACKOFF, EXCESS, UNLIMITED, limit_table, status_of
+from ssm_planner.planning.ocp import EXCESS, UNLIMITED, limit_table, status_of, tightening
 from ssm_planner.planning.peaks import peaks
 from ssm_planner.problem.values import TASK, Array, Problem
 
@@ -92,7 +92,7 @@ def solve_free(
         if missed:
             kept, program, point = kept | missed, None, {"x0": x}
         else:
-            slack = slack + BACKOFF * np.maximum(excess, 0)
+            slack = slack + tightening(excess)
             point = {"x0": x, "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
     return _result(message, elements, begin.instants * x[-1] * begin.duration, begin, first, delta, iterations)
 

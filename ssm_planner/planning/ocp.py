@@ -102,7 +102,7 @@ def solve_straight(
         excess = peaks(rows.reshape(len(elements), len(DENSE), -1).transpose(0, 2, 1)) - 1
         if status_of(str(stats["return_status"])) != "solved" or excess.max() <= EXCESS:
             break
-        allowed -= BACKOFF * np.maximum(excess, 0)
+        allowed -= tightening(excess)
     elements *= np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     ipopt = str(stats["return_status"])
     return OcpResult(status_of(ipopt), ipopt, PathMotion(elements), iterations)
@@ -196,6 +196,11 @@ class _Problem:
             equal_rows.numel(),
             rows,
         )
+
+
+def tightening(excess: Array) -> Array:
+    """By how much to lower rows that were found exceeded between the collocation points."""
+    return np.asarray(np.where(excess > 0, BACKOFF * excess + EXCESS, 0.0))
 
 
 def status_of(ipopt: str) -> str:
