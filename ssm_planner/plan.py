@@ -40,7 +40,9 @@ class Plan:
 
     @property
     def toppra_duration(self) -> float | None:
-        return None if self.trajectory is None else float(sum(leg.toppra_duration for leg in self.legs))
+        durations = [leg.toppra_duration for leg in self.legs]
+        known = [duration for duration in durations if duration is not None]
+        return float(sum(known)) if self.trajectory is not None and len(known) == len(durations) else None
 
     @property
     def lower_bound(self) -> float | None:

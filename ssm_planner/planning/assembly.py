@@ -80,3 +80,12 @@ def block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
     """diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side, keeping their sparsity."""
     pattern = ca.diagcat(*[block] * count)
     return ca.MX(pattern, ca.vec(columns).nz[:]) if pattern.nnz() else ca.MX(*pattern.shape)
+
+
+def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Call a solver; its answer and statistics. Raises KeyboardInterrupt where the user interrupted it."""
+    answer = solver(**arguments)
+    stats = solver.stats()
+    if stats["return_status"] == "NonIpopt_Exception_Thrown":  # all that Ipopt tells of Ctrl-C
+        raise KeyboardInterrupt
+    return answer, stats

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ssm_planner.model.friction import friction_coefficient, friction_of
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.transmission import breakaway_torque
 from ssm_planner.planning.joint_path import JointPath
@@ -24,15 +25,18 @@ def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reas
     for i, joint in enumerate(problem.robot.joints):
         if joint.drive is None or joint.motor is None or not sigma[:, i].any():
             continue
-        needed = np.abs(breakaway_torque(joint.drive, gravity[:, i], sigma[:, i]))
+        friction = friction_of(joint.drive)
+        # static friction counts where the motion starts, beyond it that of slow motion
+        mu = np.where(s == 0.0, friction.mu_static, friction_coefficient(friction, 0.0))
+        needed = np.abs(breakaway_torque(joint.drive, gravity[:, i], sigma[:, i], mu))
         k = int(np.argmax(needed))
         available = joint.motor.max_torque
         ratio = float(needed[k] / available)
         if ratio > 1 and (weakest is None or ratio > weakest[0]):
             place = f"{leg.motion.name}, {100 * s[k]:.0f} % of the way"
             text = (
-                f"motor of joint {joint.name} is too weak to move at all: it needs {1e3 * needed[k]:.4g} mN·m to break away "
-                f"against gravity and friction and has {1e3 * available:.4g} mN·m ({place})"
+                f"motor of joint {joint.name} is too weak to move at all: against gravity and friction it needs "
+                f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"
             )
             cure = f"motor torque of joint {joint.name} of at least {1e3 * needed[k]:.4g} mN·m"
             weakest = ratio, Reason("motor torque", joint.name, place, float(needed[k]), available, cure, text)

@@ -20,7 +20,7 @@ import numpy as np
 from ssm_planner.model.functions import call
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
-from ssm_planner.planning.assembly import assemble
+from ssm_planner.planning.assembly import assemble, ipopt
 from ssm_planner.planning.free_guess import FreeGuess, guess
 from ssm_planner.planning.free_stage import COLLOCATION, DENSE, NUMBERS, WATCHED, FreeStage, RowName
 from ssm_planner.planning.ocp import EXCESS, UNLIMITED, limit_table, status_of, tightening
@@ -228,7 +228,8 @@ class _Program:
             (np.full(rest, -np.inf), np.concatenate([np.ones(rest - allowed.size), allowed])),
         )
         solver = self.warm if "lam_g0" in start else self.cold
-        answer = solver(
+        return ipopt(
+            solver,
             **start,
             p=np.concatenate([numbers, sigma, fractions, jerk]),
             lbx=np.append(lower.ravel(), 0.1),
@@ -236,4 +237,3 @@ class _Program:
             lbg=np.concatenate([low for low, _ in parts]),
             ubg=np.concatenate([high for _, high in parts]),
         )
-        return answer, solver.stats()

@@ -19,7 +19,8 @@ import numpy as np
 
 from ssm_planner.model.functions import call
 from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.planning.assembly import assemble
+from ssm_planner.planning.assembly import assemble, ipopt
+from ssm_planner.planning.bound import lower_bound
 from ssm_planner.planning.local_path import LOCAL, fit
 from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.path import StraightPath
@@ -77,12 +78,12 @@ def solve_straight(
     jerk = any(joint.jerk is not None for joint in robot.joints)
     knots, signs = path.directions
     mesh = Mesh.along(guess, knots, count)
-    scale = guess.duration
+    scale = max(guess.duration, lower_bound(robot, *path.sample(np.array([0.0, 1.0])).q))
     problem = _Problem.build(StraightStage(robot, jerk), mesh.share)
     limits = limit_table(robot) * (1.0 if tighten is None else tighten)
     sigma = signs[mesh.interval]
     start = mesh.guess(guess)
-    times = np.bincount(mesh.interval, np.diff(mesh.instants)) / scale
+    times = np.bincount(mesh.interval, np.diff(mesh.instants)) / guess.duration
     numbers = np.concatenate([limits.ravel(), [UNLIMITED if tip_speed is None else tip_speed, scale]])
     body = RigidBody.from_robot(robot)
     local = fit(path, body, start[:, 0], np.append(start[1:, 0], 1.0))
@@ -104,8 +105,8 @@ def solve_straight(
             break
         allowed -= tightening(excess)
     elements *= np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
-    ipopt = str(stats["return_status"])
-    return OcpResult(status_of(ipopt), ipopt, PathMotion(elements), iterations)
+    message = str(stats["return_status"])
+    return OcpResult(status_of(message), message, PathMotion(elements), iterations)
 
 
 def limit_table(robot: Robot) -> Array:
@@ -145,8 +146,7 @@ class _Problem:
             [np.zeros(self.equal), np.ones(self.rows - self.equal - element_rows.size), element_rows]
         )
         solver = self.warm if "lam_g0" in start else self.cold
-        answer = solver(**start, p=p, lbx=self.lower, ubx=self.upper, lbg=lower, ubg=upper)
-        return answer, solver.stats()
+        return ipopt(solver, **start, p=p, lbx=self.lower, ubx=self.upper, lbg=lower, ubg=upper)
 
     @classmethod
     def build(cls, stage: StraightStage, share: tuple[int, ...]) -> _Problem:

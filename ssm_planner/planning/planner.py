@@ -26,7 +26,8 @@ class PlannedLeg:
 
     leg: Leg
     duration: float
-    toppra_duration: float
+    toppra_duration: float | None
+    """None where TOPP-RA finds no motion along the path that was taken."""
     lower_bound: float
     """A duration that no motion within the same limits can beat."""
     iterations: int
@@ -40,10 +41,6 @@ class Planned:
     trajectory: Trajectory | None
     legs: tuple[PlannedLeg, ...]
     reason: Reason | None
-
-    @property
-    def toppra_duration(self) -> float:
-        return float(sum(leg.toppra_duration for leg in self.legs))
 
 
 def plan_motion(
@@ -102,7 +99,8 @@ def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | Non
     again = retime(path, problem.robot, tip_speed=problem.tip_speed)
     bound = lower_bound(problem.robot, leg.first, leg.last)
     duration = float(result.breaks[-1])
-    return PlannedLeg(leg, duration, again.duration, bound, result.iterations), result.breaks, coefficients
+    toppra_duration = again.duration if again.solved else None
+    return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients
 
 
 _PLANNERS: dict[str, Callable[[Problem, Mechanism, Leg, Array | None], Outcome | Reason]] = {

@@ -241,7 +241,10 @@ def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
     from toppra.interpolator import AbstractGeometricPath
 
     toppra.setup_logging("CRITICAL")
-    root = np.sqrt(np.maximum(tangent, 1e-12 * tangent.max()))
+    # TOPP-RA has absolute tolerances: choose the unit of time in which ṡ² is of order one
+    unit = 1 / max(float(np.abs(rows.a).max()), 1 / float(rows.ceiling.max()))
+    rows = PathRows(rows.a * unit, rows.b * unit, rows.c, rows.k * np.sqrt(unit), rows.ceiling / unit)
+    root = np.sqrt(np.maximum(tangent / unit, 1e-12 * tangent.max() / unit))
     b = rows.b + rows.k / (2 * root)[:, None]
     c = rows.c + rows.k * (root / 2)[:, None]
     count = rows.a.shape[1]
@@ -268,4 +271,4 @@ def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
     _, speed, _, _ = algorithm.compute_parameterization(0.0, 0.0, return_data=True)
     if speed is None or not np.all(np.isfinite(speed)):
         return None
-    return np.asarray(speed, dtype=float) ** 2
+    return np.asarray(speed, dtype=float) ** 2 * unit

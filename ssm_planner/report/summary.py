@@ -20,10 +20,10 @@ def summary_lines(plan: Plan) -> list[str]:
         return lines
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
     phases = [
-        (leg.leg.motion.name, f"{leg.duration:.4f}", f"{leg.toppra_duration:.4f}", f"{leg.lower_bound:.4f}")
+        (leg.leg.motion.name, f"{leg.duration:.4f}", _seconds(leg.toppra_duration), f"{leg.lower_bound:.4f}")
         for leg in plan.legs
     ]
-    total = ("total", f"{plan.duration:.4f}", f"{plan.toppra_duration:.4f}", f"{plan.lower_bound:.4f}")
+    total = ("total", f"{plan.duration:.4f}", _seconds(plan.toppra_duration), f"{plan.lower_bound:.4f}")
     lines += _table(("phase", "duration s", "TOPP-RA s", "lower bound s"), [*phases, total])
     lines += ["", *_motor_table(plan), "", *_limit_table(plan)]
     if plan.notes:
@@ -31,6 +31,10 @@ def summary_lines(plan: Plan) -> list[str]:
     if plan.reason is not None:
         lines += ["", plan.reason.message]
     return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
+
+
+def _seconds(duration: float | None) -> str:
+    return "–" if duration is None else f"{duration:.4f}"
 
 
 def verdicts(plan: Plan) -> list[str]:

@@ -1,0 +1,107 @@
+"""A headless Chromium and pages that note everything they say or fetch."""
+
+from __future__ import annotations
+
+import copy
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parent.parent.parent
+PLAN = ROOT / "results/tilt_insert/plan.json"
+FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
+READY = "typeof SSM !== 'undefined' && Boolean(SSM.ready)"
+
+
+@dataclass
+class Visit:
+    """An open page with what it said and fetched."""
+
+    page: Any
+    said: list[str] = field(default_factory=list)
+    fetched: list[str] = field(default_factory=list)
+
+    def wait(self, condition: str, seconds: float = 20.0) -> None:
+        """Until a JavaScript expression is true (the page's policy forbids Playwright's own way of waiting)."""
+        for _ in range(int(seconds / 0.02)):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(20)
+        raise AssertionError(f"never true: {condition}")
+
+
+def chromium() -> str:
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no Chromium installed (Debian: apt-get install chromium)")
+    return path
+
+
+@pytest.fixture(scope="session")
+def launch() -> Iterator[Callable[..., Any]]:
+    """Starts a browser with further flags."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed (pip install playwright)")
+    path = chromium()
+    with sync_api.sync_playwright() as playwright:
+        yield lambda *flags: playwright.chromium.launch(executable_path=path, args=[*FLAGS, *flags])
+
+
+@pytest.fixture(scope="session")
+def browser(launch: Callable[..., Any]) -> Iterator[Any]:
+    started = launch()
+    yield started
+    started.close()
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
+    """Opens an address at a width and waits until its scripts are ready."""
+    pages = []
+
+    def open_page(address: str, width: int = 1280, height: int = 800, ready: str = READY) -> Visit:
+        page = browser.new_page(viewport={"width": width, "height": height})
+        pages.append(page)
+        opened = Visit(page)
+        page.on("console", lambda message: opened.said.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: opened.said.append(f"error: {error}"))
+        page.on("request", lambda request: opened.fetched.append(request.url))
+        page.goto(address)
+        opened.wait(ready)
+        return opened
+
+    yield open_page
+    for page in pages:
+        page.close()
+
+
+@pytest.fixture(scope="session")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the shipped plan."""
+    from ssm_planner.report.html import write_report
+
+    return write_report(PLAN, tmp_path_factory.mktemp("report") / "report.html")
+
+
+@pytest.fixture(scope="session")
+def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped plan in 1.25 times its time, with a name and a robot that are HTML."""
+    document = copy.deepcopy(json.loads(PLAN.read_text(encoding="utf-8")))
+    factor, trajectory = 1.25, document["trajectory"]
+    trajectory["breaks_s"] = [factor * time for time in trajectory["breaks_s"]]
+    trajectory["coefficients"] = [
+        [[value / factor**k for value in row] for k, row in enumerate(piece)] for piece in trajectory["coefficients"]
+    ]
+    for phase in trajectory["phases"]:
+        phase["start_s"], phase["end_s"] = factor * phase["start_s"], factor * phase["end_s"]
+        phase["name"] = "</script><script>window.broken = 1</script>"
+    document["duration"] *= factor
+    document["problem"]["name"] = "<img src=x onerror='window.broken = 2'>"
+    document["problem"]["robot"]["name"] = "<script>window.broken = 3</script>"
+    path = tmp_path_factory.mktemp("slower") / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path

@@ -1,0 +1,39 @@
+"""Laws that every page keeps, as JavaScript evaluated inside it; each returns what breaks the law."""
+
+CONTRAST = """() => {
+  const parse = (text) => (text.match(/[0-9.]+/g) || [0, 0, 0, 0]).map(Number);
+  const light = ([r, g, b]) => {
+    const [x, y, z] = [r, g, b].map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * x + 0.7152 * y + 0.0722 * z;
+  };
+  const behind = (node) => {
+    for (let each = node; each; each = each.parentElement) {
+      const colour = parse(getComputedStyle(each).backgroundColor);
+      if (colour.length < 4 || colour[3] > 0.85) return colour;
+    }
+    return [255, 255, 255];
+  };
+  const poor = [];
+  for (const node of document.querySelectorAll("body *")) {
+    const own = [...node.childNodes].some((child) => child.nodeType === 3 && child.textContent.trim());
+    if (!own || node.matches("script, style, :disabled, option") || !node.getClientRects().length) continue;
+    const style = getComputedStyle(node);
+    const [a, b] = [light(parse(style.color)), light(behind(node))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    const size = parseFloat(style.fontSize);
+    const large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
+    if (ratio < (large ? 3 : 4.5)) poor.push(`${node.tagName} ${node.className}: ${ratio.toFixed(2)} ${node.textContent.slice(0, 30)}`);
+  }
+  return poor;
+}"""
+
+UNNAMED = """() => [...document.querySelectorAll("button, input, select, summary, a[href], canvas")].filter((node) => {
+  const named = node.textContent.trim() || node.getAttribute("aria-label") || node.getAttribute("aria-labelledby") || node.labels?.length;
+  const reached = node.matches("canvas, :disabled") || node.tabIndex >= 0;
+  return !(named && reached) && !node.closest(".uplot");
+}).map((node) => node.outerHTML.slice(0, 120))"""
+
+OVERFLOW = """() => document.documentElement.scrollWidth > innerWidth
+  ? [...document.querySelectorAll("body *")].filter((node) => node.getBoundingClientRect().right > innerWidth + 1)
+      .map((node) => `${node.tagName}.${node.className}`).slice(0, 5)
+  : []"""

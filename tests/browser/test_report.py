@@ -1,0 +1,182 @@
+"""The report and the comparison in a real browser."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.export.plan_file import read_plan
+from ssm_planner.model.forward import tip_position
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.report.html import write_report
+from ssm_planner.report.html_compare import write_comparison
+
+from .conftest import PLAN, Visit
+from .page_laws import CONTRAST, OVERFLOW, UNNAMED
+
+Open = Callable[..., Visit]
+
+
+def number(text: str) -> float:
+    return float(text.replace("−", "-"))
+
+
+def clock(page: Any) -> float:
+    """The shown time, s."""
+    return number(page.inner_text("#player .clock").split(" ")[0])
+
+
+def test_opens_quietly_and_fetches_nothing(visit: Open, report: Path) -> None:
+    opened = visit(report.as_uri())
+    opened.page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    opened.page.wait_for_timeout(200)
+    assert opened.said == []
+    assert opened.fetched == [report.as_uri()]
+
+
+def test_opens_in_time(visit: Open, report: Path) -> None:
+    """Aim: 1.5 s; a machine that runs other tests at the same time gets twice that."""
+    times = [visit(report.as_uri()).page.evaluate("SSM.ready") for _ in range(3)]
+    assert min(times) < 3000
+
+
+def test_shown_joints_are_the_plans(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    plan = read_plan(PLAN)
+    shown = np.array([180 / np.pi, 180 / np.pi, 180 / np.pi, 1e3])
+    for share in (0.0, 0.31, 0.77, 1.0):
+        page.evaluate(f"SSM.player.set({share} * (SSM.player.times.length - 1))")
+        t = page.evaluate("SSM.player.times[SSM.player.index]")
+        expected = shown * plan.trajectory.sample(np.array([t]), side="left").q[0]
+        cells = [number(page.inner_text(f'[data-channel="q{i}"]')) for i in range(4)]
+        assert cells == [pytest.approx(value, abs=0.00051) for value in expected]
+
+
+def test_drawn_tip_is_where_forward_kinematics_says(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    plan = read_plan(PLAN)
+    mechanism = Mechanism.from_geometry(plan.robot.geometry)
+    for share in (0.2, 0.9, 1.0):
+        page.evaluate(f"SSM.player.set({share} * (SSM.player.times.length - 1))")
+        t, drawn = page.evaluate("[SSM.player.times[SSM.player.index], SSM.scene.tip(0)]")
+        q = plan.trajectory.sample(np.array([t])).q
+        assert drawn == pytest.approx(tip_position(mechanism, q)[0], abs=1e-7)
+
+
+def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    canvas = page.locator("#scene canvas")
+    page.wait_for_timeout(200)
+    before, again = canvas.screenshot(), canvas.screenshot()
+    assert before == again
+    page.locator("#player input[type=range]").fill(str(page.evaluate("SSM.player.times.length - 1")))
+    page.wait_for_timeout(200)
+    assert canvas.screenshot() != before
+    assert clock(page) == pytest.approx(read_plan(PLAN).trajectory.duration, abs=6e-4)
+
+
+def test_hovering_a_plot_moves_the_scrubber(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    plot = page.locator(".u-over").first
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
+    assert clock(page) == pytest.approx(read_plan(PLAN).trajectory.duration / 2, abs=0.05)
+
+
+def test_keyboard_plays_and_scrubs(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("SSM.player.index") == 5
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate("SSM.player.index") == 0
+    page.keyboard.press("Space")
+    page.wait_for_timeout(400)
+    page.keyboard.press("Space")
+    stopped = page.evaluate("SSM.player.index")
+    assert stopped > 0
+    page.wait_for_timeout(200)
+    assert page.evaluate("SSM.player.index") == stopped
+
+
+def test_certificate_sorts_and_its_times_move_the_scrubber(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    cells = "[...document.querySelectorAll('#certificate tbody tr')].map((row) => Number(row.cells[5].dataset.value))"
+    rising = page.evaluate(cells)
+    assert rising == sorted(rising)
+    page.get_by_role("button", name="margin").click()
+    assert page.evaluate(cells) == sorted(rising, reverse=True)
+    moment = page.locator("#certificate .moment").nth(5)
+    moment.click()
+    assert clock(page) == pytest.approx(number(moment.inner_text().split()[0]), abs=0.003)
+
+
+def test_active_limits_follow_the_scrubber(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    stretches = page.evaluate("SSM.data().panels.flatMap((panel) => panel.active)")
+    assert stretches
+    for stretch in stretches:
+        page.evaluate(f"SSM.player.at({(stretch['start'] + stretch['end']) / 2})")
+        assert stretch["label"] in page.inner_text("#now .chips")
+
+
+def test_names_are_text(visit: Open, slower: Path, tmp_path: Path) -> None:
+    for page_file in (
+        write_report(slower, tmp_path / "report.html"),
+        write_comparison(PLAN, slower, tmp_path / "comparison.html"),
+    ):
+        opened = visit(page_file.as_uri())
+        opened.page.wait_for_timeout(100)
+        assert opened.page.evaluate("window.broken") is None
+        assert "<script>window.broken = 3</script>" in opened.page.inner_text("header")
+        assert "<img src=x" in opened.page.inner_text("header")
+        assert opened.said == []
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_fits_reads_and_is_reachable(visit: Open, report: Path, slower: Path, tmp_path: Path, width: int) -> None:
+    comparison = write_comparison(PLAN, slower, tmp_path / "comparison.html")
+    for page_file in (report, comparison):
+        page = visit(page_file.as_uri(), width=width).page
+        page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+        for y in range(0, page.evaluate("document.body.scrollHeight"), 1500):
+            page.evaluate(f"scrollTo(0, {y})")
+            page.wait_for_timeout(30)
+        assert page.evaluate(OVERFLOW) == []
+        assert page.evaluate(CONTRAST) == []
+        assert page.evaluate(UNNAMED) == []
+
+
+def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> None:
+    opened = visit(write_comparison(PLAN, slower, tmp_path / "comparison.html").as_uri())
+    page = opened.page
+    page.evaluate("SSM.player.set(0.5 * SSM.player.times.length)")
+    t = page.evaluate("SSM.player.times[SSM.player.index]")
+    for side, path in (("A", PLAN), ("B", slower)):
+        q = read_plan(path).trajectory.sample(np.array([t])).q[0]
+        assert number(page.inner_text(f'[data-channel="{side} q1"]')) == pytest.approx(np.rad2deg(q[1]), abs=0.00051)
+    assert "+25.00 %" in page.inner_text("header")
+    assert page.evaluate("SSM.scene.robots.length") == 2
+    assert opened.said == []
+
+
+def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) -> None:
+    browser = launch("--disable-3d-apis")
+    try:
+        page = browser.new_page()
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(report.as_uri())
+        page.wait_for_timeout(800)
+        assert "no WebGL" in page.inner_text("#scene")
+        page.keyboard.press("ArrowRight")
+        assert page.evaluate("SSM.player.index") == 5
+        assert re.search(r"\d", page.inner_text('[data-channel="q0"]'))
+        assert errors == []
+    finally:
+        browser.close()

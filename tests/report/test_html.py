@@ -1,0 +1,201 @@
+"""The report without a browser: what is in the file, how quickly it is written, and that names stay text."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ssm_planner.commands import report as command
+from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.export.plan_file import read_plan
+from ssm_planner.report.html import report_data, write_report
+from ssm_planner.report.html_active import active_stretches
+from ssm_planner.report.html_compare import write_comparison
+from ssm_planner.report.html_elements import Markup, tag
+from ssm_planner.report.html_page import LIBRARIES, safe_json
+from ssm_planner.report.html_series import encoded
+
+PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"
+MEGABYTE = 2**20
+
+
+class Reader(HTMLParser):
+    """Elements and attributes of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_report(PLAN, tmp_path_factory.mktemp("page") / "report.html").read_text(encoding="utf-8")
+
+
+def stretched(factor: float, **names: str) -> dict[str, Any]:
+    """The shipped plan in `factor` times the time; names replace those of the problem."""
+    document: dict[str, Any] = json.loads(PLAN.read_text(encoding="utf-8"))
+    trajectory = document["trajectory"]
+    trajectory["breaks_s"] = [factor * t for t in trajectory["breaks_s"]]
+    trajectory["coefficients"] = [
+        [[value / factor**k for value in row] for k, row in enumerate(piece)] for piece in trajectory["coefficients"]
+    ]
+    for phase in trajectory["phases"]:
+        phase["start_s"], phase["end_s"] = factor * phase["start_s"], factor * phase["end_s"]
+    document["duration"] *= factor
+    document["problem"].update(names)
+    return document
+
+
+def test_nothing_is_fetched_and_the_file_is_small(page: str) -> None:
+    assert len(page.encode()) < 8 * MEGABYTE
+    for name, attributes in Reader(page).tags:
+        for key in ("src", "href", "action", "data", "srcset"):
+            assert not attributes.get(key) or str(attributes[key]).startswith("data:"), (name, attributes)
+    assert "default-src 'none'" in page
+    styles = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
+    assert not any("url(" in style or "@import" in style for style in styles)
+
+
+def test_licences_of_the_libraries_go_with_the_page(page: str) -> None:
+    for name, _ in LIBRARIES:
+        assert name in page
+    assert page.count("Permission is hereby granted, free of charge") >= len(LIBRARIES)
+
+
+def test_ten_second_plan_is_written_within_two_seconds(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(stretched(3.0)), encoding="utf-8")
+    begin = time.perf_counter()
+    out = write_report(path, tmp_path / "report.html")
+    assert time.perf_counter() - begin < 2.0
+    assert out.stat().st_size < 8 * MEGABYTE
+
+
+def test_same_plan_gives_the_same_channels_exactly() -> None:
+    plan = read_plan(PLAN)
+    data = report_data(plan)
+
+    def channel(name: str) -> np.ndarray:
+        return np.frombuffer(base64.b64decode(data["channels"][name]), dtype="<f8")
+
+    samples = plan.trajectory.sample(channel("t"))
+    for i in range(4):
+        assert np.array_equal(channel(f"q{i}"), samples.q[:, i])
+        assert np.array_equal(channel(f"qd{i}"), samples.qd[:, i])
+
+
+def test_peaks_of_the_page_are_the_plans() -> None:
+    data = report_data(read_plan(PLAN))
+    names = [joint["name"] for joint in data["joints"]]
+    for required in json.loads(PLAN.read_text(encoding="utf-8"))["motors"]:
+        i = names.index(required["joint"])
+        for channel, key in ((f"tau{i}", "peak_torque"), (f"w{i}", "peak_speed")):
+            values = np.frombuffer(base64.b64decode(data["channels"][channel]), dtype="<f8")
+            assert np.abs(values).max() == pytest.approx(required[key], rel=0.02)
+
+
+def test_torque_split_adds_up_to_the_torque() -> None:
+    channels = {
+        name: np.frombuffer(base64.b64decode(text), dtype="<f8")
+        for name, text in report_data(read_plan(PLAN))["channels"].items()
+    }
+    for i in (0, 1, 3):
+        parts = sum(values for name, values in channels.items() if name.startswith(f"split{i}_"))
+        assert parts == pytest.approx(channels[f"tau{i}"], abs=1e-12)
+
+
+@given(st.text())
+def test_text_never_becomes_markup(text: str) -> None:
+    element = tag("p", text, title=text)
+    reader = Reader(element)
+    assert [name for name, _ in reader.tags] == ["p"]
+    assert "<" not in re.sub(r"^<p[^<]*>|</p>$", "", element)
+    assert tag("div", Markup(element)).count("<p") == 1
+
+
+@given(st.recursive(st.text() | st.floats(allow_nan=False, allow_infinity=False), st.lists, max_leaves=5))
+def test_embedded_json_cannot_end_its_element(data: Any) -> None:
+    text = safe_json(data)
+    assert not set("<>&") & set(text)
+    assert json.loads(text) == data
+
+
+@given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=20))
+def test_channels_are_exact(values: list[float]) -> None:
+    array = np.array(values)
+    assert np.array_equal(np.frombuffer(base64.b64decode(encoded({"x": array})["x"]), dtype="<f8"), array)
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=60))
+def test_every_active_instant_is_in_a_stretch(at: list[bool]) -> None:
+    t = 0.1 * np.arange(len(at))
+    values = np.where(at, 2.0, 0.0)
+    stretches = list(active_stretches(t, values, -2.0, 2.0))
+    inside = [any(start <= time <= end for start, end, _ in stretches) for time in t]
+    assert inside == at
+    assert all(side == 1 for *_, side in stretches)
+
+
+def test_plan_without_trajectory_is_refused(tmp_path: Path) -> None:
+    document = stretched(1.0)
+    document["trajectory"] = None
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match="no trajectory"):
+        write_report(path, tmp_path / "report.html")
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(ExportError, match="cannot be written"):
+        write_report(PLAN, tmp_path / "file" / "report.html")
+
+
+def test_comparison_joins_limits_of_both(tmp_path: Path) -> None:
+    other = tmp_path / "plan.json"
+    other.write_text(json.dumps(stretched(1.5, name="<script>other</script>")), encoding="utf-8")
+    text = write_comparison(PLAN, other, tmp_path / "comparison.html").read_text(encoding="utf-8")
+    assert "+50.00 %" in text
+    assert "<script>other" not in text
+
+
+def run(*words: str | Path) -> int:
+    import argparse
+
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    return command.run(parser.parse_args([str(word) for word in words]))
+
+
+def test_command_writes_report_comparison_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(PLAN.parent, "-o", tmp_path / "r.html", "--figures", tmp_path / "figures", "--json") == 0
+    files = json.loads(capsys.readouterr().out)["files"]
+    assert {Path(path).suffix for path in files.values()} == {".html", ".png", ".pdf"}
+    assert all(Path(path).stat().st_size > 1000 for path in files.values())
+    assert run(PLAN, PLAN, "-o", tmp_path / "c.html") == 0
+    assert "Two plans" in (tmp_path / "c.html").read_text(encoding="utf-8")
+
+
+def test_figures_are_the_same_bytes_each_time(tmp_path: Path) -> None:
+    from ssm_planner.report.plan_figures import write_figures_of_file
+
+    plan = read_plan(PLAN)
+    first, second = (write_figures_of_file(plan, tmp_path / name) for name in ("a", "b"))
+    assert {path.name for path in first.values()} == {"motion.png", "motion.pdf", "motors.png", "motors.pdf"}
+    assert all(first[name].read_bytes() == second[name].read_bytes() for name in first)

@@ -1,0 +1,217 @@
+"""The server of the local view: what it answers, and what it does not accept."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import math
+import re
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.model.forward import forward
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import pose_from_task, task_from_joints
+from ssm_planner.problem.values import Problem
+from ssm_planner.view.server import LONGEST, ViewServer
+from ssm_planner.view.study import Study
+
+ANGLES = {"alpha": 0.6, "beta": 1.8}
+POSE = [0.2, -1.7, 0.3, 0.012]
+
+
+@pytest.fixture(scope="module")
+def server(tilt_insert: Problem) -> Iterator[ViewServer]:
+    with ViewServer(Study(tilt_insert)) as running:
+        threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+        yield running
+        running.shutdown()
+
+
+def send(server: ViewServer, method: str, path: str, body: Any = None, **headers: str | None) -> tuple[int, str]:
+    """Status and text of an answer; headers replace those that the page sends, None leaves one out."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    text = body if isinstance(body, (str, bytes)) else json.dumps(body)
+    sent = {"Content-Type": "application/json", "X-Token": server.token, "Host": f"127.0.0.1:{server.server_port}"}
+    sent |= {key.replace("_", "-"): value for key, value in headers.items()}  # type: ignore[dict-item]
+    try:
+        connection.putrequest(method, path, skip_host=True)
+        data = b"" if body is None else text.encode() if isinstance(text, str) else text
+        sent.setdefault("Content-Length", str(len(data)))
+        for key, value in sent.items():
+            if value is not None:
+                connection.putheader(key, value)
+        connection.endheaders(data)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+    finally:
+        connection.close()
+
+
+def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
+    status, text = send(server, "POST", path, body)
+    assert status == 200, text
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def test_listens_on_the_loopback_interface_only(server: ViewServer) -> None:
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_page_holds_the_token_and_nothing_from_elsewhere(server: ViewServer) -> None:
+    status, text = send(server, "GET", "/")
+    assert status == 200
+    assert server.token in text
+    assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", text)
+
+
+@pytest.mark.parametrize("host", ["example.org", "127.0.0.1", "127.0.0.1:1", "localhost.example.org", None])
+def test_other_host_names_are_refused(server: ViewServer, host: str | None) -> None:
+    for method, path in (("GET", "/"), ("POST", "/ik")):
+        status, text = send(server, method, path, {}, Host=host)
+        assert status in (400, 421)
+        assert server.token not in text
+
+
+def test_localhost_is_this_host(server: ViewServer) -> None:
+    assert send(server, "GET", "/", Host=f"localhost:{server.server_port}")[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/workspace", "/ik", "/plan", "/progress"])
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"X_Token": None}, 403),
+        ({"X_Token": "guess"}, 403),
+        ({"Origin": "http://example.org"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Content_Type": "text/plain"}, 415),
+        ({"Content_Type": None}, 415),
+        ({"Content_Length": None}, 411),
+        ({"Content_Length": "-1"}, 411),
+        ({"Content_Length": str(LONGEST + 1)}, 413),
+        ({"Content_Length": "9" * 40}, 413),
+        ({"Transfer_Encoding": "chunked"}, 411),
+    ],
+)
+def test_anything_but_the_pages_requests_is_refused(
+    server: ViewServer, path: str, headers: dict[str, str | None], status: int
+) -> None:
+    assert send(server, "POST", path, {"own": True}, **headers)[0] == status
+
+
+@pytest.mark.parametrize("body", ["", "{", "[]", "3", '{"alpha": NaN}', "[" * 2000, b"\xff\xfe"])
+def test_what_is_no_json_object_is_refused(server: ViewServer, body: str | bytes) -> None:
+    assert send(server, "POST", "/ik", body)[0] == 400
+
+
+def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
+    for path in ("/etc/passwd", "/../server.py", "/report/", "/report/none", "/workspace", "/?x", "//"):
+        assert send(server, "GET", path)[0] == 404
+    assert send(server, "POST", "/", {})[0] == 404
+    for method in ("PUT", "DELETE", "OPTIONS", "HEAD"):
+        assert send(server, method, "/")[0] == 501
+
+
+@pytest.mark.parametrize(
+    ("path", "request_", "key"),
+    [
+        ("/ik", {**ANGLES, "pose": [0, 0, 0]}, "pose"),
+        ("/ik", {**ANGLES, "pose": [0, "0", 0, 0]}, "pose.tilt"),
+        ("/ik", {**ANGLES, "pose": [0, -110, 0, 0]}, "pose.tilt"),
+        ("/ik", {**ANGLES, "pose": [True, 0, 0, 0]}, "pose.roll"),
+        ("/ik", {"alpha": 0.0, "beta": 1.0, "pose": POSE}, "alpha"),
+        ("/ik", {"alpha": 1e400, "beta": 1.0, "pose": POSE}, "alpha"),
+        ("/workspace", {**ANGLES}, "tilt_range"),
+        ("/workspace", {**ANGLES, "tilt_range": [1, 0]}, "tilt_range"),
+        ("/plan", {**ANGLES, "start": POSE, "target": POSE, "tilt_range": [-2, -1]}, "alpha"),
+        ("/progress", {"job": "../x"}, "job"),
+    ],
+)
+def test_bad_values_are_named(server: ViewServer, path: str, request_: dict[str, Any], key: str) -> None:
+    status, text = send(server, "POST", path, json.dumps(request_))
+    assert status == 400
+    assert key in json.loads(text)["error"]
+
+
+def test_branches_reach_the_pose(server: ViewServer) -> None:
+    mechanism = Mechanism.from_angles(**ANGLES)
+    found = ask(server, "/ik", {**ANGLES, "pose": POSE})
+    rotation, position = pose_from_task(mechanism, [POSE])
+    assert found["reachable"]
+    assert {branch["branch"] for branch in found["branches"]} == {1, -1}
+    for branch in found["branches"]:
+        reached = forward(mechanism, [branch["joints"]])
+        assert np.allclose(reached[0], rotation, atol=1e-9)
+        assert np.allclose(reached[1], position, atol=1e-9)
+        assert np.allclose(branch["tip"], position[0], atol=1e-9)
+
+
+def test_pose_outside_the_workspace_says_how_far(server: ViewServer) -> None:
+    nearest = -(ANGLES["beta"] - ANGLES["alpha"])
+    found = ask(server, "/ik", {**ANGLES, "pose": [0.0, nearest + 0.1, 0.0, 0.01]})
+    assert not found["reachable"]
+    assert found["error"] == pytest.approx(0.1)
+
+
+def test_band_is_the_closed_form_tilt_range(server: ViewServer) -> None:
+    found = ask(server, "/workspace", {**ANGLES, "tilt_range": [-2.0, -1.5]})
+    low, high = -(ANGLES["alpha"] + ANGLES["beta"]), -(ANGLES["beta"] - ANGLES["alpha"])
+    assert found["tilt_range"] == pytest.approx([low, high])
+    assert found["margin"] == pytest.approx(min(-2.0 - low, high + 1.5))
+    vertices = np.reshape(found["scene"]["bands"][0]["vertices"], (-1, 3))
+    angles = np.arccos(vertices @ np.array(found["scene"]["axes"][0]) / np.linalg.norm(vertices, axis=1))
+    assert angles.min() == pytest.approx(-high, abs=1e-4)
+    assert angles.max() == pytest.approx(-low, abs=1e-4)
+    assert not found["own"]
+
+
+def test_plan_runs_with_progress_and_gives_a_report(server: ViewServer, tilt_insert: Problem) -> None:
+    own = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    target = [0.0, math.radians(-100), 0.0, 0.005]
+    start = [0.0, math.radians(-90), 0.0, 0.0]
+    request = {"alpha": own.alpha, "beta": own.beta, "start": start, "target": target, "tilt_range": [-2.4, -1.45]}
+    job = ask(server, "/plan", request)["job"]
+    status, text = send(server, "POST", "/plan", request)
+    assert status == 400
+    assert "one at a time" in text
+    for _ in range(600):
+        answer = ask(server, "/progress", {"job": job})
+        if answer["done"]:
+            break
+        time.sleep(0.05)
+    assert "check passed" in answer["message"]
+    assert len(answer["steps"]) >= 3
+    status, page = send(server, "GET", answer["report"])
+    assert status == 200
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page).group(1))  # type: ignore[union-attr]
+    q = [np.frombuffer(__import__("base64").b64decode(data["channels"][f"q{i}"]), "<f8")[-1] for i in range(4)]
+    assert task_from_joints(own, [q])[0] == pytest.approx(target, abs=1e-6)
+
+
+def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert: Problem) -> None:
+    own = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    request = {"alpha": own.alpha, "beta": own.beta, "start": [0.0, -1.6, 0.0, 0.0], "target": [0.0, -2.2, 0.0, 0.0]}
+    job = ask(server, "/plan", {**request, "tilt_range": [-2.0, -1.5]})["job"]
+    for _ in range(400):
+        answer = ask(server, "/progress", {"job": job})
+        if answer["done"]:
+            break
+        time.sleep(0.05)
+    assert answer["report"] is None
+    assert "tilt" in answer["message"]
+
+
+def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
+    with ViewServer(Study(None)) as alone:
+        assert alone.study.start()["can_plan"] is False
+        assert alone.study.ik({**ANGLES, "pose": POSE})["reachable"]
+        with pytest.raises(ProblemError, match="problem file"):
+            alone.jobs.start({"own": True})

@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.values import Robot
+from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+
+for folder in (Path(__file__).parent, Path(__file__).parent.parent):
+    sys.path.insert(0, str(folder))
+from sizing_cases import equipped, random_trajectory
+
+
+@pytest.fixture(scope="session")
+def trajectory() -> Trajectory:
+    return random_trajectory(3)
+
+
+@pytest.fixture(scope="session")
+def loads(trajectory: Trajectory, robot: Robot) -> tuple[JointLoad, ...]:
+    return joint_loads(trajectory, robot)
+
+
+@pytest.fixture(scope="session")
+def complete(robot: Robot) -> Duty:
+    """A duty about which everything is known."""
+    return Duty.of_trajectory(random_trajectory(3), equipped(robot))

@@ -1,0 +1,293 @@
+"""Verdicts: what is missing is never passed, what binds binds, and the smallest that suffices is found."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sizing_cases import COMPLETE, equipped, random_trajectory
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.problem.values import Motor, Ratings, Robot
+from ssm_planner.sizing.assess import assess
+from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.friction_spread import spread_of
+from ssm_planner.sizing.joint_load import JointLoad
+from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.sizing.size import Sizing, size
+from ssm_planner.sizing.verdict import all_of
+
+KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)
+OPTIONAL = (
+    "torque_constant",
+    "terminal_resistance",
+    "resistance_winding_housing",
+    "resistance_housing_ambient",
+    "time_constant_winding",
+    "time_constant_motor",
+    "max_winding_temperature",
+)
+
+
+@pytest.fixture(scope="module")
+def sizing(complete: Duty) -> Sizing:
+    return size(complete, None, KNOWN)
+
+
+def test_when_everything_is_known_and_within_it_is_adequate(sizing: Sizing) -> None:
+    assert [verdict.adequate for verdict in sizing.verdicts] == [True] * 3
+    assert sizing.adequate is True
+    for verdict in sizing.verdicts:
+        assert verdict.probability == 1.0
+        for check in (*verdict.checks, *verdict.gear):
+            assert check.margin >= 0
+            assert check.needs is None
+
+
+@pytest.mark.parametrize("name", OPTIONAL)
+def test_a_missing_figure_is_never_passed(complete: Duty, name: str) -> None:
+    load = complete.loads()[1]
+    motor = replace(COMPLETE, **{name: None})
+    verdict = assess(load, motor, KNOWN)
+    assert verdict.adequate is None
+    unknown = {check.name: check.needs for check in verdict.checks if check.passed is None}
+    assert "heat" in unknown
+    assert all(name in needs for needs in unknown.values())
+
+
+@pytest.mark.parametrize("name", ["continuous_output", "peak_output", "input_speed", "duty", "root_diameter", "ends"])
+def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> None:
+    full = equipped(robot)
+    joints = [
+        joint
+        if joint.drive is None
+        else replace(joint, drive=replace(joint.drive, ratings=replace(joint.drive.ratings, **{name: None})))
+        for joint in full.joints
+    ]
+    found = size(Duty.of_trajectory(random_trajectory(3), replace(full, joints=tuple(joints))), None, KNOWN)
+    assert found.adequate is None
+    assert all(verdict.adequate for verdict in found.verdicts)
+    assert name in json.dumps(found.to_dict()["gears"])
+
+
+def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> None:
+    duty = Duty.of_trajectory(trajectory, robot)
+    motors = {name: [COMPLETE] for name in ("roll", "tilt", "insertion")}
+    for verdict in size(duty, motors, KNOWN).verdicts:
+        assert verdict.probability is None
+        assert verdict.adequate is None
+        assert any(check.name == "confidence" and check.needs for check in verdict.checks)
+
+
+def test_a_failing_check_says_no_whatever_else_is_missing(robot: Robot, trajectory) -> None:
+    weak = Motor("weak", nominal_torque=1e-5, max_torque=1e-5, max_speed=1.0)
+    found = size(Duty.of_trajectory(trajectory, robot), {"tilt": [weak]})
+    (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
+    assert verdict.adequate is False
+    assert verdict.binds in ("torque", "speed", "continuous_torque")
+    assert found.adequate is False
+
+
+def test_an_overloaded_gear_fails_every_motor(robot: Robot, trajectory) -> None:
+    full = equipped(robot)
+    joints = list(full.joints)
+    joints[1] = replace(joints[1], drive=replace(joints[1].drive, ratings=Ratings(peak_output=1e-3)))
+    found = size(Duty.of_trajectory(trajectory, replace(full, joints=tuple(joints))), None, KNOWN)
+    (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
+    assert verdict.adequate is False
+    assert verdict.binds == "gear_peak_output"
+    assert found.adequate is False
+
+
+def test_margins_by_hand(sizing: Sizing) -> None:
+    for verdict in sizing.verdicts:
+        margins = {check.name: check for check in verdict.checks}
+        load, motor = verdict.load, verdict.motor
+        assert margins["speed"].margin == pytest.approx(1 - np.abs(load.speed()).max() / motor.max_speed)
+        hot = motor.torque_constant * (1 - 0.0011 * 130)
+        assert margins["torque"].limit == pytest.approx(min(motor.max_torque, 20 * hot))
+        assert margins["torque"].nominal == pytest.approx(np.abs(load.torque()).max())
+        assert margins["torque"].worst > margins["torque"].nominal
+        assert (
+            verdict.binds
+            == min(
+                (check for check in (*verdict.checks, *verdict.gear) if check.name != "confidence"),
+                key=lambda check: check.margin,
+            ).name
+        )
+
+
+def test_margin_is_zero_where_probability_is_the_confidence(complete: Duty) -> None:
+    """A motor just as strong as the demand at 99 % suffices with 99 %."""
+    load = complete.loads()[1]
+    verdict = assess(load, COMPLETE, KNOWN)
+    worst = next(check.worst for check in verdict.checks if check.name == "torque")
+    for factor, expected in ((1.0, True), (0.999, False)):
+        motor = replace(COMPLETE, max_torque=worst * factor)
+        found = assess(load, motor, Conditions(supply_voltage=24.0))
+        torque = next(check for check in found.checks if check.name == "torque")
+        assert (torque.probability >= 0.99) is expected
+        assert torque.passed is expected
+        assert found.adequate is expected
+
+
+def test_more_confidence_leaves_less_margin(complete: Duty) -> None:
+    load = complete.loads()[0]
+    levels = [assess(load, COMPLETE, replace(KNOWN, confidence=level)) for level in (0.5, 0.9, 0.99, 0.999)]
+    for name in ("torque", "continuous_torque", "heat", "voltage"):
+        margins = [next(check.margin for check in each.checks if check.name == name) for each in levels]
+        assert margins == sorted(margins, reverse=True)
+        assert margins[0] > margins[-1]
+
+
+def test_a_pause_helps_the_heat_and_nothing_else(complete: Duty) -> None:
+    load = complete.loads()[0]
+    without, with_pause = assess(load, COMPLETE, KNOWN), assess(load, COMPLETE, replace(KNOWN, pause=3.0))
+    for a, b in zip(without.checks, with_pause.checks, strict=True):
+        if a.name in ("heat", "continuous_torque"):
+            assert b.margin > a.margin
+        else:
+            assert b.margin == a.margin
+    assert with_pause.requirement.rms_torque == without.requirement.rms_torque
+    rms = next(check.worst for check in with_pause.checks if check.name == "continuous_torque")
+    assert rms == pytest.approx(next(c.worst for c in without.checks if c.name == "continuous_torque") / np.sqrt(2))
+
+
+def test_heat_capacity_gives_exactly_the_limit(complete: Duty) -> None:
+    from ssm_planner.sizing.demand import thinned
+    from ssm_planner.sizing.heat import Cycle, ThermalModel, steady_state
+
+    load = complete.loads()[0]
+    heat = assess(load, COMPLETE, KNOWN).heat
+    few = thinned(load, load.drive)
+    cycle = Cycle.from_torque(few.t, few.torque())
+    scaled = cycle.scaled(heat.capacity / np.sqrt(cycle.mean(cycle.square)))
+    found = steady_state(ThermalModel.from_motor(COMPLETE, KNOWN.ambient), scaled)
+    assert found.peak == pytest.approx(COMPLETE.max_winding_temperature, abs=2e-3)
+
+
+def test_too_hot_says_when(complete: Duty) -> None:
+    load = complete.loads()[0]
+    rms = load.rms(load.torque())
+    small = replace(COMPLETE, resistance_housing_ambient=900.0, nominal_torque=10 * float(rms))
+    verdict = assess(load, small, KNOWN)
+    assert verdict.adequate is False
+    assert verdict.binds == "heat"
+    assert 0 < verdict.heat.time_until_limit < 3600
+
+
+def test_the_candidates_rotor_takes_the_place_of_the_old_one(complete: Duty) -> None:
+    for load in complete.loads():
+        heavier = replace(COMPLETE, name="heavier", rotor_inertia=COMPLETE.rotor_inertia + 3e-7)
+        verdict = assess(load, heavier, KNOWN)
+        added = verdict.requirement.torque - load.torque()
+        assert added == pytest.approx(3e-7 * load.acceleration(), abs=1e-15)
+        assert verdict.adequate is not None
+        assert assess(load, COMPLETE, KNOWN).requirement.torque == pytest.approx(load.torque(), abs=0)
+
+
+@pytest.mark.parametrize("which", ["original", "candidate", "none"])
+def test_an_unknown_rotor_is_said(complete: Duty, which: str) -> None:
+    load = complete.loads()[0]
+    original: Motor | None = replace(COMPLETE, name="original")
+    candidate = COMPLETE
+    if which == "original":
+        original = replace(original, rotor_inertia=None)
+    elif which == "candidate":
+        candidate = replace(COMPLETE, rotor_inertia=None)
+    else:
+        original = None
+    verdict = assess(replace(load, motor=original), candidate, KNOWN)
+    rotor = next(check for check in verdict.checks if check.name == "rotor_inertia")
+    assert rotor.passed is None
+    assert "rotor" in rotor.needs
+    assert verdict.adequate is None
+    assert verdict.to_dict()["not_checked"]["rotor_inertia"]
+
+
+def test_the_smallest_that_suffices(complete: Duty) -> None:
+    weak = replace(COMPLETE, name="weak", nominal_torque=1e-5, max_torque=2e-5)
+    strong = replace(COMPLETE, name="strong", nominal_torque=0.3, max_torque=0.5)
+    vague = replace(COMPLETE, name="vague", nominal_torque=0.05, terminal_resistance=None)
+    found = size(complete, {"tilt": [strong, COMPLETE, weak, vague]}, KNOWN)
+    tilt = found.joints[1]
+    assert [each.motor.name for each in tilt.candidates] == ["weak", "vague", "complete", "strong"]
+    assert [each.adequate for each in tilt.candidates] == [False, None, True, True]
+    assert tilt.smallest.motor.name == "complete"
+    assert found.to_dict()["smallest"]["tilt"] == "complete"
+    assert found.adequate is True
+    assert size(complete, {"tilt": [weak, vague]}, KNOWN).adequate is None
+    assert size(complete, {"tilt": [weak]}, KNOWN).adequate is False
+
+
+def test_monte_carlo_and_linear_verdicts_agree(complete: Duty) -> None:
+    load = complete.loads()[0]
+    linear, drawn = assess(load, COMPLETE, KNOWN), assess(load, COMPLETE, replace(KNOWN, draws=5000))
+    for a, b in zip(linear.checks, drawn.checks, strict=True):
+        assert a.margin == pytest.approx(b.margin, abs=0.01)
+    assert spread_of(load.drive).known
+
+
+def test_extrapolation_and_placeholders_are_said(complete: Duty) -> None:
+    load = complete.loads()[0]
+    doubtful = replace(COMPLETE, placeholders=("max_speed",))
+    verdict = assess(load, doubtful, KNOWN)
+    text = " ".join(verdict.notes)
+    assert "extrapolated" in text
+    assert "placeholder" in text
+    assert verdict.to_dict()["placeholder"] is True
+
+
+def test_a_motor_for_a_joint_without_a_drive(robot: Robot, trajectory) -> None:
+    with pytest.raises(ProblemError, match=r"joints\.spin\.motor.*no drive"):
+        size(Duty.of_trajectory(trajectory, robot), {"spin": [COMPLETE]})
+    spin = replace(robot.joints[2], motor=COMPLETE)
+    joints = (*robot.joints[:2], spin, robot.joints[3])
+    with pytest.raises(ProblemError, match=r"vitreoretinal\.yaml.*joints\.spin\.motor"):
+        size(Duty.of_trajectory(trajectory, replace(robot, joints=joints)))
+    with pytest.raises(ProblemError, match="elbow"):
+        size(Duty.of_trajectory(trajectory, robot), {"elbow": [COMPLETE]})
+
+
+def test_json(sizing: Sizing) -> None:
+    document = json.loads(json.dumps(sizing.to_dict(), allow_nan=False))
+    assert document["adequate"] is True
+    assert document["confidence"] == 0.99
+    for row in document["motors"]:
+        assert set(row) >= {"joint", "motor", "adequate", "binds", "margins", "placeholder"}
+        assert all(isinstance(margin, float) for margin in row["margins"].values())
+        assert sum(row["regions"].values()) == pytest.approx(1.0)
+    for row in document["requirements"]:
+        low, high = row["band"]["peak_torque"]
+        assert low < row["peak_torque"] < high
+
+
+def test_a_motion_at_rest_asks_nothing(robot: Robot) -> None:
+    from ssm_planner.model.trajectory import Trajectory
+
+    still = np.zeros((1, 6, 4))
+    still[0, 0] = [0.3, -0.2, 0.1, -0.01]
+    duty = Duty.of_trajectory(Trajectory(np.array([0.0, 1.0]), still, ()), equipped(robot))
+    found = size(duty, None, replace(KNOWN, draws=1000))
+    json.dumps(found.to_dict(), allow_nan=False)
+    assert found.adequate is True
+
+
+def test_three_valued_and() -> None:
+    assert all_of([True, True]) is True
+    assert all_of([True, None]) is None
+    assert all_of([None, False, True]) is False
+    assert all_of([]) is True
+
+
+def test_load_of_one_joint_only(robot: Robot) -> None:
+    from ssm_planner.problem.motorisation import Motorisation, Stroke
+
+    strokes = (Stroke("tilt", 0.0, 1.0, 1.0, 3.0),)
+    duty = Duty.of_motorisation(Motorisation("one", robot, strokes))
+    loads: tuple[JointLoad, ...] = duty.loads()
+    assert [load.joint for load in loads] == ["tilt"]
+    with pytest.raises(ProblemError, match="does not move this joint"):
+        size(duty, {"roll": [COMPLETE]})
