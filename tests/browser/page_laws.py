@@ -22,13 +22,14 @@ CONTRAST = """() => {
     const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
     const size = parseFloat(style.fontSize);
     const large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
-    if (ratio < (large ? 3 : 4.5)) poor.push(`${node.tagName} ${node.className}: ${ratio.toFixed(2)} ${node.textContent.slice(0, 30)}`);
+    const name = `${node.tagName} ${node.className} ${node.textContent.slice(0, 30)}`;
+    if (ratio < (large ? 3 : 4.5)) poor.push(`${name}: ${ratio.toFixed(2)}`);
   }
   return poor;
 }"""
 
 UNNAMED = """() => [...document.querySelectorAll("button, input, select, summary, a[href], canvas")].filter((node) => {
-  const named = node.textContent.trim() || node.getAttribute("aria-label") || node.getAttribute("aria-labelledby") || node.labels?.length;
+  const named = node.textContent.trim() || node.getAttribute("aria-label") || node.labels?.length;
   const reached = node.matches("canvas, :disabled") || node.tabIndex >= 0;
   return !(named && reached) && !node.closest(".uplot");
 }).map((node) => node.outerHTML.slice(0, 120))"""

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,6 +10,9 @@ from ssm_planner.model.forward import tip_position
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.problem.values import Motion, Problem, Robot, Target
 from ssm_planner.run import plan
+
+Weaker = Callable[[Robot, float], Robot]
+WithJerk = Callable[[Robot, float, float], Robot]
 
 FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 
@@ -19,25 +23,6 @@ def free(problem: Problem, first: tuple[float, ...] = FIRST, **target: object) -
     return dataclasses.replace(problem, start=Target(joints=first), motion=motion, limits={"depth": (0.0, 0.03)})
 
 
-def with_jerk(robot: Robot, revolute: float, prismatic: float) -> Robot:
-    jerks = {"revolute": revolute, "prismatic": prismatic}
-    return dataclasses.replace(
-        robot, joints=tuple(dataclasses.replace(joint, jerk=jerks[joint.kind]) for joint in robot.joints)
-    )
-
-
-def weaker(robot: Robot, factor: float) -> Robot:
-    joints = tuple(
-        joint
-        if joint.motor is None
-        else dataclasses.replace(
-            joint, motor=dataclasses.replace(joint.motor, max_torque=factor * joint.motor.max_torque)
-        )
-        for joint in robot.joints
-    )
-    return dataclasses.replace(robot, joints=joints)
-
-
 def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Problem) -> None:
     result = plan(free(tilt_insert))
     assert result.passed
@@ -45,7 +30,7 @@ def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Prob
 
 
 @pytest.mark.parametrize("jerk", [5.0, 35.0, 500.0])
-def test_jerk_limited_free_motion_against_ruckig(tilt_insert: Problem, jerk: float) -> None:
+def test_jerk_limited_free_motion_against_ruckig(tilt_insert: Problem, jerk: float, with_jerk: WithJerk) -> None:
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
     problem = free(dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, jerk, 0.1 * jerk)))
     result = plan(problem)
@@ -62,7 +47,7 @@ def test_jerk_limited_free_motion_against_ruckig(tilt_insert: Problem, jerk: flo
 
 
 @pytest.mark.parametrize("factor", [0.35, 0.3])
-def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: float) -> None:
+def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: float, weaker: Weaker) -> None:
     result = plan(free(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor))))
     assert result.passed
     torque = min(limit.margin for limit in result.certificate.limits if limit.name == "motor torque")
@@ -70,7 +55,7 @@ def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: 
     assert result.duration == pytest.approx(result.toppra_duration, rel=5e-3)
 
 
-def test_torque_jerk_and_tip_speed_together(tilt_insert: Problem) -> None:
+def test_torque_jerk_and_tip_speed_together(tilt_insert: Problem, weaker: Weaker, with_jerk: WithJerk) -> None:
     robot = weaker(with_jerk(tilt_insert.robot, 35.0, 1.0), 0.32)
     result = plan(dataclasses.replace(free(dataclasses.replace(tilt_insert, robot=robot)), tip_speed=0.012))
     assert result.passed

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,17 +11,7 @@ from ssm_planner.planning.profile import rest_to_rest
 from ssm_planner.problem.values import Motion, Problem, Robot, Target
 from ssm_planner.run import plan
 
-
-def weaker(robot: Robot, factor: float) -> Robot:
-    joints = tuple(
-        joint
-        if joint.motor is None
-        else dataclasses.replace(
-            joint, motor=dataclasses.replace(joint.motor, max_torque=factor * joint.motor.max_torque)
-        )
-        for joint in robot.joints
-    )
-    return dataclasses.replace(robot, joints=joints)
+Weaker = Callable[[Robot, float], Robot]
 
 
 def straight(problem: Problem, **task: float) -> Problem:
@@ -44,7 +35,7 @@ def test_tilt_and_insert(tilt_insert: Problem) -> None:
 
 
 @pytest.mark.parametrize("factor", [0.3, 0.285])
-def test_with_motors_that_bind(tilt_insert: Problem, factor: float) -> None:
+def test_with_motors_that_bind(tilt_insert: Problem, factor: float, weaker: Weaker) -> None:
     problem = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor), motion=tilt_insert.motion[:1])
     result = plan(problem)
     assert result.passed
@@ -78,7 +69,7 @@ def test_tip_speed_is_kept(tilt_insert: Problem) -> None:
     assert result.duration == pytest.approx(rest_to_rest(0.02, 0.012, 0.1).duration, rel=1e-4)
 
 
-def test_a_motor_too_weak_is_named_with_what_it_needs(tilt_insert: Problem) -> None:
+def test_a_motor_too_weak_is_named_with_what_it_needs(tilt_insert: Problem, weaker: Weaker) -> None:
     result = plan(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.2)))
     assert result.status == "infeasible"
     assert not result.passed

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,24 +14,13 @@ from ssm_planner.planning.straight import joint_pieces
 from ssm_planner.problem.values import Problem, Robot
 from ssm_planner.verify.check import check
 
+Weaker = Callable[[Robot, float], Robot]
+
 
 def paths(problem: Problem) -> list[StraightPath]:
     legs, reason = legs_of(problem, Mechanism.from_geometry(problem.robot.geometry))
     assert reason is None
     return [leg.path for leg in legs if leg.path is not None]
-
-
-def weaker(robot: Robot, factor: float) -> Robot:
-    """The same robot with every motor's largest torque scaled."""
-    joints = tuple(
-        joint
-        if joint.motor is None
-        else dataclasses.replace(
-            joint, motor=dataclasses.replace(joint.motor, max_torque=factor * joint.motor.max_torque)
-        )
-        for joint in robot.joints
-    )
-    return dataclasses.replace(robot, joints=joints)
 
 
 def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:
@@ -42,7 +31,7 @@ def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:
 
 
 @pytest.mark.parametrize(("factor", "passes"), [(0.35, 6), (0.29, 10)])
-def test_the_viscous_tangents_settle(tilt_insert: Problem, factor: float, passes: int) -> None:
+def test_the_viscous_tangents_settle(tilt_insert: Problem, factor: float, passes: int, weaker: Weaker) -> None:
     robot = weaker(tilt_insert.robot, factor)
     path = paths(tilt_insert)[0]
     result = retime(path, robot)
@@ -51,7 +40,7 @@ def test_the_viscous_tangents_settle(tilt_insert: Problem, factor: float, passes
     assert result.duration > 1.02 * retime(path, tilt_insert.robot).duration
 
 
-def test_a_motor_too_weak_to_start_gives_no_motion(tilt_insert: Problem) -> None:
+def test_a_motor_too_weak_to_start_gives_no_motion(tilt_insert: Problem, weaker: Weaker) -> None:
     result = retime(paths(tilt_insert)[0], weaker(tilt_insert.robot, 0.1))
     assert result.status == "infeasible"
     assert result.message

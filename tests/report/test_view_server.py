@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import http.client
 import json
 import math
@@ -113,7 +114,7 @@ def test_what_is_no_json_object_is_refused(server: ViewServer, body: str | bytes
 
 
 def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
-    for path in ("/etc/passwd", "/../server.py", "/report/", "/report/none", "/workspace", "/?x", "//"):
+    for path in ("/etc/passwd", "/../server.py", "/report/", "/report/none", "/workspace", "/?x", "/report/../"):
         assert send(server, "GET", path)[0] == 404
     assert send(server, "POST", "/", {})[0] == 404
     for method in ("PUT", "DELETE", "OPTIONS", "HEAD"):
@@ -192,7 +193,7 @@ def test_plan_runs_with_progress_and_gives_a_report(server: ViewServer, tilt_ins
     status, page = send(server, "GET", answer["report"])
     assert status == 200
     data = json.loads(re.search(r'id="data">(.*?)</script>', page).group(1))  # type: ignore[union-attr]
-    q = [np.frombuffer(__import__("base64").b64decode(data["channels"][f"q{i}"]), "<f8")[-1] for i in range(4)]
+    q = [np.frombuffer(base64.b64decode(data["channels"][f"q{i}"]), "<f8")[-1] for i in range(4)]
     assert task_from_joints(own, [q])[0] == pytest.approx(target, abs=1e-6)
 
 

@@ -10,8 +10,8 @@ from ssm_planner.problem.values import Robot
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 
-for folder in (Path(__file__).parent, Path(__file__).parent.parent):
-    sys.path.insert(0, str(folder))
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 from sizing_cases import equipped, random_trajectory
 
 

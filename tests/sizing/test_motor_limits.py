@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sizing_cases import COMPLETE
 
@@ -23,6 +23,7 @@ from ssm_planner.sizing.motor_limits import (
 
 
 @given(st.floats(0, 1400), st.floats(260, 430), st.floats(6, 48), st.floats(1, 30))
+@settings(max_examples=50, deadline=None)
 def test_on_the_line_the_voltage_is_the_supply(speed: float, temperature: float, supply: float, current: float) -> None:
     conditions = Conditions(supply_voltage=supply, current_limit=current)
     w = np.array([speed])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.errors import ProblemError
@@ -20,6 +20,7 @@ SHIPPED = Path(__file__).parents[2] / "problems"
 
 
 @given(st.floats(0.01, 3), st.floats(0.05, 5), st.floats(0.1, 50), st.sampled_from(["roll", "tilt", "insertion"]))
+@settings(max_examples=50, deadline=None)
 def test_a_stroke_is_the_fastest_within_its_limits(reach: float, v: float, a: float, joint: str) -> None:
     motion = back_and_forth(Stroke(joint, 0.2, reach, v, a, (0.1, 0.2, 0.3, -0.01)))
     distance = 2 * reach

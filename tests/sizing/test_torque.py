@@ -17,7 +17,6 @@ from ssm_planner.problem.values import Drive, Robot
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.requirements import motor_requirement, motor_requirements
 
-
 DRIVEN = (0, 1, 3)
 
 

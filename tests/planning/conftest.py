@@ -1,0 +1,40 @@
+"""Variants of a robot."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import pytest
+
+from ssm_planner.problem.values import Joint, Motor, Robot
+
+Weaker = Callable[[Robot, float], Robot]
+WithJerk = Callable[[Robot, float, float], Robot]
+
+
+@pytest.fixture(scope="session")
+def weaker() -> Weaker:
+    """The same robot with the largest torque of every motor scaled."""
+
+    def motor(original: Motor, factor: float) -> Motor:
+        return dataclasses.replace(original, max_torque=factor * original.max_torque)
+
+    def joint(original: Joint, factor: float) -> Joint:
+        if original.motor is None:
+            return original
+        return dataclasses.replace(original, motor=motor(original.motor, factor))
+
+    return lambda robot, factor: dataclasses.replace(robot, joints=tuple(joint(j, factor) for j in robot.joints))
+
+
+@pytest.fixture(scope="session")
+def with_jerk() -> WithJerk:
+    """The same robot with jerk limits for revolute and prismatic joints."""
+
+    def make(robot: Robot, revolute: float, prismatic: float) -> Robot:
+        jerks = {"revolute": revolute, "prismatic": prismatic}
+        joints = tuple(dataclasses.replace(joint, jerk=jerks[joint.kind]) for joint in robot.joints)
+        return dataclasses.replace(robot, joints=joints)
+
+    return make
