@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -11,10 +12,11 @@ from importlib import metadata
 
 from ssm_planner.errors import SsmPlannerError
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT, INTERRUPTED, CLOSED_PIPE = 2, 130, 141
 
 COMMANDS = {
     "plan": ("planning", "plan, cross-check, verify, size, report"),
+    "size": ("sizing", "what the motion requires; which motors and gears satisfy it"),
     "workspace": ("workspace", "closed-form tilt range, or the (alpha, beta) that reach a range"),
     "identify": ("identify", "friction with confidence, map figure, a drive file to use"),
     "predict": ("predict", "predicted against measured torque, NRMSD"),
@@ -32,10 +34,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     options = _parser(words).parse_args(words)
     try:
-        return int(options.run(options))
+        status = int(options.run(options))
+        sys.stdout.flush()
+        return status
     except SsmPlannerError as error:
         print(f"ssm-planner: {error}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
     except KeyboardInterrupt:
         print("\nssm-planner: interrupted; earlier results are untouched", file=sys.stderr)
         return INTERRUPTED

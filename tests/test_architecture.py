@@ -19,8 +19,21 @@ ALLOWED = {
     "plan": {"problem", "model", "planning", "verify", "sizing"},
     "export": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "report"},
     "report": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "export"},
+    "view": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report", "run"},
     "run": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report"},
-    "commands": {"problem", "model", "identify", "planning", "verify", "sizing", "plan", "export", "report", "run"},
+    "commands": {
+        "problem",
+        "model",
+        "identify",
+        "planning",
+        "verify",
+        "sizing",
+        "plan",
+        "export",
+        "report",
+        "run",
+        "view",
+    },
 }
 HEAVY = {"casadi", "toppra", "matplotlib", "pint", "scipy", "pydantic"}
 

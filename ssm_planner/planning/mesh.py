@@ -35,8 +35,12 @@ class Mesh:
         return np.asarray(lengths / np.bincount(self.interval, lengths)[self.interval])
 
     @classmethod
-    def along(cls, guess: Retiming, knots: Array, count: int) -> Mesh:
-        """About `count` elements along a re-timed motion whose joints turn back at the knots s_k."""
+    def along(cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None) -> Mesh:
+        """About `count` elements along a re-timed motion whose joints turn back at the knots s_k.
+
+        jerk: largest s⃛ at the grid points of the motion, (n + 1,), where jerk is limited: then every jump of s̈ gets the
+        time that it needs, taken from the arc after it, as in the jerk-limited motion of a single joint.
+        """
         times = guess.times
         turns = np.interp(knots, guess.s, times)
         duration = times[-1]
@@ -45,6 +49,9 @@ class Mesh:
             if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * duration:
                 ends.append(float(switch))
         borders = np.array(sorted(ends))
+        if jerk is not None:
+            borders, turns = _with_ramps(borders, turns, guess, jerk)
+            duration = borders[-1]
         pieces = []
         for start, end in pairwise(borders):
             pieces.append(np.linspace(start, end, max(FEWEST, round(count * (end - start) / duration)), endpoint=False))
@@ -55,7 +62,26 @@ class Mesh:
     def guess(self, motion: Retiming) -> Array:
         """s, ṡ and s̈ at both ends of the elements, (n, 4), of the re-timed motion; time scaled to a duration of 1."""
         scale = motion.duration
-        s = np.interp(self.instants, motion.times, motion.s)
+        shares = self.instants / self.instants[-1]
+        s = np.interp(shares * scale, motion.times, motion.s)
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
-        acceleration = np.diff(speed) / np.diff(self.instants) * scale
+        acceleration = np.diff(speed) / np.diff(shares)
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration], axis=1)
+
+
+def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> tuple[Array, Array]:
+    """Borders with one more behind each jump of s̈, and the turning points moved along; the motion grows by the last ramp."""
+    acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
+    middle = (guess.times[1:] + guess.times[:-1]) / 2
+    window = SHORTEST_ARC / 2 * guess.duration
+    ends = np.append(borders[1:], np.inf)
+    result = []
+    for border, end in zip(borders, ends, strict=True):
+        before = acceleration[(middle < border) & (middle > border - window)]
+        after = acceleration[(middle > border) & (middle < border + window)]
+        jump = abs((after.mean() if len(after) else 0.0) - (before.mean() if len(before) else 0.0))
+        ramp = jump / float(np.interp(border, guess.times, jerk))
+        result.append(border)
+        if SHORTEST_ARC * guess.duration / 4 < ramp and border + ramp < end - window:
+            result.append(border + ramp)
+    return np.array(result), np.append(turns[:-1], result[-1])

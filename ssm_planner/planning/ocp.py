@@ -77,13 +77,13 @@ def solve_straight(
     """
     jerk = any(joint.jerk is not None for joint in robot.joints)
     knots, signs = path.directions
-    mesh = Mesh.along(guess, knots, count)
+    mesh = Mesh.along(guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None)
     scale = max(guess.duration, lower_bound(robot, *path.sample(np.array([0.0, 1.0])).q))
     problem = _Problem.build(StraightStage(robot, jerk), mesh.share)
     limits = limit_table(robot) * (1.0 if tighten is None else tighten)
     sigma = signs[mesh.interval]
     start = mesh.guess(guess)
-    times = np.bincount(mesh.interval, np.diff(mesh.instants)) / guess.duration
+    times = np.bincount(mesh.interval, np.diff(mesh.instants)) / mesh.instants[-1]
     numbers = np.concatenate([limits.ravel(), [UNLIMITED if tip_speed is None else tip_speed, scale]])
     body = RigidBody.from_robot(robot)
     local = fit(path, body, start[:, 0], np.append(start[1:, 0], 1.0))
@@ -107,6 +107,13 @@ def solve_straight(
     elements *= np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     message = str(stats["return_status"])
     return OcpResult(status_of(message), message, PathMotion(elements), iterations)
+
+
+def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:
+    """Largest s⃛ that the jerk limits of the joints allow at low speed, (n,)."""
+    limit = np.array([UNLIMITED if joint.jerk is None else joint.jerk for joint in robot.joints])
+    with np.errstate(divide="ignore"):
+        return np.asarray((limit / np.abs(path.sample(s).dq)).min(axis=1))
 
 
 def limit_table(robot: Robot) -> Array:

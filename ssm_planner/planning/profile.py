@@ -82,7 +82,7 @@ def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: fl
         np.array([*start, 0.0, *(-x for x in reversed(end))]),
         np.array([*end, 0.0, *(-x for x in reversed(start))]),
     )
-    kept = all_lengths > 1e-9 * all_lengths.sum()
+    kept = all_lengths > 1e-13 * all_lengths.sum()
     return Profile(all_lengths[kept], starts[kept], ends[kept])
 
 

@@ -7,6 +7,7 @@ import math
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.complaint import validated
 from ssm_planner.problem.drive_geometry import BadGeometry, resolve
+from ssm_planner.problem.drive_ratings import friction_ranges_from, rating_figures, ratings_from
 from ssm_planner.problem.rig import Rig
 from ssm_planner.problem.schema.common import Figure
 from ssm_planner.problem.schema.drive import DRIVES, AntibacklashScrewModel, FrictionModel, LeadScrewModel, WormModel
@@ -24,6 +25,7 @@ def drive_from(section: Section) -> Drive:
     lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
     worm = model.kind == "worm"
     sources, placeholders = _origins(model)
+    friction = _friction(section, model.friction)
     drive = Drive(
         name=model.name,
         kind=model.kind,
@@ -33,7 +35,7 @@ def drive_from(section: Section) -> Drive:
         pressure_angle=math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
         input_inertia=model.input_inertia.value,
         output_inertia=model.output_inertia.value,
-        friction=_friction(section, model.friction),
+        friction=friction,
         preload=model.preload.value if isinstance(model, AntibacklashScrewModel) else 0.0,
         second_nut_mass=model.second_nut_mass.value if isinstance(model, AntibacklashScrewModel) else 0.0,
         self_locking=model.self_locking == "required",
@@ -42,6 +44,8 @@ def drive_from(section: Section) -> Drive:
         placeholders=placeholders,
         rig=_rig(model),
         file=str(section.file),
+        ratings=ratings_from(section, model.ratings),
+        friction_ranges=friction_ranges_from(section, model.friction_ranges, friction),
     )
     if drive.friction is None and drive.rig is None:
         raise section.error("missing: only a drive with a rig may leave its friction to be identified", "friction")
@@ -127,6 +131,11 @@ def _origins(model: AnyModel) -> tuple[dict[str, str], tuple[str, ...]]:
         if origin is not None:
             sources |= dict.fromkeys(friction, origin)
         figures |= friction
+    rated, rated_sources = rating_figures(model.ratings, model.source)
+    figures |= rated
+    sources |= rated_sources
+    if model.friction_ranges is not None:
+        sources["friction_ranges"] = model.friction_ranges.source
     sources |= {name: figure.source for name, figure in figures.items() if figure.source is not None}
     return sources, tuple(name for name, figure in figures.items() if figure.placeholder)
 
@@ -136,22 +145,24 @@ def _check_locking(section: Section, drive: Drive) -> None:
     friction = drive.friction
     if friction is None:
         return
-    key = "mu" if friction.mu_lowest is None else "mu_lowest"
-    lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
+    lowest, path = friction.mu, ("friction", "mu")
+    if friction.mu_lowest is not None:
+        lowest, path = friction.mu_lowest, ("friction", "mu_lowest")
+    if drive.friction_ranges.get("mu", (lowest,))[0] < lowest:
+        lowest, path = drive.friction_ranges["mu"][0], ("friction_ranges", "mu")
     repose = math.atan(lowest / math.cos(drive.pressure_angle))
     if drive.self_locking and repose <= drive.lead_angle:
-        raise _not_locking(section, drive, key, repose)
+        raise _not_locking(section, drive, path, repose)
     highest = max(friction.mu_static, friction.mu + friction.mu_stribeck)
     if drive.lead_angle + math.atan(highest / math.cos(drive.pressure_angle)) >= math.pi / 2:
         raise section.error("with this lead angle and friction the gear jams: λ + φ_f is 90 deg or more", "friction")
 
 
-def _not_locking(section: Section, drive: Drive, key: str, repose: float) -> ProblemError:
+def _not_locking(section: Section, drive: Drive, path: tuple[str, str], repose: float) -> ProblemError:
     needed = math.tan(drive.lead_angle) * math.cos(drive.pressure_angle)
     return section.error(
         f"the drive does not lock itself: lead angle λ = {math.degrees(drive.lead_angle):.4g} deg, "
         f"friction angle φ_f = {math.degrees(repose):.4g} deg, and φ_f must be larger",
-        "friction",
-        key,
+        *path,
         allowed=f"mu above {needed:.4g}, or self_locking: not required",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ssm_planner.problem.complaint import validated
+from ssm_planner.problem.motor_plausibility import check_plausible
 from ssm_planner.problem.schema.motor import MotorModel
 from ssm_planner.problem.source import Section
 from ssm_planner.problem.values import Motor
@@ -27,6 +28,7 @@ def motor_from(section: Section) -> Motor:
                 "no source", name, allowed="{value: …, source: …}, or one source: for the whole file", show=False
             )
     _check(section, values)
+    check_plausible(section, values)
     sources = {name: figure.source or model.source or "" for name, figure in figures.items()}
     placeholders = tuple(name for name, figure in figures.items() if model.placeholder or figure.placeholder)
     values.pop("speed_constant", None)

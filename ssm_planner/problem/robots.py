@@ -71,6 +71,7 @@ def _joint(section: Section, name: str, model: RevoluteModel | PrismaticModel) -
         jerk=model.jerk,
         drive=drive,
         motor=motor,
+        motor_direction=model.motor_direction,
     )
 
 

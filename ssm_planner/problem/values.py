@@ -98,6 +98,26 @@ class Friction:
 
 
 DriveKind = Literal["worm", "lead_screw", "antibacklash_screw"]
+ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"]
+
+
+@dataclass(frozen=True)
+class Ratings:
+    """What the manufacturer of a gear or screw allows; None where the file gives nothing."""
+
+    continuous_output: float | None = None
+    """Output effort for all time, N·m (worm) or N (screws)."""
+    peak_output: float | None = None
+    """Output effort at any instant."""
+    input_speed: float | None = None
+    """Motor speed, rad/s."""
+    duty: float | None = None
+    """Largest share of time in motion."""
+    free_length: float | None = None
+    """Unsupported length of a screw, m."""
+    root_diameter: float | None = None
+    """Core diameter of a screw, m."""
+    ends: ScrewEnds | None = None
 
 
 @dataclass(frozen=True)
@@ -134,6 +154,9 @@ class Drive:
     rig: Rig | None = None
     """Present for a drive on a test rig."""
     file: str | None = None
+    ratings: Ratings | None = None
+    friction_ranges: Mapping[str, Range] = field(default_factory=dict)
+    """What lubrication, temperature and wear may make of friction parameters, by their names in Friction."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +181,8 @@ class Motor:
     time_constant_motor: float | None = None
     max_winding_temperature: float | None = None
     """K."""
+    torque_constant_per_kelvin: float | None = None
+    """Relative change of the torque constant with the magnets' temperature, 1/K, negative."""
     encoder_counts: int | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
@@ -181,6 +206,8 @@ class Joint:
     jerk: float | None = None
     drive: Drive | None = None
     motor: Motor | None = None
+    motor_direction: Literal[-1, 1] = 1
+    """Sense in which the motor's controller counts when the joint moves forward."""
 
 
 @dataclass(frozen=True, eq=False)

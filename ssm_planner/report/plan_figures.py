@@ -2,39 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.atomic import replacing
 from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.plan import Plan
-from ssm_planner.problem.values import Motor
-from ssm_planner.report.style import COLOURS, DASHES, LIMIT, SIZE, finish, new_figure
+from ssm_planner.problem.values import Motor, Robot
+from ssm_planner.report.style import COLOURS, DASHES, LIMIT, RPM, SIZE, finish, new_figure, save_figure, unit_of
+from ssm_planner.sizing.requirements import MotorRequirement, motor_requirements
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ssm_planner.export.plan_file import PlanFile
+    from ssm_planner.plan import Plan
+
 SAMPLES = 1200
-DPI = 110
 
 
 def write_figures(plan: Plan, folder: Path) -> dict[str, Path]:
-    """motion.png and motors.png; returns their paths by name."""
-    paths = {}
-    for name, figure in (("motion", motion_figure(plan)), ("motors", motors_figure(plan))):
-        paths[f"{name}_figure"] = folder / f"{name}.png"
-        with replacing(paths[f"{name}_figure"]) as temporary:
-            figure.savefig(temporary, dpi=DPI, format="png")
-    return paths
+    """motion and motors as PNG and PDF; returns their paths by name. Raises ExportError."""
+    if plan.trajectory is None:
+        raise ExportError("there is no trajectory to draw: the problem has no plan")
+    return _write(plan.trajectory, plan.problem.robot, plan.requirements, folder)
 
 
-def motion_figure(plan: Plan) -> Figure:
+def write_figures_of_file(plan: PlanFile, folder: Path) -> dict[str, Path]:
+    """The same figures from a plan.json that has been read."""
+    return _write(plan.trajectory, plan.robot, motor_requirements(plan.trajectory, plan.robot), folder)
+
+
+def _write(
+    trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement], folder: Path
+) -> dict[str, Path]:
+    paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
+    return paths | save_figure(motors_figure(trajectory, robot, requirements), folder / "motors")
+
+
+def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
     """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed."""
-    trajectory, robot = _trajectory(plan), plan.problem.robot
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
     figure = new_figure(9.0, 6.4)
@@ -45,13 +55,14 @@ def motion_figure(plan: Plan) -> Figure:
         ("qdd", "acceleration", "/s²", "acceleration"),
     )
     for row, (field, name, per, limit) in enumerate(rows):
-        for column, (kind, unit, scale) in enumerate((("revolute", "°", 180 / np.pi), ("prismatic", "mm", 1e3))):
+        for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
+            unit, scale = unit_of(base)
             axes = panels[row, column]
-            _phases(axes, plan, named=row == 0)
+            _phases(axes, trajectory, named=row == 0)
             for i, joint in enumerate(robot.joints):
                 if joint.kind != kind:
                     continue
-                axes.plot(t, scale * getattr(samples, field)[:, i], DASHES[i], color=COLOURS[i], label=_label(plan, i))
+                axes.plot(t, scale * getattr(samples, field)[:, i], DASHES[i], color=COLOURS[i], label=_label(robot, i))
                 for side in (1, -1) if limit else ():
                     axes.axhline(side * scale * getattr(joint, str(limit)), **LIMIT)
             finish(axes, "time (s)" if row == 2 else "", f"{name} ({unit}{per})")
@@ -61,24 +72,23 @@ def motion_figure(plan: Plan) -> Figure:
     return figure
 
 
-def motors_figure(plan: Plan) -> Figure:
+def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:
     """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures."""
-    requirements = plan.requirements
     figure = new_figure(9.0, 2.3 * len(requirements) + 0.2)
     panels = figure.subplots(len(requirements), 2, squeeze=False, sharey="row")
-    names = [joint.name for joint in plan.problem.robot.joints]
+    names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
         i = names.index(requirement.joint)
         torque = 1e3 * requirement.torque
         over_time, against_speed = panels[row]
-        _phases(over_time, plan, named=row == 0)
+        _phases(over_time, trajectory, named=row == 0)
         over_time.plot(requirement.t, torque, color=COLOURS[i])
-        against_speed.plot(requirement.speed * 30 / np.pi, torque, color=COLOURS[i])
+        against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
         rms = 1e3 * requirement.rms_torque
         for axes in (over_time, against_speed):
             axes.axhline(np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":")
         last = row == len(requirements) - 1
-        finish(over_time, "time (s)" if last else "", f"{_label(plan, i)}\nmotor torque (mN·m)")
+        finish(over_time, "time (s)" if last else "", f"{_label(robot, i)}\nmotor torque (mN·m)")
         finish(against_speed, "motor speed (rpm)" if last else "", "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
         against_speed.set_title(f"{text}\n{_limit_text(requirement.motor)}", fontsize=SIZE - 1, loc="right", pad=3)
@@ -92,21 +102,15 @@ def _limit_text(motor: Motor | None) -> str:
     return f"{motor.name}{mark}: nominal {1e3 * motor.nominal_torque:.3g}, largest {1e3 * motor.max_torque:.3g} mN·m"
 
 
-def _label(plan: Plan, i: int) -> str:
-    return f"joint {i + 1} ({plan.problem.robot.joints[i].name})"
+def _label(robot: Robot, i: int) -> str:
+    return f"joint {i + 1} ({robot.joints[i].name})"
 
 
-def _phases(axes: Axes, plan: Plan, named: bool) -> None:
+def _phases(axes: Axes, trajectory: Trajectory, named: bool) -> None:
     """Shade every other phase and, where asked for, name it above the panel."""
-    for k, phase in enumerate(_trajectory(plan).phases):
+    for k, phase in enumerate(trajectory.phases):
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
         if named:
             middle = (phase.start + phase.end) / 2
             axes.text(middle, 1.02, phase.name, transform=axes.get_xaxis_transform(), ha="center", fontsize=SIZE - 1)
-
-
-def _trajectory(plan: Plan) -> Trajectory:
-    if plan.trajectory is None:
-        raise ExportError("there is no trajectory to draw: the problem has no plan")
-    return plan.trajectory

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
-
 import casadi as ca
 
 UNARY = (
@@ -30,9 +29,6 @@ class Step:
     argument: int = -1
     index: int = -1
     """Into the column-major dense elements of the argument or result."""
-
-
-
 
 
 def steps(function: ca.Function) -> Iterator[Step]:

@@ -12,7 +12,7 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.problem.values import Array
 from ssm_planner.verify.instructions import steps
 
-BLOCK = 2048
+BLOCK = 4096
 """Samples at a time: the registers stay in the cache."""
 
 
@@ -113,8 +113,8 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "ne": np.not_equal,
     "and": np.logical_and,
     "or": np.logical_or,
-    "fmin": np.minimum,
-    "fmax": np.maximum,
+    "fmin": np.fmin,
+    "fmax": np.fmax,
     "if_else_zero": _if_else_zero,
     "atan2": np.arctan2,
     "copysign": np.copysign,

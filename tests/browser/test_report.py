@@ -80,6 +80,24 @@ def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
     assert clock(page) == pytest.approx(read_plan(PLAN).trajectory.duration, abs=6e-4)
 
 
+def test_scrubs_smoothly_or_says_why_not(visit: Open, report: Path) -> None:
+    """30 frames per second, drawn in software; a busy machine must lower the resolution and say so."""
+    page = visit(report.as_uri()).page
+    assert page.evaluate("SSM.scene.renderer !== null")
+    frames = page.evaluate("""() => new Promise((done) => {
+      const begin = performance.now();
+      let count = 0;
+      const step = () => {
+        SSM.player.set((7 * count) % SSM.player.times.length);
+        count += 1;
+        if (performance.now() - begin < 2000) requestAnimationFrame(step);
+        else done(count / 2);
+      };
+      step();
+    })""")
+    assert frames >= 30 or page.evaluate("!SSM.scene.note.hidden")
+
+
 def test_hovering_a_plot_moves_the_scrubber(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
     plot = page.locator(".u-over").first

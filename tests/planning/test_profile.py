@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ssm_planner.planning.profile import rest_to_rest
 
-positive = st.floats(1e-3, 1e3)
+positive = st.floats(1e-2, 1e2)
 
 
 @settings(deadline=None, max_examples=300)

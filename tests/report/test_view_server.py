@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import base64
 import http.client
 import json
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.commands import view as command
 from ssm_planner.errors import ProblemError
 from ssm_planner.model.forward import forward
 from ssm_planner.model.mechanism import Mechanism
@@ -216,3 +218,10 @@ def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
         assert alone.study.ik({**ANGLES, "pose": POSE})["reachable"]
         with pytest.raises(ProblemError, match="problem file"):
             alone.jobs.start({"own": True})
+
+
+def test_port_in_use_is_bad_input(server: ViewServer) -> None:
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    with pytest.raises(ProblemError, match="cannot be used"):
+        command.run(parser.parse_args(["--no-browser", "--port", str(server.server_port)]))

@@ -60,6 +60,20 @@ def test_a_motor_that_does_not_suffice(tmp_path: Path, robot: Robot, capsys: pyt
     assert "Traceback" not in out
 
 
+def test_a_csv_needs_the_robot(tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    from ssm_planner.export.csv import write_csv
+    from ssm_planner.sizing.requirements import motor_requirements
+
+    trajectory = random_trajectory(3)
+    path = write_csv(tmp_path / "motion.csv", trajectory, robot)
+    with pytest.raises(SsmPlannerError, match="--robot"):
+        run(path)
+    run(path, "--robot", SHIPPED / "robots/vitreoretinal.yaml", "--json")
+    document = json.loads(capsys.readouterr().out)
+    for row, expected in zip(document["requirements"], motor_requirements(trajectory, robot), strict=True):
+        assert row["rms_torque"] == pytest.approx(expected.rms_torque, rel=1e-2)
+
+
 def test_what_is_missing_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(SHIPPED / "motorisation/paper.yaml") == 0
     out = capsys.readouterr().out

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any, Literal
 
 
-def json_schema(file: Literal["problem", "robot", "drive", "motor"]) -> dict[str, Any]:
+def json_schema(file: Literal["problem", "robot", "drive", "motor", "motorisation"]) -> dict[str, Any]:
     """JSON schema of a kind of file, for editors that complete and check YAML."""
     from pydantic import TypeAdapter
 
     from ssm_planner.problem.schema.drive import AntibacklashScrewModel, LeadScrewModel, WormModel
     from ssm_planner.problem.schema.motion import ProblemModel
     from ssm_planner.problem.schema.motor import MotorModel
+    from ssm_planner.problem.schema.motorisation import MotorisationModel
     from ssm_planner.problem.schema.robot import RobotModel
 
     models: dict[str, Any] = {
@@ -19,5 +20,6 @@ def json_schema(file: Literal["problem", "robot", "drive", "motor"]) -> dict[str
         "robot": RobotModel,
         "drive": WormModel | LeadScrewModel | AntibacklashScrewModel,
         "motor": MotorModel,
+        "motorisation": MotorisationModel,
     }
     return TypeAdapter(models[file]).json_schema()

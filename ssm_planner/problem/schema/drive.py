@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, FiniteFloat, field_validator
 
-from ssm_planner.problem.schema.common import Figure, Model, Text, figure, quantity, wrong
+from ssm_planner.problem.schema.common import Figure, Model, Text, figure, interval, quantity, wrong
 
 Number = Annotated[Figure, figure("number", above=0)]
 Coefficient = Annotated[Figure, figure("number", at_least=0)]
@@ -21,6 +21,10 @@ Time = Annotated[Figure, figure("time", at_least=0)]
 MotorSpeed = Annotated[Figure, figure("motor_speed", above=0)]
 RotaryViscosity = Annotated[Figure, figure("rotary_viscosity", at_least=0)]
 LinearViscosity = Annotated[Figure, figure("linear_viscosity", at_least=0)]
+Share = Annotated[Figure, figure("number", above=0)]
+RatedForce = Annotated[Figure, figure("force", above=0)]
+RatedTorque = Annotated[Figure, figure("torque", above=0)]
+Interval = tuple[float, float]
 
 TO_IDENTIFY = "to_identify"
 
@@ -85,6 +89,47 @@ class WormFriction(FrictionModel):
 class ScrewFriction(FrictionModel):
     b_oc: Force | None = None
     b_ov: LinearViscosity | None = None
+
+
+class FrictionRanges(Model):
+    """What lubrication, temperature and wear may make of the friction; see values.Drive."""
+
+    source: Text
+    mu: tuple[FiniteFloat, FiniteFloat] | None = None
+    mu_static: tuple[FiniteFloat, FiniteFloat] | None = None
+    b_c: Annotated[Interval, interval("torque")] | None = None
+    b_v: Annotated[Interval, interval("rotary_viscosity")] | None = None
+
+
+class WormFrictionRanges(FrictionRanges):
+    b_oc: Annotated[Interval, interval("torque")] | None = None
+    b_ov: Annotated[Interval, interval("rotary_viscosity")] | None = None
+
+
+class ScrewFrictionRanges(FrictionRanges):
+    b_oc: Annotated[Interval, interval("force")] | None = None
+    b_ov: Annotated[Interval, interval("linear_viscosity")] | None = None
+
+
+class RatingsModel(Model):
+    """What the manufacturer allows; see values.Ratings."""
+
+    source: Text | None = None
+    input_speed: MotorSpeed | None = None
+    duty: Share | None = None
+
+
+class WormRatings(RatingsModel):
+    continuous_output: RatedTorque | None = None
+    peak_output: RatedTorque | None = None
+
+
+class ScrewRatings(RatingsModel):
+    continuous_output: RatedForce | None = None
+    peak_output: RatedForce | None = None
+    free_length: Length | None = None
+    root_diameter: Length | None = None
+    ends: Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"] | None = None
 
 
 class Published(Model):
@@ -155,6 +200,8 @@ class WormModel(DriveModel):
     geometry: WormGeometry
     output_inertia: Inertia
     friction: WormFriction | None = _FRICTION
+    friction_ranges: WormFrictionRanges | None = None
+    ratings: WormRatings | None = None
     rig: WormRig | None = None
 
 
@@ -163,6 +210,8 @@ class LeadScrewModel(DriveModel):
     geometry: ScrewGeometry
     output_inertia: Mass
     friction: ScrewFriction | None = _FRICTION
+    friction_ranges: ScrewFrictionRanges | None = None
+    ratings: ScrewRatings | None = None
     rig: ScrewRig | None = None
 
 
@@ -171,6 +220,8 @@ class AntibacklashScrewModel(DriveModel):
     geometry: ScrewGeometry
     output_inertia: Mass
     friction: ScrewFriction | None = _FRICTION
+    friction_ranges: ScrewFrictionRanges | None = None
+    ratings: ScrewRatings | None = None
     preload: Preload
     second_nut_mass: Mass
     rig: ScrewRig | None = None

@@ -17,6 +17,7 @@ Inertia = Annotated[Figure, figure("inertia", above=0)]
 ThermalResistance = Annotated[Figure, figure("thermal_resistance", above=0)]
 Time = Annotated[Figure, figure("time", above=0)]
 Temperature = Annotated[Figure, figure("temperature", above=0)]
+Drift = Annotated[Figure, figure("number", at_least=-0.01)]
 Count = Annotated[Figure, figure("number", above=0)]
 
 
@@ -42,4 +43,6 @@ class MotorModel(Model):
     time_constant_winding: Time | None = None
     time_constant_motor: Time | None = None
     max_winding_temperature: Temperature | None = None
+    torque_constant_per_kelvin: Drift | None = None
+    """Relative, 1/K: −0.0011 where the torque constant loses 0.11 % per kelvin."""
     encoder_counts: Count | None = None

@@ -98,6 +98,8 @@ class JointModel(Model):
 
     drive: Reference | None = None
     motor: Reference | None = None
+    motor_direction: Literal[-1, 1] = 1
+    """Sense in which the motor's controller counts when the joint moves forward."""
 
 
 class RevoluteModel(JointModel):

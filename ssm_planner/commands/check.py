@@ -1,0 +1,99 @@
+"""`ssm-planner check TRAJECTORY`: the certificate of anybody's trajectory. It never imports the planner."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ssm_planner.commands.output import FAILED, OK, print_json, progress_reporter, quantity_argument
+
+if TYPE_CHECKING:
+    from ssm_planner.problem.values import Range, Robot
+    from ssm_planner.verify.certificate import Certificate
+    from ssm_planner.verify.interpolation import Reading
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "trajectory",
+        type=Path,
+        help="plan.json, a CSV (columns named with units), a JointTrajectory (YAML or rosbag2), or an export folder",
+    )
+    parser.add_argument("--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json")
+    parser.add_argument("--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.trajectory}")
+    from ssm_planner.verify.check import check
+
+    reading, robot, ranges, tip_speed = read(options.trajectory, options.robot)
+    progress("checking")
+    certificate = check(
+        reading.trajectory,
+        robot,
+        ranges,
+        options.tip_speed or tip_speed,
+        interpolation=reading.interpolation,
+        resolution=reading.resolution,
+    )
+    progress("done")
+    if options.json:
+        document = {"trajectory": str(options.trajectory), "robot": robot.name, "notes": list(reading.notes)}
+        print_json({**document, **certificate.to_dict()})
+    else:
+        print("\n".join(certificate_lines(certificate, reading.notes, robot)))
+    return OK if certificate.passed else FAILED
+
+
+def read(path: Path, robot_file: Path | None) -> tuple[Reading, Robot, dict[str, Range], float | None]:
+    """(trajectory, robot, task ranges, tip speed) of a file; a plan.json brings its own robot, a given one comes first.
+
+    Raises TrajectoryError or ProblemError.
+    """
+    from ssm_planner.errors import TrajectoryError
+    from ssm_planner.problem.load import load_robot
+    from ssm_planner.verify.readers import read_trajectory
+
+    robot = None if robot_file is None else load_robot(robot_file)
+    if path.suffix.lower() == ".json":
+        from ssm_planner.export.plan_file import read_plan
+        from ssm_planner.verify.interpolation import Reading
+
+        plan = read_plan(path)
+        reading = Reading(plan.trajectory, "quintic polynomial pieces", None)
+        return reading, robot or plan.robot, plan.ranges, plan.tip_speed
+    if robot is None:
+        raise TrajectoryError(f"{path}: does not say which robot it is for: give --robot ROBOT.yaml")
+    return read_trajectory(path, robot), robot, dict(robot.limits), None
+
+
+def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
+    """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
+    from ssm_planner.commands.tables import shown_unit, text_table
+
+    rows = []
+    for limit in sorted(certificate.limits, key=lambda limit: limit.margin):
+        if limit.name.endswith("jump") and limit.passed:
+            continue
+        unit, scale = shown_unit(limit.unit)
+        rows.append(
+            (
+                limit.name,
+                limit.joint or "",
+                f"{scale * limit.worst:.6g}",
+                f"{scale * limit.limit:.6g}",
+                unit,
+                f"{100 * limit.margin:+.4f} %",
+                f"{limit.time:.4f}",
+                "" if limit.passed else "EXCEEDED",
+            )
+        )
+    lines = [f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes", ""]
+    lines += text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows)
+    lines += ["", *(f"note: {note}" for note in notes), *(f"not checked: {what}" for what in certificate.unchecked)]
+    verdict = "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
+    return [*lines, f"check: {verdict}"]

@@ -1,0 +1,108 @@
+"""`ssm-planner compare PLAN RECORDING...`: an executed motion against its plan."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ssm_planner.commands.output import FAILED, OK, print_json, progress_reporter
+from ssm_planner.errors import RecordingError
+
+if TYPE_CHECKING:
+    from ssm_planner.problem.values import Robot
+    from ssm_planner.verify.compare import AxisComparison
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("plan", type=Path, help="plan.json")
+    parser.add_argument(
+        "recordings",
+        nargs="+",
+        metavar="[JOINT=]RECORDING",
+        help="EPOS recorder exports or CSV, one for each axis; the joint is taken from the file's name where not given",
+    )
+    parser.add_argument(
+        "--counts-per-turn", type=int, metavar="N", help="increments per motor turn of a position channel"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.plan}")
+    from ssm_planner.commands.measured import read_measured
+    from ssm_planner.export.plan_file import read_plan
+    from ssm_planner.verify.compare import compare
+
+    plan = read_plan(options.plan)
+    axes = []
+    for joint, path in assign(options.recordings, plan.robot):
+        progress(f"comparing joint {joint}")
+        measured = read_measured(path, plan.robot, joint, options.counts_per_turn)
+        axes.append(compare(plan.trajectory, plan.robot, plan.certificate, measured))
+    progress("done")
+    held = all(axis.held for axis in axes)
+    if options.json:
+        document = {"plan": str(options.plan), "held": held, "axes": [axis.to_dict() for axis in axes]}
+        print_json(document)
+    else:
+        print("\n".join(compare_lines(axes)))
+    return OK if held else FAILED
+
+
+def assign(words: list[str], robot: Robot) -> list[tuple[str, Path]]:
+    """(joint, file) of every `JOINT=FILE`, or of files whose names hold a joint's name or its number.
+
+    Raises RecordingError.
+    """
+    names = [joint.name for joint in robot.joints]
+    found: list[tuple[str, Path]] = []
+    for word in words:
+        joint, given, file = word.partition("=")
+        if not given:
+            joint, file = _joint_in(Path(word).stem.lower(), names), word
+        if joint not in names:
+            raise RecordingError(f"{word}: of which joint? write JOINT=FILE with one of {', '.join(names)}")
+        if joint in (other for other, _ in found):
+            raise RecordingError(f"{word}: a second recording of joint {joint}")
+        found.append((joint, Path(file)))
+    return found
+
+
+def compare_lines(axes: list[AxisComparison]) -> list[str]:
+    """Errors of every axis, then its limits in reality beside the planned margins."""
+    from ssm_planner.commands.tables import shown_unit, text_table
+
+    header = ("axis", "recording", "begins at s", "correlation", "NRMSD position", "speed", "torque")
+    rows = [
+        (
+            axis.joint,
+            axis.recording,
+            f"{axis.alignment.delay:.4f}",
+            f"{axis.alignment.correlation:.4f}",
+            *(f"{axis.differences[name].nrmsd:.4f}" for name in ("position", "speed", "torque")),
+        )
+        for axis in axes
+    ]
+    lines = [*text_table(header, rows), ""]
+    rows = []
+    for axis in axes:
+        for limit in axis.limits:
+            unit, scale = shown_unit(limit.unit)
+            planned = "–" if limit.planned_margin is None else f"{100 * limit.planned_margin:+.2f} %"
+            values = (f"{scale * limit.measured:.5g}", f"{scale * limit.limit:.5g}", unit)
+            verdict = "held" if limit.held else "EXCEEDED"
+            rows.append((limit.name, axis.joint, *values, planned, f"{100 * limit.margin:+.2f} %", verdict))
+    lines += text_table(("limit", "joint", "measured", "limit", "unit", "margin planned", "measured", ""), rows)
+    notes = [f"note: {axis.joint}: {note}" for axis in axes for note in axis.notes]
+    held = all(axis.held for axis in axes)
+    return [*lines, "", *notes, f"margins: {'held in reality' if held else 'NOT held in reality'}"]
+
+
+def _joint_in(stem: str, names: list[str]) -> str:
+    chosen = [name for name in names if name in stem]
+    numbers = re.findall(r"(?:axis|joint|motor|j)[ _-]?([1-4])(?!\d)", stem)
+    chosen += [names[int(number) - 1] for number in numbers]
+    return chosen[0] if len(set(chosen)) == 1 else ""

@@ -1,0 +1,90 @@
+// Motor torque against speed inside the motor's regions.
+"use strict";
+SSM.maps = (container, data, channels, player) => {
+  if (!data.maps.length) return;
+  const grid = SSM.element("div", { class: "grid" });
+  container.append(SSM.element("h2", {}, "Motor torque against speed"), grid);
+  for (const map of data.maps) SSM.map(grid, map, data, channels, player);
+};
+
+SSM.map = (grid, map, data, channels, player) => {
+  const speed = channels[`w${map.joint}`].map((x) => (x * 30) / Math.PI);
+  const torque = channels[`tau${map.joint}`].map((x) => 1000 * x);
+  const holder = SSM.element("div", { class: "plot" });
+  const colour = data.colours[map.joint];
+  const notes = [];
+  const span = (values, largest, unit) => {
+    const reach = Math.max(...values.map(Math.abs), 1e-9);
+    if (largest > 6 * reach) notes.push(`to ${SSM.short(largest)} ${unit}`);
+    const end = largest > 6 * reach ? 1.6 * reach : 1.08 * Math.max(largest, reach);
+    return [Math.min(...values) < -1e-9 ? -end : -0.06 * end, Math.max(...values) > 1e-9 ? end : 0.06 * end];
+  };
+  const ranges = { x: span([...speed], map.speed.at(-1), "rpm"), y: span([...torque], Math.max(...map.largest), "mN·m") };
+  const beyond = notes.length ? `regions reach ${notes.join(" and ")}` : null;
+  const key = (swatch, text) => SSM.element("span", { class: "key" }, swatch, text);
+  const square = (fill) => {
+    const node = SSM.element("span", { class: "square" });
+    node.style.background = fill;
+    return node;
+  };
+  const caption = SSM.element("figcaption", {}, SSM.element("strong", {}, data.joints[map.joint].name),
+    SSM.element("span", {}, `${map.motor}${map.placeholder ? " (placeholder figures)" : ""}`),
+    key(SSM.swatch(colour, []), "motion"), key(square(SSM.regions[1]), "continuous"), key(square(SSM.regions[0]), "short term"),
+    SSM.element("span", { class: "note" }, beyond ?? ""));
+  grid.append(SSM.element("figure", {}, caption, holder));
+  const dot = SSM.element("div", { class: "dot" });
+  const draw = (u) => {
+    SSM.region(u, map.speed, map.largest, SSM.regions[0]);
+    SSM.region(u, map.speed, map.continuous, SSM.regions[1]);
+  };
+  const u = new uPlot({
+    width: Math.max(200, holder.clientWidth), height: 230, padding: [10, 14, 0, 0], legend: { show: false }, cursor: { show: false },
+    scales: { x: { time: false, range: () => ranges.x }, y: { range: () => ranges.y } },
+    axes: [SSM.axis("motor speed (rpm)", 34), SSM.axis("motor torque (mN·m)", 48)],
+    series: [{}, { show: true, points: { show: false }, paths: () => null }],
+    hooks: { drawClear: [draw], draw: [(plot) => SSM.curve(plot, speed, torque, colour)] },
+  }, [ranges.x, [null, null]], holder);
+  u.over.append(dot);
+  const mark = (index) => {
+    dot.style.transform = `translate(${u.valToPos(speed[index], "x")}px, ${u.valToPos(torque[index], "y")}px)`;
+  };
+  player.listen(mark);
+  new ResizeObserver(() => {
+    if (holder.clientWidth && holder.clientWidth !== u.width) u.setSize({ width: holder.clientWidth, height: 230 });
+    mark(player.index);
+  }).observe(holder);
+};
+
+SSM.regions = ["#e7ebf0", "#c9d8e6"];
+
+// all four quadrants
+SSM.region = (u, speed, torque, fill) => {
+  const { left, top, width, height } = u.bbox;
+  u.ctx.save();
+  u.ctx.beginPath();
+  u.ctx.rect(left, top, width, height);
+  u.ctx.clip();
+  u.ctx.fillStyle = fill;
+  u.ctx.strokeStyle = "#5b6470";
+  const ways = [[1, 1], [1, -1], [-1, -1], [-1, 1]];
+  u.ctx.beginPath();
+  ways.forEach(([x, y], quadrant) => {
+    const order = speed.map((_, i) => (quadrant % 2 ? speed.length - 1 - i : i));
+    order.forEach((i, k) => u.ctx[quadrant || k ? "lineTo" : "moveTo"](u.valToPos(x * speed[i], "x", true), u.valToPos(y * torque[i], "y", true)));
+  });
+  u.ctx.closePath();
+  u.ctx.fill();
+  u.ctx.stroke();
+  u.ctx.restore();
+};
+
+SSM.curve = (u, x, y, colour) => {
+  u.ctx.save();
+  u.ctx.strokeStyle = colour;
+  u.ctx.lineWidth = 1.8 * (window.devicePixelRatio || 1);
+  u.ctx.lineJoin = "round";
+  u.ctx.beginPath();
+  for (let i = 0; i < x.length; i++) u.ctx[i ? "lineTo" : "moveTo"](u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true));
+  u.ctx.stroke();
+  u.ctx.restore();
+};

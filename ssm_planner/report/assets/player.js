@@ -1,0 +1,75 @@
+// Time: play, scrub, speed. Everybody who shows an instant listens to it.
+"use strict";
+SSM.Player = class {
+  constructor(container, times, phases) {
+    this.times = times;
+    this.phases = phases;
+    this.index = 0;
+    this.playing = false;
+    this.listeners = [];
+    const last = times.length - 1;
+    this.button = SSM.element("button", { type: "button", class: "play", onclick: () => this.toggle() }, "▶ Play");
+    this.range = SSM.element("input", { type: "range", min: 0, max: last, step: 1, value: 0, "aria-label": "Time",
+      oninput: () => { this.pause(); this.set(Number(this.range.value)); } });
+    this.clock = SSM.element("output", { class: "clock" });
+    const speeds = [0.1, 0.25, 0.5, 1, 2].map((x) => SSM.element("option", { value: x, selected: x === 1 }, `${x} ×`));
+    this.speed = SSM.element("select", { "aria-label": "Speed" }, ...speeds);
+    container.replaceChildren(this.button, this.range, this.clock, this.speed);
+    document.addEventListener("keydown", (event) => this.#key(event));
+  }
+
+  listen(listener) {
+    this.listeners.push(listener);
+    listener(this.index);
+  }
+
+  set(index) {
+    this.index = Math.max(0, Math.min(this.times.length - 1, Math.round(index)));
+    const t = this.times[this.index];
+    const phase = this.phases.filter((each) => t >= each.start - 1e-9).pop();
+    this.range.value = this.index;
+    this.range.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds${phase ? `, ${phase.name}` : ""}`);
+    this.clock.textContent = `${t.toFixed(3)} s${phase ? ` · ${phase.name}` : ""}`;
+    for (const listener of this.listeners) listener(this.index);
+  }
+
+  at(time) {
+    const step = this.times[1] - this.times[0];
+    this.set((time - this.times[0]) / step);
+  }
+
+  toggle() {
+    if (this.playing) return this.pause();
+    if (this.index === this.times.length - 1) this.set(0);
+    this.playing = true;
+    this.button.textContent = "❚❚ Pause";
+    let before = performance.now();
+    let t = this.times[this.index];
+    const step = (now) => {
+      if (!this.playing) return;
+      t += ((now - before) / 1000) * Number(this.speed.value);
+      before = now;
+      this.at(t);
+      if (t >= this.times[this.times.length - 1]) this.pause();
+      else requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  pause() {
+    this.playing = false;
+    this.button.textContent = "▶ Play";
+  }
+
+  #key(event) {
+    const own = event.target.closest("input, select, button, textarea, summary, a");
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const move = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (event.key === " " && (!own || own === this.range)) this.toggle();
+    else if (move && !own?.matches("input, select, textarea")) {
+      this.pause();
+      this.set(this.index + move * (event.shiftKey ? 50 : 5));
+    } else return;
+    event.preventDefault();
+  }
+};

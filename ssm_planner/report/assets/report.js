@@ -1,0 +1,28 @@
+// The report of one plan.
+"use strict";
+(() => {
+  const data = SSM.data();
+  const channels = SSM.channels(data.channels);
+  const times = channels.t;
+  const player = new SSM.Player(document.getElementById("player"), times, data.phases);
+  player.listen(SSM.now(document.getElementById("now"), data, channels));
+  SSM.timeline(document.getElementById("active"), data, player);
+  const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, data.phases);
+  for (const panel of data.panels) {
+    plots.add(panel, times, () => panel.series.map(({ channel, label, joint }) => ({
+      label, colour: data.colours[joint], dash: SSM.dashes[joint], values: channels[channel].map((x) => x * panel.scale),
+    })));
+  }
+  SSM.maps(document.getElementById("plots"), data, channels, player);
+  for (const [section, notes] of Object.entries(data.notes)) plots.note(section, notes);
+  if (window.innerWidth < 860) document.querySelector("details.unknowns")?.removeAttribute("open");
+  document.querySelectorAll("table.sortable").forEach(SSM.sortable);
+  SSM.moments(player);
+  // the page is readable before the 3D view starts
+  requestAnimationFrame(() => setTimeout(() => {
+    const path = Float32Array.from({ length: 3 * times.length }, (_, i) => channels[`tip${i % 3}`][Math.floor(i / 3)]);
+    const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path }]);
+    player.listen((index) => scene.pose(0, [0, 1, 2, 3].map((i) => channels[`q${i}`][index])));
+    Object.assign(SSM, { player, scene, channels, ready: performance.now() });
+  }));
+})();

@@ -1,0 +1,127 @@
+"""The top of the page: the verdict in one line, the figures behind it, and what is not known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.problem.values import Joint
+from ssm_planner.report.html_elements import Markup, join, tag
+
+
+def header(plan: PlanFile) -> Markup:
+    """Title, verdict, figures and unknowns of one plan."""
+    name = str(plan.document["problem"].get("name", plan.path.stem))
+    return tag(
+        "header",
+        tag("h1", name, tag("span", f" on {plan.robot.name}", class_="robot")),
+        verdict(plan),
+        figures(plan.document),
+        unknowns(plan.document),
+    )
+
+
+def verdict(plan: PlanFile) -> Markup:
+    """Planned, certified and what the motors say: one line of three marked words with their reasons."""
+    parts = [_feasible(plan.document), _certified(plan), _motors(plan)]
+    return tag("p", *(_mark(*part) for part in parts), class_="verdict")
+
+
+def figures(document: dict[str, Any]) -> Markup:
+    """Duration, lower bound, gap, TOPP-RA's time."""
+    duration, bound, gap, toppra = (document.get(key) for key in ("duration", "lower_bound", "gap", "toppra_duration"))
+    pairs = [
+        ("Duration", _seconds(duration), ""),
+        ("Lower bound", _seconds(bound), "no motion on this path can be shorter"),
+        ("Gap", "–" if gap is None else f"{100 * gap:.2f} %", "duration above the bound"),
+        ("TOPP-RA", _seconds(toppra), _against(duration, toppra)),
+    ]
+    cells = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in pairs]
+    return tag("dl", *cells, class_="figures")
+
+
+def unknowns(document: dict[str, Any]) -> Markup:
+    """What is a placeholder, extrapolated or not checked."""
+    notes = [str(note) for note in document.get("notes") or []]
+    if not notes:
+        return tag("p", "Nothing is a placeholder, extrapolated or left unchecked.", class_="unknowns")
+    items = join(tag("li", note) for note in notes)
+    title = f"Placeholder, extrapolated or not checked ({len(notes)})"
+    return tag("details", tag("summary", title), tag("ul", items), class_="unknowns", open=True)
+
+
+def _feasible(document: dict[str, Any]) -> tuple[str, str, str]:
+    status = str(document.get("status"))
+    return ("good", "Feasible", "") if status == "solved" else ("bad", "No plan", status)
+
+
+def _certified(plan: PlanFile) -> tuple[str, str, str]:
+    certificate = plan.certificate
+    if certificate is None:
+        return "bad", "Not certified", "the plan holds no certificate"
+    if not certificate.passed:
+        worst = certificate.worst
+        of = f" of joint {worst.joint}" if worst.joint else ""
+        return "bad", "Not certified", f"{worst.name}{of} exceeded at {worst.time:.3f} s"
+    return "good", "Certified", f"{len(certificate.limits)} limits kept at {certificate.instants:,} instants"
+
+
+def _motors(plan: PlanFile) -> tuple[str, str, str]:
+    """Peak torque, RMS torque and peak speed against the motor files' figures."""
+    joints = {joint.name: joint for joint in plan.robot.joints}
+    weak, placeholders, absent = [], [], []
+    stated = plan.document.get("motors") or []
+    if not stated:
+        return "open", "Motors open", "the plan states no requirement of any motor"
+    for required in stated:
+        joint = joints[required["joint"]]
+        if joint.motor is None:
+            absent.append(joint.name)
+            continue
+        weak += [f"{joint.name}: {what}" for what in exceeded(joint, required)]
+        if joint.motor.placeholder:
+            placeholders.append(joint.name)
+    if weak:
+        return "bad", "Motors do not suffice", "; ".join(weak)
+    if absent:
+        return "open", "Motors open", f"no motor given for {', '.join(absent)}"
+    if placeholders:
+        return (
+            "open",
+            "Motors suffice by placeholder figures",
+            f"no verdict on the real motors of {', '.join(placeholders)}",
+        )
+    return "good", "Motors suffice", "peak and RMS torque and speed within the motor files' figures"
+
+
+def exceeded(joint: Joint, required: dict[str, Any]) -> list[str]:
+    """Which of a motor's figures a motion exceeds."""
+    motor = joint.motor
+    if motor is None:
+        return []
+    figures = (
+        ("peak torque", required["peak_torque"], motor.max_torque, 1e3, "mN·m"),
+        ("RMS torque", required["rms_torque"], motor.nominal_torque, 1e3, "mN·m"),
+        ("speed", required["peak_speed"], motor.max_speed, 1.0, "rad/s"),
+    )
+    return [
+        f"{name} {scale * need:.4g} of {scale * have:.4g} {unit}"
+        for name, need, have, scale, unit in figures
+        if need > have * (1 + 1e-6)
+    ]
+
+
+def _mark(state: str, word: str, reason: str) -> Markup:
+    symbol = {"good": "✓", "bad": "✗", "open": "?"}[state]
+    icon = tag("span", symbol, class_="icon", aria_hidden="true")
+    return tag("span", icon, tag("strong", word), f" {reason}" if reason else None, class_=f"mark {state}")
+
+
+def _seconds(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4f} s"
+
+
+def _against(duration: float | None, toppra: float | None) -> str:
+    if not duration or not toppra:
+        return ""
+    return f"this plan: {100 * (duration / toppra - 1):+.3f} %"

@@ -1,0 +1,121 @@
+"""Gears and screws against what their manufacturer allows: speed, load, duty, self-locking, whirling, buckling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ssm_planner.model.friction import friction_of
+from ssm_planner.model.transmission import self_locking_margin
+from ssm_planner.problem.values import Drive, Ratings, ScrewEnds
+from ssm_planner.sizing.demand import Band, Name
+from ssm_planner.sizing.friction_spread import FrictionSpread
+from ssm_planner.sizing.joint_load import JointLoad
+from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.sizing.verdict import Check, above, below, unchecked
+
+YOUNG, DENSITY = 193e9, 8000.0
+"""Stainless steel, Pa and kg/m³: of the usual screws the one that whirls and buckles first."""
+OF_CRITICAL_SPEED = 0.8
+"""Share of the critical speed that a screw may turn with."""
+OF_BUCKLING_LOAD = 0.5
+"""Share of Euler's load that a screw may carry."""
+BENDING: dict[ScrewEnds, float] = {
+    "fixed-free": 1.8751040687,
+    "supported-supported": math.pi,
+    "fixed-supported": 3.9266023120,
+    "fixed-fixed": 4.7300407449,
+}
+"""First root βL of the beam's frequency equation."""
+COLUMN: dict[ScrewEnds, float] = {
+    "fixed-free": 2.0,
+    "supported-supported": 1.0,
+    "fixed-supported": 0.6991556597,
+    "fixed-fixed": 0.5,
+}
+"""Effective by free length of a column (Euler)."""
+
+
+def gear_checks(load: JointLoad, band: Band, spread: FrictionSpread, conditions: Conditions) -> tuple[Check, ...]:
+    """Every check of a joint's gear or screw; those without figures say what they need."""
+    drive = load.drive
+    ratings = drive.ratings or Ratings()
+    checks = [_speed(load, ratings), *_output(drive, ratings, band, conditions), _duty(load, ratings, conditions)]
+    if drive.self_locking:
+        checks.append(_locking(drive, spread, conditions))
+    if drive.kind != "worm":
+        checks += _screw(load, ratings, band, conditions)
+    return tuple(checks)
+
+
+def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
+    """First whirling speed of a slender round steel screw, rad/s: (βL)²/L²·√(EI/(ρA)), √(I/A) = d/4; m."""
+    return (BENDING[ends] / length) ** 2 * diameter / 4 * math.sqrt(YOUNG / DENSITY)
+
+
+def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
+    """Euler's load of a slender round steel screw, N: π²EI/(KL)²; m."""
+    return math.pi**2 * YOUNG * (math.pi * diameter**4 / 64) / (COLUMN[ends] * length) ** 2
+
+
+def _speed(load: JointLoad, ratings: Ratings) -> Check:
+    if ratings.input_speed is None:
+        return unchecked("gear_speed", "ratings.input_speed")
+    return below("gear_speed", float(np.abs(load.speed()).max()), ratings.input_speed, "rad/s")
+
+
+def _output(drive: Drive, ratings: Ratings, band: Band, conditions: Conditions) -> Iterator[Check]:
+    unit = "N·m" if drive.kind == "worm" else "N"
+    pairs: tuple[tuple[str, Name, str], ...] = (
+        ("gear_peak_output", "peak_effort", "peak_output"),
+        ("gear_continuous_output", "continuous_effort", "continuous_output"),
+    )
+    for name, demand, key in pairs:
+        limit = getattr(ratings, key)
+        if limit is None:
+            yield unchecked(name, f"ratings.{key}")
+        else:
+            probability = float(np.mean(getattr(band.worst, demand) <= limit)) if band.known else None
+            yield below(name, band.high(demand, conditions.confidence), limit, unit, band.at(demand), probability)
+
+
+def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
+    if ratings.duty is None:
+        return unchecked("gear_duty", "ratings.duty")
+    share = load.moving_share * load.duration / (load.duration + conditions.pause)
+    return below("gear_duty", share, ratings.duty, "")
+
+
+def _locking(drive: Drive, spread: FrictionSpread, conditions: Conditions) -> Check:
+    """μ against cos θ_n·tan λ at the lowest plausible friction; without knowing that, only the margin at μ is known."""
+    friction = friction_of(drive)
+    lowest = spread.lowest_mu(drive, conditions.confidence)
+    spare, _ = self_locking_margin(drive, lowest)
+    needed = lowest - float(spare)
+    if friction.mu_lowest is None and "mu" not in spread.ranges and "mu" not in spread.names:
+        needs = "friction.mu_lowest, or a range or covariance of mu"
+        return Check("self_locking", limit=needed, unit="μ", nominal=friction.mu, needs=needs)
+    return above("self_locking", lowest, needed, "μ", friction.mu)
+
+
+def _screw(load: JointLoad, ratings: Ratings, band: Band, conditions: Conditions) -> list[Check]:
+    length, diameter, ends = ratings.free_length, ratings.root_diameter, ratings.ends
+    if length is None or diameter is None or ends is None:
+        needs = [f"ratings.{k}" for k in ("free_length", "root_diameter", "ends") if getattr(ratings, k) is None]
+        return [unchecked("critical_speed", *needs), unchecked("buckling", *needs)]
+    whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
+    column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
+    probability = float(np.mean(band.worst.peak_effort <= column)) if band.known else None
+    return [
+        below("critical_speed", float(np.abs(load.speed()).max()), whirl, "rad/s"),
+        below(
+            "buckling",
+            band.high("peak_effort", conditions.confidence),
+            column,
+            "N",
+            band.at("peak_effort"),
+            probability,
+        ),
+    ]

@@ -1,0 +1,26 @@
+"""Extremes of the quantities that are polynomials in time: position, velocity, acceleration, jerk, motor speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ssm_planner.verify.bernstein import largest
+from ssm_planner.verify.pieces import Pieces
+from ssm_planner.verify.quantities import Worst
+
+EXACT = 1e-10
+"""Share of a limit to which an extreme is exact."""
+
+
+def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
+    """Bring the worst values of polynomial quantities up to date with these pieces."""
+    for each in worst:
+        quantity = each.quantity
+        if quantity.order is None:
+            continue
+        coefficients = pieces.bernstein[quantity.order][:, quantity.index] * quantity.scale
+        for sign, bound in ((1.0, quantity.high), (-1.0, -quantity.low)):
+            known = bound + each.excess * quantity.half_width
+            value, piece, s = largest(sign * coefficients, EXACT * quantity.half_width, known)
+            time = float(pieces.start[piece] + s * pieces.length[piece])
+            each.offer((value - bound) / quantity.half_width, sign * value, time)

@@ -1,0 +1,68 @@
+"""A trajectory of straight pieces between points: what can be said of its speed and acceleration.
+
+Its velocity jumps at every point, so it has no acceleration, and torques are not defined. But whatever smooth motion
+passes through three points has somewhere an acceleration of at least the jump of the mean velocity by the mean length of
+the two intervals (mean value theorem; at the ends of the motion, which rests there, the interval outside has no length).
+So a jump that the acceleration limit does not allow is a violation, however the points are joined.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.values import Array, Robot
+from ssm_planner.verify.certificate import LimitCheck
+
+FINEST = 1e-12
+"""rad or m: positions are never taken to be known better."""
+UNDEFINED = ("acceleration", "jerk", "motor torque", "nut contact")
+"""Limits that mean nothing on straight pieces."""
+
+
+def linear_limits(
+    trajectory: Trajectory, robot: Robot, resolution: Array, limits: list[LimitCheck]
+) -> tuple[list[LimitCheck], list[str]]:
+    """The limits with speeds judged within the rounding of the points, velocity jumps, and what is not defined.
+
+    resolution (4,): largest rounding error of a point, rad or m; a speed or jump that rounding alone can explain does
+    not count.
+    """
+    resolution = np.maximum(resolution, FINEST)
+    length = np.diff(trajectory.breaks)
+    found = [_within_rounding(limit, trajectory, robot, resolution, length) for limit in limits]
+    for i, joint in enumerate(robot.joints):
+        velocity = np.concatenate([[0.0], trajectory.coefficients[:, 1, i], [0.0]])
+        mean = (np.append(length, 0.0) + np.append(0.0, length)) / 2
+        slack = 2 * resolution[i] * (np.append(1 / length, 0.0) + np.append(0.0, 1 / length))
+        jump = np.maximum(np.abs(np.diff(velocity)) - slack, 0.0)
+        allowed = joint.acceleration * mean
+        k = int(np.argmax(jump / allowed))
+        unit = "rad/s" if joint.kind == "revolute" else "m/s"
+        worst, limit, time = float(jump[k]), float(allowed[k]), float(trajectory.breaks[k])
+        found.append(LimitCheck("velocity jump", joint.name, worst, limit, 1 - worst / limit, time, unit))
+    undefined = "acceleration, jerk and motor torque: not defined on straight pieces (linear interpolation); "
+    undefined += "velocity jumps are held against what the acceleration limit allows within one interval"
+    notes = [undefined]
+    if resolution.max() > FINEST:
+        notes.append("speeds and jumps that the rounding of the positions can explain are not counted")
+    return found, notes
+
+
+def _within_rounding(
+    limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array, length: Array
+) -> LimitCheck:
+    """Speed limits without the part of the speed that rounding of the points can explain."""
+    names = [joint.name for joint in robot.joints]
+    if limit.name not in ("velocity", "motor speed"):
+        return limit
+    i = names.index(str(limit.joint))
+    drive = robot.joints[i].drive
+    scale = 1.0 if limit.name == "velocity" or drive is None else drive.ratio
+    speed = scale * np.maximum(np.abs(trajectory.coefficients[:, 1, i]) - 2 * resolution[i] / length, 0.0)
+    k = int(np.argmax(speed))
+    worst = float(speed[k])
+    margin = (limit.limit - worst) / limit.limit
+    return dataclasses.replace(limit, worst=worst, margin=margin, time=float(trajectory.breaks[k]))

@@ -1,0 +1,102 @@
+"""A stretch of a trajectory's pieces, each on s ∈ [0, 1], with what a check asks of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssm_planner.model.actuation import STILL
+from ssm_planner.model.trajectory import DEGREE, Trajectory
+from ssm_planner.problem.values import Array, Indices, Robot
+from ssm_planner.verify import bernstein
+
+Flags = NDArray[np.bool_]
+
+BLOCK = 8192
+"""Pieces at a time: what is worked out of them stays small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Consecutive pieces as polynomials of s = (t − start)/length."""
+
+    start: Array
+    """(m,), s."""
+    length: Array
+    """(m,), s."""
+    powers: tuple[Array, ...]
+    """Of q, qd, qdd, qddd: coefficients of s^k, (6 … 3, 4, m), in rad/s^order and m/s^order."""
+
+    @cached_property
+    def bernstein(self) -> tuple[Array, ...]:
+        """Bernstein coefficients of q, qd, qdd, qddd."""
+        return tuple(bernstein.from_powers(powers) for powers in self.powers)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """(q, qd, qdd) at the start and at the end of every piece, each (3, 4, m)."""
+        return np.stack([p[0] for p in self.powers[:3]]), np.stack([p.sum(axis=0) for p in self.powers[:3]])
+
+    def at(self, piece: Indices, s: Array) -> tuple[Array, ...]:
+        """q, qd, qdd, qddd, each (4, …), at s (…) of pieces (k,), counted from the first of these."""
+        return tuple(_horner(powers[:, :, piece], s) for powers in self.powers)
+
+    def time(self, piece: Indices, s: Array) -> Array:
+        return self.start[piece] + s * self.length[piece]
+
+    def moving(self, robot: Robot) -> Flags:
+        """(4, m): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
+        return np.asarray(np.abs(self.bernstein[1]).max(axis=0) > still(robot)[:, None])
+
+    def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
+        """(piece, from, to): the pieces, cut where a joint turns back within one, so that directions keep."""
+        slowest = still(robot)
+        coefficients = self.bernstein[1]
+        cuts_piece, cuts_s = [np.empty(0, dtype=np.intp)], [np.empty(0)]
+        for i in range(4):
+            piece, s = bernstein.sign_changes(coefficients[:, i], slowest[i])
+            cuts_piece.append(piece)
+            cuts_s.append(s)
+        whole = np.arange(len(self.start))
+        piece = np.concatenate([whole, *cuts_piece])
+        begin = np.concatenate([np.zeros(len(whole)), *cuts_s])
+        order = np.lexsort((begin, piece))
+        piece, begin = piece[order], begin[order]
+        end = np.append(np.where(piece[1:] == piece[:-1], begin[1:], 1.0), 1.0)
+        keep = end > begin
+        return piece[keep], begin[keep], end[keep]
+
+
+def pieces_of(trajectory: Trajectory, chosen: Indices | None = None) -> Iterator[Pieces]:
+    """The pieces of a trajectory, or the chosen ones, in blocks."""
+    count = len(trajectory.breaks) - 1 if chosen is None else len(chosen)
+    for first in range(0, count, BLOCK):
+        block = np.arange(first, min(first + BLOCK, count))
+        block = block if chosen is None else chosen[block]
+        start = trajectory.breaks[block]
+        length = trajectory.breaks[block + 1] - start
+        coefficients = trajectory.coefficients[block].transpose(1, 2, 0)
+        powers = [coefficients * length ** np.arange(DEGREE + 1)[:, None, None]]
+        for _ in range(3):
+            previous = powers[-1]
+            powers.append(previous[1:] * np.arange(1, len(previous))[:, None, None] / length)
+        yield Pieces(start, length, tuple(powers))
+
+
+def still(robot: Robot) -> Array:
+    """Speed (4,) up to which a joint stands."""
+    return np.array([joint.velocity for joint in robot.joints]) * STILL
+
+
+def _horner(powers: Array, s: Array) -> Array:
+    """powers (n + 1, 4, k), s (…, k) → (4, …, k)."""
+    shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
+    value = np.broadcast_to(powers[-1].reshape(shape), (4, *s.shape)).copy()
+    for coefficient in powers[-2::-1]:
+        value *= s
+        value += coefficient.reshape(shape)
+    return value

@@ -1,0 +1,153 @@
+"""A local server for one page: loopback only, no login, and it accepts nothing that the page does not send."""
+
+from __future__ import annotations
+
+import hmac
+import json
+import secrets
+import sys
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from ssm_planner.errors import SsmPlannerError
+from ssm_planner.view.jobs import Jobs
+from ssm_planner.view.page import view_page
+from ssm_planner.view.study import Study
+
+ADDRESS = "127.0.0.1"
+LONGEST = 4096
+"""Bytes that a request may hold."""
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+Answer = Callable[[Mapping[str, Any]], dict[str, Any]]
+
+
+class ViewServer(ThreadingHTTPServer):
+    """Serves the view of a study on the loopback interface; port 0: any free one."""
+
+    daemon_threads = True
+
+    def __init__(self, study: Study, port: int = 0) -> None:
+        super().__init__((ADDRESS, port), Handler)
+        self.study = study
+        self.jobs = Jobs(study)
+        self.token = secrets.token_urlsafe(24)
+        self.hosts = {f"{name}:{self.server_port}" for name in (ADDRESS, "localhost")}
+        self.answers: dict[str, Answer] = {
+            "/workspace": study.workspace,
+            "/ik": study.ik,
+            "/plan": self.jobs.start,
+            "/progress": self.jobs.progress,
+        }
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that hangs up is no news."""
+        if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
+            super().handle_error(request, client_address)
+
+    @property
+    def url(self) -> str:
+        return f"http://{ADDRESS}:{self.server_port}/"
+
+
+class Handler(BaseHTTPRequestHandler):
+    """GET of the page and of finished reports; POST of JSON with the page's token."""
+
+    server: ViewServer
+    protocol_version = "HTTP/1.1"
+    timeout = 20
+    server_version = "ssm-planner"
+    sys_version = ""
+
+    def do_GET(self) -> None:
+        if not self._known_host():
+            return
+        if self.path == "/":
+            self._send(HTTPStatus.OK, view_page(self.server.study.start(), self.server.token), "text/html")
+            return
+        report = (
+            self.server.jobs.report(self.path.removeprefix("/report/")) if self.path.startswith("/report/") else None
+        )
+        if report is None:
+            self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
+        else:
+            self._send(HTTPStatus.OK, report, "text/html")
+
+    def do_POST(self) -> None:
+        if not self._known_host():
+            return
+        answer = self.server.answers.get(self.path)
+        if answer is None:
+            self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
+            return
+        request = self._request()
+        if request is None:
+            return
+        try:
+            self._send(HTTPStatus.OK, json.dumps(answer(request), allow_nan=False), "application/json")
+        except SsmPlannerError as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+
+    def _known_host(self) -> bool:
+        """The browser reached this server by its own name: a page elsewhere cannot point a name of its own here."""
+        if self.headers.get("Host") in self.server.hosts:
+            return True
+        self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "this server answers to 127.0.0.1 and localhost only")
+        return False
+
+    def _request(self) -> dict[str, Any] | None:
+        """The JSON object of a request from this server's own page, or None after refusing."""
+        fault = self._fault()
+        if fault is not None:
+            self._refuse(*fault)
+            return None
+        try:
+            request = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        except (ValueError, RecursionError):
+            request = None
+        if not isinstance(request, dict):
+            self._refuse(HTTPStatus.BAD_REQUEST, "not a JSON object")
+            return None
+        return request
+
+    def _fault(self) -> tuple[HTTPStatus, str] | None:
+        """What is wrong with the headers of a POST, before anything of its body is read."""
+        origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
+        if origin is not None and origin.removeprefix("http://") not in self.server.hosts:
+            return HTTPStatus.FORBIDDEN, "not from this server's page"
+        if not hmac.compare_digest(self.headers.get("X-Token", "").encode(), self.server.token.encode()):
+            return HTTPStatus.FORBIDDEN, "the token of the page is missing; reload the page"
+        if self.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "application/json":
+            return HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "only application/json"
+        if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
+            return HTTPStatus.LENGTH_REQUIRED, "the length is missing"
+        if len(length) > 9 or int(length) > LONGEST:
+            return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"at most {LONGEST} bytes"
+        return None
+
+    def _refuse(self, status: HTTPStatus, reason: str) -> None:
+        self.close_connection = True
+        self._send(status, json.dumps({"error": reason}), "application/json")
+
+    def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
+        body = text.encode("utf-8")
+        self.send_response(status)
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(body)))
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """The terminal stays quiet."""

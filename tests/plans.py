@@ -1,0 +1,88 @@
+"""Plans made by hand, without the planner: trapezoids of velocity, and files that hold them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.export.plan_file import FORMAT, VERSION, PlanFile, read_plan
+from ssm_planner.model.trajectory import Phase, Trajectory, hermite
+from ssm_planner.problem.resolved import plain
+from ssm_planner.problem.values import Range, Robot
+from ssm_planner.verify.check import check
+
+START = np.array([0.3, 1.15, 0.1, 0.0])
+MOVES = (np.array([0.4, -0.5, -0.3, 0.0]), np.array([-0.1, 0.05, 0.2, -0.012]))
+SHARE = 0.97
+"""Of the velocity and acceleration limits that the slowest joint uses."""
+
+
+def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = SHARE) -> Trajectory:
+    """One trapezoid after another, all joints in proportion, at a share of the limits; acceleration jumps at breaks."""
+    velocity = np.array([joint.velocity for joint in robot.joints]) * share
+    acceleration = np.array([joint.acceleration for joint in robot.joints]) * share
+    q, time = START.copy(), 0.0
+    breaks, pieces, phases = [0.0], [], []
+    for number, move in enumerate(moves):
+        # s from 0 to 1 with |s'| ≤ v, |s''| ≤ a
+        v = float(np.min(velocity[move != 0] / np.abs(move[move != 0])))
+        a = float(np.min(acceleration[move != 0] / np.abs(move[move != 0])))
+        v = min(v, np.sqrt(a))
+        ramp, cruise = v / a, 1 / v - v / a
+        knots = [(0.0, 0.0), (a * ramp**2 / 2, v), (a * ramp**2 / 2 + v * cruise, v), (1.0, 0.0)]
+        for k, (length, rate) in enumerate(((ramp, a), (cruise, 0.0), (ramp, -a))):
+            if length < 1e-9:
+                continue
+            (s0, v0), (s1, v1) = knots[k], knots[k + 1]
+            local = np.array([0.0, length])
+            ends = [tuple(np.array([x]) for x in (q + s * move, w * move, rate * move)) for s, w in ((s0, v0), (s1, v1))]
+            pieces.append(hermite(local, ends[0], ends[1]))
+            breaks.append(breaks[-1] + length)
+        q = q + move
+        phases.append(Phase(f"move {number + 1}", time, breaks[-1]))
+        time = breaks[-1]
+    return Trajectory(np.array(breaks), np.concatenate(pieces), tuple(phases))
+
+
+def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0.9) -> Trajectory:
+    """Rest-to-rest quintics: acceleration without jumps."""
+    velocity = np.array([joint.velocity for joint in robot.joints]) * share
+    acceleration = np.array([joint.acceleration for joint in robot.joints]) * share
+    q, breaks, pieces = START.copy(), [0.0], []
+    zero = np.zeros((1, 4))
+    for move in moves:
+        duration = max(
+            float(np.max(15 / 8 * np.abs(move) / velocity)),
+            float(np.sqrt(np.max(10 / np.sqrt(3) * np.abs(move) / acceleration))),
+        )
+        pieces.append(
+            hermite(np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero))
+        )
+        q = q + move
+        breaks.append(breaks[-1] + duration)
+    return Trajectory(np.array(breaks), np.concatenate(pieces), (Phase("smooth", 0.0, breaks[-1]),))
+
+
+def write_plan(
+    path: Path, robot: Robot, trajectory: Trajectory, ranges: dict[str, Range] | None = None, **changes: Any
+) -> Path:
+    """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
+    ranges = {} if ranges is None else ranges
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "status": "solved",
+        "problem": plain({"name": path.stem, "robot": robot, "limits": ranges, "tip_speed": None}),
+        "certificate": check(trajectory, robot, ranges).to_dict(),
+        "trajectory": trajectory.to_dict(),
+        **changes,
+    }
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+def read_back(path: Path, robot: Robot, trajectory: Trajectory, **more: Any) -> PlanFile:
+    return read_plan(write_plan(path, robot, trajectory, **more))

@@ -1,0 +1,254 @@
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.model.actuation import directions, motor_motion
+from ssm_planner.model.forward import tip_velocity
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.task import task_from_joints
+from ssm_planner.model.trajectory import Phase, Samples, Trajectory, hermite
+from ssm_planner.model.transmission import breakaway_torque, nut_contact
+from ssm_planner.problem.values import TASK, Robot
+from ssm_planner.verify import screen
+from ssm_planner.verify.certificate import Certificate, LimitCheck
+from ssm_planner.verify.check import check
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import SHARE, smooth, trapezoids, write_plan
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+def limit_of(certificate: Certificate, name: str, joint: str | None = None) -> LimitCheck:
+    return next(limit for limit in certificate.limits if limit.name == name and limit.joint == joint)
+
+
+def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
+    """Random quintics through random points, with reversals inside pieces."""
+    breaks = np.cumsum(np.append(0.0, rng.uniform(0.05, 0.4, pieces)))
+    scale = np.array([1.0, 1.0, 1.0, 0.02])
+    q = rng.normal(size=(pieces + 1, 4)) * 0.3 * scale + [0.0, 0.6, 0.0, -0.015]
+    v, a = rng.normal(size=q.shape) * 0.6 * scale, rng.normal(size=q.shape) * 2 * scale
+    v[0] = v[-1] = 0.0
+    return Trajectory(breaks, hermite(breaks, (q[:-1], v[:-1], a[:-1]), (q[1:], v[1:], a[1:])), ())
+
+
+def screw(robot: Robot) -> Robot:
+    """The robot with an antibacklash screw and Stribeck friction in joint 4."""
+    joint = robot.joints[3]
+    friction = dataclasses.replace(
+        joint.drive.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3.0
+    )
+    drive = dataclasses.replace(
+        joint.drive, kind="antibacklash_screw", preload=5.0, second_nut_mass=0.05, friction=friction
+    )
+    return dataclasses.replace(robot, joints=(*robot.joints[:3], dataclasses.replace(joint, drive=drive)))
+
+
+def dense(trajectory: Trajectory, robot: Robot, per_piece: int = 4000) -> dict[tuple[str, str | None], np.ndarray]:
+    """Every limited value at many instants of every piece, by the model's own functions: what the check must find."""
+    count = len(trajectory.breaks) - 1
+    piece = np.repeat(np.arange(count), per_piece)
+    # instants next to the ends of a piece count as inside it, so that directions are those within
+    share = np.tile(np.linspace(1e-7, 1 - 1e-7, per_piece), count)
+    samples = trajectory.sample_pieces(piece, share * np.diff(trajectory.breaks)[piece])
+    direction, breakaway = directions(robot, samples, 1)
+    motor = motor_motion(robot, RigidBody.from_robot(robot), samples, direction, breakaway)
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    task = task_from_joints(mechanism, samples.q)
+    values: dict[tuple[str, str | None], np.ndarray] = {
+        ("tip speed", None): np.linalg.norm(tip_velocity(mechanism, samples.q, samples.qd), axis=1)
+    }
+    for i, joint in enumerate(robot.joints):
+        for name, field in (("position", "q"), ("velocity", "qd"), ("acceleration", "qdd")):
+            values[name, joint.name] = getattr(samples, field)[:, i]
+        if joint.drive is not None:
+            values["motor speed", joint.name] = motor.speed[:, i]
+            values["motor torque", joint.name] = motor.torque[:, i]
+            values["nut contact", joint.name] = nut_contact(joint.drive, motor.effort[:, i], motor.acceleration[:, i])
+    for k, name in enumerate(TASK):
+        values[f"{name} range", None] = task[:, k]
+    return values
+
+
+RANGES = {"tilt": (-2.4, -1.4), "roll": (-0.5, 0.5), "spin": (-1.0, 1.0), "depth": (0.0, 0.03)}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("change", [lambda robot: robot, screw], ids=["as shipped", "antibacklash"])
+def test_worst_values_are_those_of_dense_evaluation_by_the_model(robot: Robot, seed: int, change) -> None:
+    robot = change(robot)
+    trajectory = wavy(np.random.default_rng(seed))
+    certificate = check(trajectory, robot, RANGES, 0.02)
+    values = dense(trajectory, robot)
+    compared = 0
+    for limit in certificate.limits:
+        found = values.get((limit.name, limit.joint))
+        if found is None:
+            continue
+        compared += 1
+        if limit.name == "nut contact":
+            assert limit.worst == pytest.approx(found.min(), rel=1e-5)
+            continue
+        bounds = RANGES.get(limit.name.removesuffix(" range"))
+        joint = next((j for j in robot.joints if j.name == limit.joint), None)
+        low, high = bounds or (joint.position if limit.name == "position" else (-limit.limit, limit.limit))
+        margin = float(np.minimum(high - found, found - low).min()) / ((high - low) / 2)
+        # the dense look may miss a peak or the instant of breakaway by a little, the check may not
+        assert limit.margin <= margin + 1e-9
+        if limit.name != "motor torque":
+            assert limit.margin == pytest.approx(margin, abs=2e-5 * max(1.0, abs(margin)))
+    assert compared >= 20
+
+
+def test_a_trapezoid_has_its_closed_form_extremes(robot: Robot) -> None:
+    certificate = check(trapezoids(robot), robot)
+    for joint in robot.joints:
+        assert limit_of(certificate, "velocity", joint.name).worst <= joint.velocity * SHARE * (1 + 1e-9)
+        assert limit_of(certificate, "acceleration", joint.name).worst <= joint.acceleration * SHARE * (1 + 1e-9)
+    fastest = [max(limit_of(certificate, n, j.name).worst / (j.velocity if n == "velocity" else j.acceleration)
+                   for j in robot.joints) for n in ("velocity", "acceleration")]
+    assert fastest == pytest.approx([SHARE, SHARE], rel=1e-9)
+    assert certificate.passed
+    # positions are monotone in a trapezoid: the extremes are the ends
+    assert limit_of(certificate, "position", "insertion").worst in (0.0, -0.012)
+
+
+def test_a_rest_to_rest_quintic_has_its_closed_form_extremes(robot: Robot) -> None:
+    move, duration = np.array([0.5, 0.0, 0.0, 0.0]), 2.0
+    q = np.array([[0.0, 0.5, 0.0, 0.0]])
+    zero = np.zeros((1, 4))
+    coefficients = hermite(np.array([0.0, duration]), (q, zero, zero), (q + move, zero, zero))
+    certificate = check(Trajectory(np.array([0.0, duration]), coefficients, ()), robot)
+    velocity = limit_of(certificate, "velocity", "roll")
+    assert velocity.worst == pytest.approx(15 / 8 * 0.5 / duration, rel=1e-10)
+    assert velocity.time == pytest.approx(duration / 2, abs=1e-4)
+    acceleration = limit_of(certificate, "acceleration", "roll")
+    assert acceleration.worst == pytest.approx(10 / np.sqrt(3) * 0.5 / duration**2, rel=1e-10)
+
+
+def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
+    """The torque at the very start of a slow motion is the breakaway torque of the model."""
+    drive = dataclasses.replace(
+        robot.joints[0].drive, friction=dataclasses.replace(robot.joints[0].drive.friction, mu_static=0.4)
+    )
+    joints = (dataclasses.replace(robot.joints[0], drive=drive), *robot.joints[1:])
+    robot = dataclasses.replace(robot, joints=joints)
+    q = np.array([[0.3, 0.5, 0.0, 0.0]])
+    zero = np.zeros((1, 4))
+    end = q + [0.05, 0.0, 0.0, 0.0]
+    trajectory = Trajectory(np.array([0.0, 4.0]), hermite(np.array([0.0, 4.0]), (q, zero, zero), (end, zero, zero)), ())
+    tau = RigidBody.from_robot(robot).gravity_load(q)[0, 0]
+    found = limit_of(check(trajectory, robot), "motor torque", "roll")
+    assert found.time == 0.0
+    assert found.worst == pytest.approx(abs(float(breakaway_torque(drive, tau, 1.0))), rel=1e-9)
+
+
+def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot) -> None:
+    """Coefficients at rounding level are no motion: a self-locking drive holds without torque."""
+    rng = np.random.default_rng(0)
+    coefficients = np.zeros((20, 6, 4))
+    coefficients[:, 0] = [0.2, 0.5, 0.1, -0.01]
+    coefficients[:, 1:] = rng.normal(size=(20, 5, 4)) * 1e-13
+    certificate = check(Trajectory(np.linspace(0, 1, 21), coefficients, ()), robot)
+    for name in ("roll", "tilt", "insertion"):
+        assert limit_of(certificate, "motor torque", name).worst == 0.0
+
+
+def test_jumps_are_found_on_either_side_of_a_block(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ssm_planner.verify.pieces.BLOCK", 4)
+    trajectory = wavy(np.random.default_rng(1), pieces=11)
+    assert limit_of(check(trajectory, robot), "position jump", "tilt").passed
+    for k in range(1, 11):
+        coefficients = trajectory.coefficients.copy()
+        coefficients[k, 0, 1] += 1e-4
+        found = limit_of(check(Trajectory(trajectory.breaks.copy(), coefficients, ()), robot), "position jump", "tilt")
+        assert not found.passed
+        assert found.worst == pytest.approx(1e-4, rel=1e-6)
+        assert found.time in trajectory.breaks[[k, min(k + 1, 10)]]
+
+
+def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    trajectory = wavy(np.random.default_rng(2), pieces=10)
+    whole = check(trajectory, robot, RANGES, 0.02)
+    monkeypatch.setattr("ssm_planner.verify.pieces.BLOCK", 3)
+    parts = check(trajectory, robot, RANGES, 0.02)
+    for a, b in zip(whole.limits, parts.limits, strict=True):
+        assert a.margin == pytest.approx(b.margin, abs=3e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_screen_of_long_trajectories_hides_nothing(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Many short pieces with noise, starts and reversals: the same worst values with the screen and without."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0, 3, 600)
+    scale = np.array([0.3, 0.3, 0.3, 0.005])
+    phase, rate = rng.uniform(0, 6, (3, 4)), rng.uniform(1.0, 3.0, (3, 4))
+    angle = t[:, None, None] * rate + phase
+    q = (np.sin(angle) * scale / 3).sum(axis=1) + [0.0, 0.6, 0.0, -0.015]
+    qd = (np.cos(angle) * rate * scale / 3).sum(axis=1)
+    qdd = -(np.sin(angle) * rate**2 * scale / 3).sum(axis=1)
+    k = rng.integers(100, 500)
+    qdd[k] += scale * 3
+    coefficients = hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
+    trajectory = Trajectory(t, coefficients, (Phase("all", 0.0, 3.0),))
+    full = check(trajectory, robot, RANGES, 0.05)
+    monkeypatch.setattr(screen, "WORTHWHILE", 10)
+    screened = check(trajectory, robot, RANGES, 0.05)
+    assert screened.instants < full.instants / 2
+    for a, b in zip(full.limits, screened.limits, strict=True):
+        assert a.margin == pytest.approx(b.margin, abs=3e-8)
+
+
+def test_a_jerk_limit_is_checked(robot: Robot) -> None:
+    joints = tuple(dataclasses.replace(joint, jerk=50.0) for joint in robot.joints)
+    certificate = check(smooth(robot), dataclasses.replace(robot, joints=joints))
+    trajectory = smooth(robot)
+    jerk = trajectory.sample(np.linspace(0, trajectory.duration, 20001)).qddd
+    assert limit_of(certificate, "jerk", "roll").worst == pytest.approx(np.abs(jerk[:, 0]).max(), rel=1e-4)
+
+
+def test_no_motor_no_torque_limit_and_it_is_said(robot: Robot) -> None:
+    bare = dataclasses.replace(
+        robot, joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints)
+    )
+    certificate = check(smooth(bare), bare)
+    assert {limit.name for limit in certificate.limits} == {
+        "position", "velocity", "acceleration", "position jump", "velocity jump"
+    }
+    assert len(certificate.unchecked) == 4
+
+
+def test_a_certificate_survives_json(robot: Robot) -> None:
+    certificate = check(smooth(robot), robot, RANGES)
+    assert Certificate.from_dict(certificate.to_dict()) == certificate
+
+
+def test_the_check_never_imports_the_planner(tmp_path: Path, robot: Robot) -> None:
+    plan = write_plan(tmp_path / "plan.json", robot, smooth(robot))
+    code = (
+        "import argparse, sys; from ssm_planner.commands import check; parser = argparse.ArgumentParser(); "
+        "check.add_arguments(parser); status = check.run(parser.parse_args(sys.argv[1:])); "
+        "assert not [m for m in sys.modules if m.startswith(('ssm_planner.planning', 'toppra', 'ssm_planner.run'))]; "
+        "sys.exit(status)"
+    )
+    result = subprocess.run([sys.executable, "-c", code, str(plan)], capture_output=True, text=True, cwd=ROOT)
+    assert result.returncode == 0, result.stderr
+    assert "check: PASSED" in result.stdout
+
+
+def test_the_samples_of_a_trajectory_are_not_changed(robot: Robot) -> None:
+    trajectory = smooth(robot)
+    before = trajectory.coefficients.copy()
+    check(trajectory, robot)
+    assert np.array_equal(before, trajectory.coefficients)
+    assert isinstance(trajectory.sample(np.zeros(1)), Samples)

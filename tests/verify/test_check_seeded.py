@@ -1,0 +1,33 @@
+"""One limit broken by 0.1 % for one interval between samples: found, and nothing invented on clean trajectories.
+
+The whole of it, a thousand of each, is in tests/benchmarks/bench_check.py.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.problem.values import Robot
+from ssm_planner.verify.check import check
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from seeded import EXCESS, KINDS, seeded
+
+COUNT = 12
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_a_limit_broken_between_samples_is_found_and_nothing_else(robot: Robot, kind: str) -> None:
+    rng = np.random.default_rng(KINDS.index(kind))
+    for _ in range(COUNT // 2):
+        case = seeded(rng, robot, kind)
+        broken = check(case.trajectory, case.with_limit(1 / (1 + EXCESS)), *case.task(1 / (1 + EXCESS)))
+        assert [(v.name, v.joint) for v in broken.violations] == [case.limit]
+        assert broken.violations[0].margin == pytest.approx(-EXCESS, rel=0.05)
+        assert case.interval[0] <= broken.violations[0].time <= case.interval[1]
+        clean = check(case.trajectory, case.with_limit(1 + EXCESS), *case.task(1 + EXCESS))
+        assert clean.passed
