@@ -79,7 +79,7 @@ def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: R
     for limit in sorted(certificate.limits, key=lambda limit: limit.margin):
         if limit.name.endswith("jump") and limit.passed:
             continue
-        unit, scale = shown_unit(limit.unit)
+        unit, scale = shown_unit(limit.unit, limit.name)
         rows.append(
             (
                 limit.name,

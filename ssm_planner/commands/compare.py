@@ -90,7 +90,7 @@ def compare_lines(axes: list[AxisComparison]) -> list[str]:
     rows = []
     for axis in axes:
         for limit in axis.limits:
-            unit, scale = shown_unit(limit.unit)
+            unit, scale = shown_unit(limit.unit, limit.name)
             planned = "–" if limit.planned_margin is None else f"{100 * limit.planned_margin:+.2f} %"
             values = (f"{scale * limit.measured:.5g}", f"{scale * limit.limit:.5g}", unit)
             verdict = "held" if limit.held else "EXCEEDED"

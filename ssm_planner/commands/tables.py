@@ -9,8 +9,10 @@ SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)
 """Units that people read more easily, with the factor from SI."""
 
 
-def shown_unit(unit: str) -> tuple[str, float]:
-    """(unit to show, factor) of an SI unit such as rad/s."""
+def shown_unit(unit: str, name: str = "") -> tuple[str, float]:
+    """(unit to show, factor) of an SI unit such as rad/s; name: of the limit, for motors turn in rpm."""
+    if name == "motor speed":
+        return "rpm", 30 / math.pi
     base, slash, per = unit.partition("/")
     name, scale = SHOWN.get(base, (base, 1.0))
     return name + slash + per, scale

@@ -22,7 +22,7 @@ class Jumps:
         self._last: Array | None = None
 
     def look(self, pieces: Pieces) -> None:
-        starts, ends = (state[:2] for state in pieces.ends)
+        starts, ends = pieces.ends
         before, after, time = ends[:, :, :-1], starts[:, :, 1:], pieces.start[1:]
         if self._last is not None:
             before = np.concatenate([self._last[:, :, None], before], axis=2)

@@ -18,9 +18,12 @@ def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
         quantity = each.quantity
         if quantity.order is None:
             continue
-        coefficients = pieces.bernstein[quantity.order][:, quantity.index] * quantity.scale
-        for sign, bound in ((1.0, quantity.high), (-1.0, -quantity.low)):
-            known = bound + each.excess * quantity.half_width
-            value, piece, s = largest(sign * coefficients, EXACT * quantity.half_width, known)
+        bounds = [quantity.scale * bound[quantity.order, quantity.index] for bound in pieces.bounds]
+        for sign, limit in ((1.0, quantity.high), (-1.0, -quantity.low)):
+            known = limit + each.excess * quantity.half_width
+            if max(sign * bound for bound in bounds) <= known:
+                continue
+            coefficients = pieces.bernstein[quantity.order][:, quantity.index] * (sign * quantity.scale)
+            value, piece, s = largest(coefficients, EXACT * quantity.half_width, known)
             time = float(pieces.start[piece] + s * pieces.length[piece])
-            each.offer((value - bound) / quantity.half_width, sign * value, time)
+            each.offer((value - limit) / quantity.half_width, sign * value, time)

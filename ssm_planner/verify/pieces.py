@@ -38,12 +38,19 @@ class Pieces:
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """(q, qd, qdd) at the start and at the end of every piece, each (3, 4, m)."""
-        return np.stack([p[0] for p in self.powers[:3]]), np.stack([p.sum(axis=0) for p in self.powers[:3]])
+        """(q, qd) at the start and at the end of every piece, each (2, 4, m)."""
+        return np.stack([b[0] for b in self.bernstein[:2]]), np.stack([b[-1] for b in self.bernstein[:2]])
 
-    def at(self, piece: Indices, s: Array) -> tuple[Array, ...]:
-        """q, qd, qdd, qddd, each (4, …), at s (…) of pieces (k,), counted from the first of these."""
-        return tuple(_horner(powers[:, :, piece], s) for powers in self.powers)
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """(lowest, highest) (4, 4): between these are q, qd, qdd, qddd (rows) of the four joints."""
+        lowest = np.stack([b.min(axis=(0, 2)) for b in self.bernstein])
+        return lowest, np.stack([b.max(axis=(0, 2)) for b in self.bernstein])
+
+    def at(self, piece: Indices | slice, s: Array) -> tuple[Array, Array, Array]:
+        """q, qd, qdd, each (4, …), at s (…) of pieces (k,), counted from the first of these."""
+        q, qd, qdd = (_horner(powers[:, :, piece], s) for powers in self.powers[:3])
+        return q, qd, qdd
 
     def time(self, piece: Indices, s: Array) -> Array:
         return self.start[piece] + s * self.length[piece]
@@ -71,20 +78,27 @@ class Pieces:
         return piece[keep], begin[keep], end[keep]
 
 
-def pieces_of(trajectory: Trajectory, chosen: Indices | None = None) -> Iterator[Pieces]:
-    """The pieces of a trajectory, or the chosen ones, in blocks."""
-    count = len(trajectory.breaks) - 1 if chosen is None else len(chosen)
+def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
+    """The pieces of a trajectory, in blocks."""
+    count = len(trajectory.breaks) - 1
     for first in range(0, count, BLOCK):
-        block = np.arange(first, min(first + BLOCK, count))
-        block = block if chosen is None else chosen[block]
+        block = slice(first, min(first + BLOCK, count))
         start = trajectory.breaks[block]
-        length = trajectory.breaks[block + 1] - start
-        coefficients = trajectory.coefficients[block].transpose(1, 2, 0)
-        powers = [coefficients * length ** np.arange(DEGREE + 1)[:, None, None]]
-        for _ in range(3):
-            previous = powers[-1]
-            powers.append(previous[1:] * np.arange(1, len(previous))[:, None, None] / length)
-        yield Pieces(start, length, tuple(powers))
+        yield _pieces(start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.coefficients[block])
+
+
+def chosen_pieces(trajectory: Trajectory, chosen: Indices) -> Pieces:
+    """Some pieces of a trajectory, together."""
+    start = trajectory.breaks[chosen]
+    return _pieces(start, trajectory.breaks[chosen + 1] - start, trajectory.coefficients[chosen])
+
+
+def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
+    powers = [coefficients.transpose(1, 2, 0) * length ** np.arange(DEGREE + 1)[:, None, None]]
+    for _ in range(3):
+        previous = powers[-1]
+        powers.append(previous[1:] * np.arange(1, len(previous))[:, None, None] / length)
+    return Pieces(start, length, tuple(powers))
 
 
 def still(robot: Robot) -> Array:

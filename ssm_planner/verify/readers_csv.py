@@ -83,7 +83,7 @@ def _rows(path: Path, layout: Layout, columns: list[int]) -> Array:
             comments=None,
             delimiter=layout.separator,
             skiprows=layout.header + 1,
-            usecols=columns,
+            usecols=None if columns == list(range(len(layout.names))) else columns,
             ndmin=2,
             encoding="utf-8",
         )

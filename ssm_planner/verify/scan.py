@@ -73,7 +73,7 @@ class Scan:
         static = np.zeros(state[0].shape)
         static[:, 0] = at.starting
         directions = np.broadcast_to(at.direction[:, None], state[0].shape)
-        q, qd, qdd, direction, breakaway = (x.reshape(4, -1) for x in (*state[:3], directions, static))
+        q, qd, qdd, direction, breakaway = (x.reshape(4, -1) for x in (*state, directions, static))
         values = self._values(q, qd, qdd, direction, breakaway).reshape(len(self.quantities), 4, -1)
         self._offer(values, pieces.time(at.piece, s))
         near_start, near_end = _inner_control(values)
@@ -88,7 +88,7 @@ class Scan:
         """(m,): pieces that may hold something worse than what is known, or friction at rest."""
         state = screen.middle(pieces)
         moving = pieces.moving(self.robot)
-        q, qd, qdd, _ = state
+        q, qd, qdd = state
         values = self._values(q, qd, qdd, np.sign(qd) * moving, np.zeros_like(qd))
         self._offer(values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5)))
         around = screen.spread(pieces, state, slopes)

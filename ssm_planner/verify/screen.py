@@ -12,7 +12,7 @@ import numpy as np
 
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.values import Array, Robot
-from ssm_planner.verify.pieces import Flags, Pieces, pieces_of, still
+from ssm_planner.verify.pieces import Flags, Pieces, chosen_pieces, still
 
 WORTHWHILE = 20_000
 """Pieces above which the screen saves time."""
@@ -29,10 +29,9 @@ def sensitivity(trajectory: Trajectory, robot: Robot, evaluate: Evaluate) -> Arr
     """Largest |∂quantity / ∂(q, qd, qdd)| along a trajectory, (quantities, 3, 4)."""
     count = len(trajectory.breaks) - 1
     chosen = np.unique(np.linspace(0, count - 1, SAMPLES).astype(int))
-    some = next(pieces_of(trajectory, chosen))
-    state = middle(some)
+    state = middle(chosen_pieces(trajectory, chosen))
     direction, breakaway = np.sign(state[1]), np.zeros_like(state[1])
-    base = [state[0], state[1], state[2]]
+    base = list(state)
     unit = np.array([joint.velocity for joint in robot.joints])
     slopes = []
     for order in range(3):
@@ -47,9 +46,9 @@ def sensitivity(trajectory: Trajectory, robot: Robot, evaluate: Evaluate) -> Arr
     return np.stack(slopes, axis=1).reshape(-1, 3, 4)
 
 
-def middle(pieces: Pieces) -> tuple[Array, ...]:
-    """q, qd, qdd, qddd, each (4, m), at s = 1/2."""
-    return pieces.at(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5))
+def middle(pieces: Pieces) -> tuple[Array, Array, Array]:
+    """q, qd, qdd, each (4, m), at s = 1/2."""
+    return pieces.at(slice(None), np.full(len(pieces.start), 0.5))
 
 
 def spread(pieces: Pieces, state: tuple[Array, ...], slopes: Array) -> Array:
