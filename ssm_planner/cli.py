@@ -17,6 +17,8 @@ BAD_INPUT, INTERRUPTED, CLOSED_PIPE = 2, 130, 141
 COMMANDS = {
     "plan": ("planning", "plan, cross-check, verify, size, report"),
     "size": ("sizing", "what the motion requires; which motors and gears satisfy it"),
+    "report": ("report", "a page with mechanism, plots and certificate; of two plans, a comparison"),
+    "view": ("view", "a local page: workspace, inverse kinematics and planning by sliders"),
     "workspace": ("workspace", "closed-form tilt range, or the (alpha, beta) that reach a range"),
     "identify": ("identify", "friction with confidence, map figure, a drive file to use"),
     "predict": ("predict", "predicted against measured torque, NRMSD"),

@@ -7,15 +7,18 @@ from pathlib import Path
 from ssm_planner.export.csv import write_csv
 from ssm_planner.export.plan_file import write_plan
 from ssm_planner.plan import Plan
+from ssm_planner.report.html import write_report
 from ssm_planner.report.plan_figures import write_figures
 
 
 def write_folder(plan: Plan, folder: Path) -> dict[str, Path]:
-    """Write plan.json, trajectory.csv and the figures; returns their paths by name. Raises ExportError."""
+    """Write plan.json, report.html, trajectory.csv and the figures; returns their paths by name. Raises ExportError."""
     if plan.trajectory is None:
         return {}
+    plan_file = write_plan(folder / "plan.json", plan)
     return {
-        "plan": write_plan(folder / "plan.json", plan),
+        "plan": plan_file,
+        "report": write_report(plan_file, folder / "report.html"),
         "trajectory": write_csv(folder / "trajectory.csv", plan.trajectory, plan.problem.robot),
         **write_figures(plan, folder),
     }

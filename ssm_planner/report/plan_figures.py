@@ -25,22 +25,22 @@ SAMPLES = 1200
 
 
 def write_figures(plan: Plan, folder: Path) -> dict[str, Path]:
-    """motion and motors as PNG and PDF; returns their paths by name. Raises ExportError."""
+    """motion and motors as PNG; returns their paths by name. Raises ExportError."""
     if plan.trajectory is None:
         raise ExportError("there is no trajectory to draw: the problem has no plan")
-    return _write(plan.trajectory, plan.problem.robot, plan.requirements, folder)
+    return _write(plan.trajectory, plan.problem.robot, plan.requirements, folder, pdf=False)
 
 
 def write_figures_of_file(plan: PlanFile, folder: Path) -> dict[str, Path]:
-    """The same figures from a plan.json that has been read."""
-    return _write(plan.trajectory, plan.robot, motor_requirements(plan.trajectory, plan.robot), folder)
+    """The same figures from a plan.json that has been read, as PNG and PDF."""
+    return _write(plan.trajectory, plan.robot, motor_requirements(plan.trajectory, plan.robot), folder, pdf=True)
 
 
 def _write(
-    trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement], folder: Path
+    trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement], folder: Path, pdf: bool
 ) -> dict[str, Path]:
-    paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
-    return paths | save_figure(motors_figure(trajectory, robot, requirements), folder / "motors")
+    paths = save_figure(motion_figure(trajectory, robot), folder / "motion", pdf)
+    return paths | save_figure(motors_figure(trajectory, robot, requirements), folder / "motors", pdf)
 
 
 def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:

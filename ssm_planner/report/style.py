@@ -50,12 +50,12 @@ def finish(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def save_figure(figure: Figure, path: Path) -> dict[str, Path]:
-    """Write path.png and path.pdf (TrueType fonts embedded, the same bytes each time); paths by name."""
+def save_figure(figure: Figure, path: Path, pdf: bool = True) -> dict[str, Path]:
+    """Write path.png and, if wanted, path.pdf (TrueType fonts embedded), the same bytes each time; paths by name."""
     from matplotlib import rc_context
 
     paths = {}
-    for ending, key in (("png", "figure"), ("pdf", "pdf")):
+    for ending, key in (("png", "figure"), ("pdf", "pdf"))[: 1 + pdf]:
         paths[f"{path.name}_{key}"] = target = path.with_suffix(f".{ending}")
         metadata = {"CreationDate": None} if ending == "pdf" else None
         with replacing(target) as temporary, rc_context({"pdf.fonttype": 42}):

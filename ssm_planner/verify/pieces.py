@@ -44,8 +44,8 @@ class Pieces:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """(lowest, highest) (4, 4): between these are q, qd, qdd, qddd (rows) of the four joints."""
-        lowest = np.stack([b.min(axis=(0, 2)) for b in self.bernstein])
-        return lowest, np.stack([b.max(axis=(0, 2)) for b in self.bernstein])
+        lowest = np.stack([b.min(axis=2).min(axis=0) for b in self.bernstein])
+        return lowest, np.stack([b.max(axis=2).max(axis=0) for b in self.bernstein])
 
     def at(self, piece: Indices | slice, s: Array) -> tuple[Array, Array, Array]:
         """q, qd, qdd, each (4, …), at s (…) of pieces (k,), counted from the first of these."""
@@ -94,7 +94,8 @@ def chosen_pieces(trajectory: Trajectory, chosen: Indices) -> Pieces:
 
 
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
-    powers = [coefficients.transpose(1, 2, 0) * length ** np.arange(DEGREE + 1)[:, None, None]]
+    # rows of one coefficient of one joint lie together: what follows runs along them
+    powers = [np.ascontiguousarray(coefficients.transpose(1, 2, 0)) * length ** np.arange(DEGREE + 1)[:, None, None]]
     for _ in range(3):
         previous = powers[-1]
         powers.append(previous[1:] * np.arange(1, len(previous))[:, None, None] / length)

@@ -1,0 +1,155 @@
+"""The tools of the check: Bernstein polynomials, bulk evaluation, the motors' law as one expression."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ssm_planner.errors import GeometryError
+from ssm_planner.model.actuation import directions, motor_motion
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.trajectory import Samples
+from ssm_planner.problem.values import Robot
+from ssm_planner.verify import bernstein
+from ssm_planner.verify.instructions import dense
+from ssm_planner.verify.motor_law import directions_law, motor_law
+from ssm_planner.verify.vectorised import Vectorised
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+numbers = st.floats(-10, 10, allow_nan=False).map(lambda x: round(x, 3))
+polynomials = st.lists(st.lists(numbers, min_size=1, max_size=6), min_size=1, max_size=5)
+
+
+@given(polynomials)
+@settings(max_examples=150, deadline=None)
+def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) -> None:
+    degree = max(len(row) for row in rows)
+    powers = np.array([row + [0.0] * (degree - len(row)) for row in rows]).T
+    value, index, s = bernstein.largest(bernstein.from_powers(powers), 1e-12)
+    grid = np.linspace(0, 1, 2001)
+    assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers.T) - 1e-9
+    assert value == pytest.approx(float(np.polyval(powers[::-1, index], s)), abs=1e-9)
+
+
+@given(st.lists(st.floats(0.02, 0.98), min_size=1, max_size=4, unique_by=lambda x: round(x, 2)), st.sampled_from([-1, 1]))
+@settings(max_examples=150, deadline=None)
+def test_every_simple_zero_is_found(zeros: list[float], sign: int) -> None:
+    powers = sign * np.poly(zeros)[::-1][:, None]
+    _, found = bernstein.sign_changes(bernstein.from_powers(powers), np.array([1e-12]))
+    assert np.sort(found) == pytest.approx(sorted(zeros), abs=1e-9)
+
+
+def test_no_zeros_within_the_tolerance() -> None:
+    powers = np.array([[-1e-12, 2e-12], [-1.0, 2.0]]).T
+    index, s = bernstein.sign_changes(bernstein.from_powers(powers), np.full(2, 1e-9))
+    assert index.tolist() == [1]
+    assert s == pytest.approx([0.5])
+
+
+@given(st.lists(numbers, min_size=1, max_size=6))
+@settings(max_examples=50, deadline=None)
+def test_powers_and_bernstein_coefficients_are_inverse(row: list[float]) -> None:
+    powers = np.array(row)[:, None]
+    coefficients = bernstein.from_powers(powers)
+    assert bernstein.to_powers(coefficients) == pytest.approx(powers, abs=1e-10)
+    assert coefficients[0, 0] == powers[0, 0]
+    assert coefficients[-1, 0] == pytest.approx(powers.sum())
+    left, right = bernstein.halves(coefficients)
+    for part, s in ((left, 0.25), (right, 0.75)):
+        assert bernstein.evaluate(bernstein.to_powers(part)[:, 0], np.array(0.5)) == pytest.approx(
+            bernstein.evaluate(powers[:, 0], np.array(s)), abs=1e-9
+        )
+
+
+def every_operation() -> ca.Function:
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
+    a, b, c = x[0], x[1], x[2]
+    rows = [
+        a + b, a - b, a * b, a / (2 + b * b), -a, ca.exp(a / 3), ca.log(1 + b * b), ca.sqrt(1 + c * c), a**2, a + a, 1 / (3 + c),
+        ca.sin(a), ca.cos(b), ca.tan(c / 4), ca.asin(a / 4), ca.acos(b / 4), ca.atan(c), ca.floor(a), ca.ceil(b), ca.fabs(c),
+        ca.sign(a), ca.if_else(a > b, c, y), ca.if_else(a <= 0, b, a), ca.fmin(a, b), ca.fmax(b, c), ca.atan2(a, b),
+        ca.logic_and(a > 0, b > 0), ca.logic_or(a > 0, b > 0), ca.logic_not(a > 0), a == b, a != b, ca.fmod(a, 2 + b * b),
+        (2 + a * a) ** y, ca.copysign(a, b), 7.0, y,
+    ]  # fmt: skip
+    return dense("every_operation", [x, y], [ca.vertcat(*rows), ca.vertcat(a, 0.0)])
+
+
+def test_bulk_evaluation_is_casadi_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ssm_planner.verify.vectorised.BLOCK", 64)
+    rng = np.random.default_rng(3)
+    function = every_operation()
+    x, y = rng.uniform(-3, 3, (3, 150)), rng.uniform(-2, 2, (1, 150))
+    x[:, :10] = 0.0
+    x[1, 10:20] = x[0, 10:20]
+    found = Vectorised(function)(x, y)
+    for k in range(150):
+        for mine, theirs in zip(found, function(x[:, k], y[:, k]), strict=True):
+            assert mine[:, k] == pytest.approx(theirs.full()[:, 0], rel=1e-14, abs=1e-15)
+
+
+def test_bulk_evaluation_refuses_wrong_shapes() -> None:
+    function = Vectorised(every_operation())
+    with pytest.raises(GeometryError, match="every_operation"):
+        function(np.zeros((3, 5)), np.zeros((1, 4)))
+    with pytest.raises(GeometryError, match="every_operation"):
+        function(np.zeros((5, 3)), np.zeros((1, 3)))
+
+
+def random_samples(rng: np.random.Generator, count: int) -> Samples:
+    """States of which many stand, in one or all derivatives."""
+    q, qd, qdd, qddd = (rng.normal(size=(count, 4)) for _ in range(4))
+    for values in (qd, qdd, qddd):
+        values[rng.random(values.shape) < 0.3] = 0.0
+    return Samples(np.arange(count, dtype=float), q, qd, qdd, qddd)
+
+
+def variants(robot: Robot) -> list[Robot]:
+    """The robot with other drives: antibacklash and Stribeck, and one that does not lock itself."""
+    joint = robot.joints[3]
+    stribeck = {"mu_stribeck": 0.05, "stribeck_speed": 3.0}
+    drives = []
+    for law in ("stribeck_gaussian", "stribeck_exponential"):
+        friction = dataclasses.replace(joint.drive.friction, law=law, **stribeck)
+        drives.append(
+            dataclasses.replace(
+                joint.drive, kind="antibacklash_screw", preload=5.0, second_nut_mass=0.05, friction=friction
+            )
+        )
+    slippery = dataclasses.replace(joint.drive.friction, mu=0.05, mu_static=0.06)
+    drives.append(dataclasses.replace(joint.drive, friction=slippery))
+    return [robot] + [
+        dataclasses.replace(robot, joints=(*robot.joints[:3], dataclasses.replace(joint, drive=drive)))
+        for drive in drives
+    ]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
+    """Torque, effort and directions, standing and moving, breaking away and held: equal to the model's own."""
+    samples = random_samples(np.random.default_rng(5), 4000)
+    for each in variants(robot):
+        direction, breakaway = directions(each, samples, side)
+        expected = motor_motion(each, RigidBody.from_robot(each), samples, direction, breakaway)
+        q, qd, qdd, qddd, way, away = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "way", "away"))
+        law = Vectorised(dense("law", [q, qd, qdd, way, away], list(motor_law(each, q, qd, qdd, way, away))))
+        rows = [x.T.copy() for x in (samples.q, samples.qd, samples.qdd, direction, np.asarray(breakaway, dtype=float))]
+        _, torque, effort = law(*rows)
+        for i, joint in enumerate(each.joints):
+            if joint.drive is None:
+                assert not torque[i].any()
+                continue
+            size = np.abs(expected.torque[:, i]).max()
+            assert np.abs(torque[i] - expected.torque[:, i]).max() <= 1e-14 * size
+            assert effort[i] == pytest.approx(expected.effort[:, i], rel=1e-13, abs=1e-13)
+        rule = Vectorised(dense("rule", [qd, qdd, qddd], list(directions_law(each, qd, qdd, qddd, side))))
+        found = rule(samples.qd.T.copy(), samples.qdd.T.copy(), samples.qddd.T.copy())
+        assert np.array_equal(found[0], direction.T)
+        assert np.array_equal(found[1] != 0, np.asarray(breakaway, dtype=bool).T)
