@@ -16,6 +16,9 @@ BAD_INPUT, INTERRUPTED, CLOSED_PIPE = 2, 130, 141
 
 COMMANDS = {
     "plan": ("planning", "plan, cross-check, verify, size, report"),
+    "check": ("check", "certificate for a plan.json, a CSV or a JointTrajectory of anyone's"),
+    "export": ("export", "files for the controller: csv, epos4, ros2, urdf, c"),
+    "compare": ("compare", "a recording of the executed motion against the plan"),
     "size": ("sizing", "what the motion requires; which motors and gears satisfy it"),
     "report": ("report", "a page with mechanism, plots and certificate; of two plans, a comparison"),
     "view": ("view", "a local page: workspace, inverse kinematics and planning by sliders"),

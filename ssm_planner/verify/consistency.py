@@ -48,20 +48,23 @@ def check_derivatives(t: Array, value: Array, derivative: Array, robot: Robot, n
         if not slopes[:, i].any():
             continue
         factor, residual = _compare(slopes[:, i], means[:, i])
-        if residual < ALIKE and abs(factor - 1) > ALIKE:
-            hint = next((f": {text}?" for known, text in FACTORS if abs(factor / known - 1) < ALIKE), "")
-            hint = hint or next((f": {t} in the {names[0]}?" for k, t in FACTORS if abs(factor * k - 1) < ALIKE), "")
-            raise TrajectoryError(
-                f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its {names[0]}{hint}"
-            )
-        if residual < 0.5:
+        if _same(factor, residual):
             continue
         for k, other in enumerate(robot.joints):
-            factor, residual = _compare(slopes[:, i], means[:, k])
-            if k != i and residual < ALIKE and abs(factor - 1) < ALIKE:
+            if _same(*_compare(slopes[:, i], means[:, k])):
                 raise TrajectoryError(
                     f"the {names[1]} given for joint {other.name} are those of joint {joint.name}: swapped columns?"
                 )
+        if residual < ALIKE:
+            hint = next((f": {text}?" for known, text in FACTORS if abs(factor / known - 1) < ALIKE), "")
+            hint = hint or next((f": {text} in the {names[0]}?" for k, text in FACTORS if abs(factor * k - 1) < ALIKE), "")
+            raise TrajectoryError(
+                f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its {names[0]}{hint}"
+            )
+
+
+def _same(factor: float, residual: float) -> bool:
+    return residual < ALIKE and abs(factor - 1) < ALIKE
 
 
 def _compare(slope: Array, mean: Array) -> tuple[float, float]:

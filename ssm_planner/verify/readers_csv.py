@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,15 +79,17 @@ def _layout(path: Path) -> Layout:
 
 def _rows(path: Path, layout: Layout, columns: list[int]) -> Array:
     try:
-        rows = np.loadtxt(
-            path,
-            comments=None,
-            delimiter=layout.separator,
-            skiprows=layout.header + 1,
-            usecols=None if columns == list(range(len(layout.names))) else columns,
-            ndmin=2,
-            encoding="utf-8",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which is said below
+            rows = np.loadtxt(
+                path,
+                comments=None,
+                delimiter=layout.separator,
+                skiprows=layout.header + 1,
+                usecols=None if columns == list(range(len(layout.names))) else columns,
+                ndmin=2,
+                encoding="utf-8",
+            )
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ValueError as error:

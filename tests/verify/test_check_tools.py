@@ -108,6 +108,7 @@ def random_samples(rng: np.random.Generator, count: int) -> Samples:
     q, qd, qdd, qddd = (rng.normal(size=(count, 4)) for _ in range(4))
     for values in (qd, qdd, qddd):
         values[rng.random(values.shape) < 0.3] = 0.0
+    qd[rng.random(qd.shape) < 0.3] *= 1e-10
     return Samples(np.arange(count, dtype=float), q, qd, qdd, qddd)
 
 
