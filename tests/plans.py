@@ -38,7 +38,9 @@ def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float
                 continue
             (s0, v0), (s1, v1) = knots[k], knots[k + 1]
             local = np.array([0.0, length])
-            ends = [tuple(np.array([x]) for x in (q + s * move, w * move, rate * move)) for s, w in ((s0, v0), (s1, v1))]
+            ends = [
+                tuple(np.array([x]) for x in (q + s * move, w * move, rate * move)) for s, w in ((s0, v0), (s1, v1))
+            ]
             pieces.append(hermite(local, ends[0], ends[1]))
             breaks.append(breaks[-1] + length)
         q = q + move
@@ -58,9 +60,7 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
             float(np.max(15 / 8 * np.abs(move) / velocity)),
             float(np.sqrt(np.max(10 / np.sqrt(3) * np.abs(move) / acceleration))),
         )
-        pieces.append(
-            hermite(np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero))
-        )
+        pieces.append(hermite(np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero)))
         q = q + move
         breaks.append(breaks[-1] + duration)
     return Trajectory(np.array(breaks), np.concatenate(pieces), (Phase("smooth", 0.0, breaks[-1]),))

@@ -99,7 +99,7 @@ def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
     k = int(rng.integers(1, INTERVALS - 1))
     values = _values(Trajectory(t, pieces, ()), robot, kind, joint)
     others = float(np.delete(values, k, axis=0).max())
-    bent = {'tilt range': 1, 'tip speed': int(rng.integers(2))}.get(kind, joint)
+    bent = {"tilt range": 1, "tip speed": int(rng.integers(2))}.get(kind, joint)
     middle = Trajectory(t, pieces, ()).sample(np.array([(t[k] + t[k + 1]) / 2]))
     size = 1e-3 * (np.ptp(states[BENT[kind]], axis=0)[bent] + 1e-6) * rng.choice((-1.0, 1.0))
     for doubling in range(40):
@@ -147,7 +147,9 @@ def _values(trajectory: Trajectory, robot: Robot, kind: str, joint: int) -> np.n
     """What the limit bounds from above, (pieces, DENSE)."""
     count = len(trajectory.breaks) - 1
     piece = np.repeat(np.arange(count), DENSE)
-    s = trajectory.sample_pieces(piece, np.tile(np.linspace(0.0, 1.0, DENSE), count) * np.diff(trajectory.breaks)[piece])
+    s = trajectory.sample_pieces(
+        piece, np.tile(np.linspace(0.0, 1.0, DENSE), count) * np.diff(trajectory.breaks)[piece]
+    )
     fields = {"velocity": s.qd, "acceleration": s.qdd, "jerk": s.qddd}
     mechanism = Mechanism.from_geometry(robot.geometry)
     if kind == "position":

@@ -105,7 +105,9 @@ def _motion(plan: PlanFile, t: Array) -> dict[str, Array]:
     samples.qd[ended[:, 0]], samples.qdd[ended[:, 0]] = 0.0, 0.0
     direction, breakaway = directions(plan.robot, samples, 1)
     direction, starting = np.where(ended, 0.0, direction), breakaway.astype(bool) & ~ended
-    motor = motor_motion(plan.robot, RigidBody.from_robot(plan.robot), samples, direction, np.asarray(starting, dtype=float))
+    motor = motor_motion(
+        plan.robot, RigidBody.from_robot(plan.robot), samples, direction, np.asarray(starting, dtype=float)
+    )
     return {"q": samples.q, "speed": motor.speed, "torque": motor.torque}
 
 

@@ -43,9 +43,7 @@ def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
 def screw(robot: Robot) -> Robot:
     """The robot with an antibacklash screw and Stribeck friction in joint 4."""
     joint = robot.joints[3]
-    friction = dataclasses.replace(
-        joint.drive.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3.0
-    )
+    friction = dataclasses.replace(joint.drive.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3.0)
     drive = dataclasses.replace(
         joint.drive, kind="antibacklash_screw", preload=5.0, second_nut_mass=0.05, friction=friction
     )
@@ -113,8 +111,13 @@ def test_a_trapezoid_has_its_closed_form_extremes(robot: Robot) -> None:
     for joint in robot.joints:
         assert limit_of(certificate, "velocity", joint.name).worst <= joint.velocity * SHARE * (1 + 1e-9)
         assert limit_of(certificate, "acceleration", joint.name).worst <= joint.acceleration * SHARE * (1 + 1e-9)
-    fastest = [max(limit_of(certificate, n, j.name).worst / (j.velocity if n == "velocity" else j.acceleration)
-                   for j in robot.joints) for n in ("velocity", "acceleration")]
+    fastest = [
+        max(
+            limit_of(certificate, n, j.name).worst / (j.velocity if n == "velocity" else j.acceleration)
+            for j in robot.joints
+        )
+        for n in ("velocity", "acceleration")
+    ]
     assert fastest == pytest.approx([SHARE, SHARE], rel=1e-9)
     assert certificate.passed
     # positions are monotone in a trapezoid: the extremes are the ends
@@ -223,7 +226,11 @@ def test_no_motor_no_torque_limit_and_it_is_said(robot: Robot) -> None:
     )
     certificate = check(smooth(bare), bare)
     assert {limit.name for limit in certificate.limits} == {
-        "position", "velocity", "acceleration", "position jump", "velocity jump"
+        "position",
+        "velocity",
+        "acceleration",
+        "position jump",
+        "velocity jump",
     }
     assert len(certificate.unchecked) == 4
 

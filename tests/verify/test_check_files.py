@@ -22,8 +22,8 @@ from ssm_planner.verify.readers import read_trajectory
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import smooth
 
-OWN = "time_s,q1_rad,q2_rad,q3_rad,q4_m,qd1_rad_per_s,qd2_rad_per_s,qd3_rad_per_s,qd4_m_per_s".split(",")
-ACCELERATIONS = "qdd1_rad_per_s2,qdd2_rad_per_s2,qdd3_rad_per_s2,qdd4_m_per_s2".split(",")
+OWN = ["time_s", "q1_rad", "q2_rad", "q3_rad", "q4_m", "qd1_rad_per_s", "qd2_rad_per_s", "qd3_rad_per_s", "qd4_m_per_s"]
+ACCELERATIONS = ["qdd1_rad_per_s2", "qdd2_rad_per_s2", "qdd3_rad_per_s2", "qdd4_m_per_s2"]
 
 
 def rows_of(robot: Robot, count: int = 101) -> np.ndarray:
@@ -40,9 +40,7 @@ def write(path: Path, names: list[str], rows: np.ndarray, separator: str = ",") 
 
 def certificate_of(path: Path, robot: Robot) -> Certificate:
     reading = read_trajectory(path, robot)
-    return check(
-        reading.trajectory, robot, interpolation=reading.interpolation, resolution=reading.resolution
-    )
+    return check(reading.trajectory, robot, interpolation=reading.interpolation, resolution=reading.resolution)
 
 
 def margins(certificate: Certificate) -> dict[tuple[str, str | None], float]:
@@ -164,7 +162,10 @@ def test_bad_csv_files(robot: Robot, tmp_path: Path, names: list[str], change, m
         ("0.0,1,2,3,4\n0.1,1,2,3,4\n", "no header"),
         ("nothing here\n", "no columns"),
         ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0,zero,0\n", r"t\.csv:3: q3_rad: 'zero' is not a number"),
-        ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0\n2,0,0,0,0\n", r"t\.csv:3: 3 columns where the header has 5"),
+        (
+            "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0\n2,0,0,0,0\n",
+            r"t\.csv:3: 3 columns where the header has 5",
+        ),
         ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0,0,0\n2,0,0", r"t\.csv:4: 3 columns"),
     ],
 )
@@ -274,7 +275,10 @@ def test_points_with_and_without_velocities(robot: Robot, tmp_path: Path) -> Non
         (lambda d: d["points"][4].update(positions=[1.0, 2.0]), "point 4: 2 positions for 4 joints"),
         (lambda d: d["points"][4].update(velocities=[1.0]), "point 4: 1 velocities for 4 joints"),
         (lambda d: d["points"][4].update(positions=["a"] * 4), "point 4: positions is not a list of numbers"),
-        (lambda d: d["points"][4].update(time_from_start={"sec": 0, "nanosec": 0}), "time_from_start does not increase"),
+        (
+            lambda d: d["points"][4].update(time_from_start={"sec": 0, "nanosec": 0}),
+            "time_from_start does not increase",
+        ),
         (lambda d: d["points"][4].pop("time_from_start"), "point 4: no time_from_start"),
         (lambda d: d["points"][0].update(time_from_start={"sec": -1}), "negative"),
         (lambda d: d.pop("points"), "not a JointTrajectory"),

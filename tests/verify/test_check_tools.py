@@ -39,7 +39,9 @@ def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) 
     assert value == pytest.approx(float(np.polyval(powers[::-1, index], s)), abs=1e-9)
 
 
-@given(st.lists(st.floats(0.02, 0.98), min_size=1, max_size=4, unique_by=lambda x: round(x, 2)), st.sampled_from([-1, 1]))
+@given(
+    st.lists(st.floats(0.02, 0.98), min_size=1, max_size=4, unique_by=lambda x: round(x, 2)), st.sampled_from([-1, 1])
+)
 @settings(max_examples=150, deadline=None)
 def test_every_simple_zero_is_found(zeros: list[float], sign: int) -> None:
     powers = sign * np.poly(zeros)[::-1][:, None]
@@ -73,7 +75,8 @@ def every_operation() -> ca.Function:
     x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
     a, b, c = x[0], x[1], x[2]
     rows = [
-        a + b, a - b, a * b, a / (2 + b * b), -a, ca.exp(a / 3), ca.log(1 + b * b), ca.sqrt(1 + c * c), a**2, a + a, 1 / (3 + c),
+        a + b, a - b, a * b, a / (2 + b * b), -a, ca.exp(a / 3), ca.log(1 + b * b), ca.sqrt(1 + c * c), a**2, a + a,
+        1 / (3 + c),
         ca.sin(a), ca.cos(b), ca.tan(c / 4), ca.asin(a / 4), ca.acos(b / 4), ca.atan(c), ca.floor(a), ca.ceil(b), ca.fabs(c),
         ca.sign(a), ca.if_else(a > b, c, y), ca.if_else(a <= 0, b, a), ca.fmin(a, b), ca.fmax(b, c), ca.atan2(a, b),
         ca.logic_and(a > 0, b > 0), ca.logic_or(a > 0, b > 0), ca.logic_not(a > 0), a == b, a != b, ca.fmod(a, 2 + b * b),

@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.problem.values import Robot
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import read_back, smooth, trapezoids
+
+RANGES = {"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)}
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("plans")
+
+
+@pytest.fixture(scope="session")
+def plan(folder: Path, robot: Robot) -> PlanFile:
+    """A plan whose acceleration jumps, as that of time-optimal plans does."""
+    return read_back(folder / "plan.json", robot, trapezoids(robot), ranges=RANGES)
+
+
+@pytest.fixture(scope="session")
+def smooth_plan(folder: Path, robot: Robot) -> PlanFile:
+    """A plan without jumps of acceleration."""
+    return read_back(folder / "smooth.json", robot, smooth(robot), ranges=RANGES)
+
+
+@pytest.fixture(scope="session")
+def bad_plan(folder: Path, robot: Robot) -> PlanFile:
+    """A plan that exceeds its limits by 1 %, as its certificate says."""
+    return read_back(folder / "bad.json", robot, trapezoids(robot, share=1.01), ranges=RANGES)

@@ -1,0 +1,239 @@
+"""What all exports share: the certificate at the door, the manifest, files whole or not at all."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.commands import check as check_command
+from ssm_planner.commands import export as export_command
+from ssm_planner.errors import ExportError
+from ssm_planner.export.export import FORMATS, export
+from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.problem.values import Robot
+from ssm_planner.verify.check import check
+from ssm_planner.verify.readers import read_trajectory
+
+ROOT = Path(__file__).parent.parent.parent
+OPTIONS = {"epos4": {"counts_per_turn": 4096}}
+
+
+def run(module, words: list[str]) -> int:
+    parser = argparse.ArgumentParser()
+    module.add_arguments(parser)
+    return module.run(parser.parse_args(words))
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_every_export_carries_a_manifest(plan: PlanFile, tmp_path: Path, to: str) -> None:
+    files, manifest = export(plan, to, tmp_path / to, **OPTIONS.get(to, {}))
+    on_disk = json.loads((tmp_path / to / "manifest.json").read_text(encoding="utf-8"))
+    assert on_disk == json.loads(json.dumps(manifest))
+    assert manifest["verified"] is True
+    assert manifest["kind"] == to
+    assert manifest["plan"]["sha256"] == hashlib.sha256(plan.path.read_bytes()).hexdigest()
+    assert manifest["certificate"]["passed"] is True
+    assert {"ssm-planner", "python", "numpy"} <= set(manifest["software"])
+    assert manifest["units"]
+    assert "rate_hz" in manifest
+    assert len(manifest["robot"]["sha256"]) == 64
+    assert set(files) == {*manifest["files"], "manifest"}
+    for name, digest in manifest["files"].items():
+        assert hashlib.sha256((tmp_path / to / name).read_bytes()).hexdigest() == digest
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_plan_without_a_passed_certificate_is_not_exported(bad_plan: PlanFile, tmp_path: Path, to: str) -> None:
+    with pytest.raises(ExportError, match=r"does not pass the check: .* by 1"):
+        export(bad_plan, to, tmp_path / to, **OPTIONS.get(to, {}))
+    assert not list(tmp_path.iterdir())
+    files, manifest = export(bad_plan, to, tmp_path / to, force=True, **OPTIONS.get(to, {}))
+    assert manifest["verified"] is False
+    assert "UNVERIFIED" in manifest["warning"]
+    named = [name for name in files if name != "manifest"]
+    assert all("_unverified" in name for name in named)
+    texts = [files[name].read_text(encoding="utf-8") for name in named if name.endswith((".yaml", ".urdf", ".c", ".h"))]
+    assert all("UNVERIFIED" in text for text in texts if "rosbag2_bagfile_information" not in text)
+
+
+def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(bad_plan: PlanFile, tmp_path: Path) -> None:
+    """The plan is checked anew, whatever its file says."""
+    document = json.loads(bad_plan.path.read_text(encoding="utf-8"))
+    document["certificate"]["passed"] = True
+    for limit in document["certificate"]["limits"]:
+        limit["margin"] = 1.0
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ExportError, match="does not pass the check"):
+        export(path, "csv", tmp_path / "csv")
+
+
+def test_a_plan_that_was_never_checked_is_not_exported(plan: PlanFile, tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps({**plan.document, "certificate": None}), encoding="utf-8")
+    with pytest.raises(ExportError, match="has no certificate"):
+        export(path, "csv", tmp_path / "csv")
+    _, manifest = export(path, "csv", tmp_path / "csv", force=True)
+    assert manifest["verified"] is False
+
+
+def test_unknown_formats_and_options(plan: PlanFile, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="not a form of export .*csv, epos4"):
+        export(plan, "dxf", tmp_path / "x")
+    with pytest.raises(ExportError, match="mode means nothing to an export to csv"):
+        export(plan, "csv", tmp_path / "x", mode="csp")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("to", ["csv", "epos4", "ros2"])
+@pytest.mark.parametrize("which", ["plan", "smooth_plan"])
+def test_round_trip(to: str, which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path) -> None:
+    """plan → format → check: the same verdict, and margins within the rounding of the format."""
+    source: PlanFile = request.getfixturevalue(which)
+    export(source, to, tmp_path / to, **OPTIONS.get(to, {}))
+    readings = [read_trajectory(tmp_path / to, robot)]
+    if to == "ros2":
+        readings += [read_trajectory(tmp_path / to / name, robot) for name in ("goal.yaml", "bag")]
+    original = {(limit.name, limit.joint): limit.margin for limit in source.certificate.limits}
+    for reading in readings:
+        found = check(
+            reading.trajectory, robot, source.ranges, resolution=reading.resolution, interpolation=reading.interpolation
+        )
+        assert found.passed
+        compared = 0
+        for limit in found.limits:
+            if limit.name.endswith("jump") or (to == "epos4" and limit.name == "acceleration"):
+                continue
+            compared += 1
+            # counts: half an increment in position, one increment a millisecond in speed; else 1e-4
+            allowed = 0.012 if to == "epos4" else 1e-4
+            assert limit.margin == pytest.approx(original[limit.name, limit.joint], abs=allowed)
+        assert compared >= (12 if to == "epos4" else 20)
+
+
+def test_an_existing_export_is_replaced_and_other_files_stay(plan: PlanFile, tmp_path: Path) -> None:
+    target = tmp_path / "csv"
+    export(plan, "csv", target, rate=100.0)
+    (target / "notes.txt").write_text("mine", encoding="utf-8")
+    first = (target / "trajectory.csv").read_bytes()
+    _, manifest = export(plan, "csv", target, rate=50.0)
+    assert (target / "trajectory.csv").read_bytes() != first
+    assert (target / "notes.txt").read_text(encoding="utf-8") == "mine"
+    assert "notes.txt" not in manifest["files"]
+
+
+def test_a_target_that_is_a_file_or_cannot_be_written(plan: PlanFile, tmp_path: Path) -> None:
+    file = tmp_path / "taken"
+    file.write_text("mine", encoding="utf-8")
+    with pytest.raises(ExportError, match="is a file; an export needs a folder"):
+        export(plan, "csv", file)
+    with pytest.raises(ExportError, match="cannot be written"):
+        export(plan, "csv", file / "below")
+    assert file.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_full_disk_leaves_nothing_and_what_was_there(
+    plan: PlanFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    export(plan, "csv", tmp_path / "csv", rate=100.0)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "csv").iterdir()}
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("ssm_planner.export.csv.np.savetxt", full)
+    with pytest.raises(ExportError, match="No space left on device"):
+        export(plan, "csv", tmp_path / "csv", rate=50.0)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "csv").iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["csv"]
+
+
+@pytest.mark.parametrize("module", ["csv", "epos4", "ros2"])
+def test_an_interruption_midway_leaves_nothing(
+    plan: PlanFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    def after(count: int, function: Callable) -> Callable:
+        calls = [0]
+
+        def wrapped(*words: object, **options: object) -> object:
+            calls[0] += 1
+            return stop() if calls[0] > count else function(*words, **options)
+
+        return wrapped
+
+    # in the middle: after the first of several files, or while the only one is judged
+    place, count = {"csv": ("_as_read", 0), "epos4": ("_write", 2), "ros2": ("_write", 1)}[module]
+    target = f"ssm_planner.export.{module}"
+    monkeypatch.setattr(f"{target}.{place}", after(count, getattr(sys.modules[target], place)))
+    with pytest.raises(KeyboardInterrupt):
+        export(plan, module, tmp_path / module, **OPTIONS.get(module, {}))
+    assert not list(tmp_path.iterdir())
+
+
+def test_sigint_during_the_command(plan: PlanFile, tmp_path: Path) -> None:
+    """A real interruption of the real program, while it writes: a message, exit status 130 and no file."""
+    code = (
+        "import sys, time, numpy as np; save = np.savetxt\n"
+        "def slow(*a, **k):\n    save(*a, **k); print('writing', flush=True); time.sleep(30)\n"
+        "np.savetxt = slow\n"
+        "from ssm_planner.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    words = ["export", str(plan.path), "--to", "csv", "-o", str(tmp_path / "csv")]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "writing\n"
+        time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_commands(plan: PlanFile, bad_plan: PlanFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "csv"
+    assert run(export_command, [str(plan.path), "--to", "csv", "-o", str(out), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert Path(printed["files"]["trajectory.csv"]).is_file()
+    robot = str(ROOT / "problems/robots/vitreoretinal.yaml")
+    assert run(check_command, [str(out), "--robot", robot, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["passed"] is True
+    assert {"name", "joint", "worst", "limit", "margin", "time"} <= set(document["limits"][0])
+    assert run(check_command, [str(plan.path)]) == 0
+    assert "check: PASSED" in capsys.readouterr().out
+    assert run(check_command, [str(bad_plan.path)]) == 1
+    assert "EXCEEDED" in capsys.readouterr().out
+    words = [str(bad_plan.path), "--to", "epos4", "-o", str(tmp_path / "e"), "--force", "--counts-per-turn", "4096"]
+    assert run(export_command, words) == 0
+    assert "UNVERIFIED" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["--rate", "-5"], ["--rate", "fast"], ["--to", "dxf"]])
+def test_bad_words_on_the_command_line(plan: PlanFile, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        run(export_command, [str(plan.path), "--to", "csv", *words])
+    assert caught.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("counts", [["many"], ["4096", "roll=1024"], ["roll="]])
+def test_bad_counts_on_the_command_line(plan: PlanFile, tmp_path: Path, counts: list[str]) -> None:
+    with pytest.raises(ExportError, match="--counts-per-turn"):
+        run(export_command, [str(plan.path), "--to", "epos4", "-o", str(tmp_path), "--counts-per-turn", *counts])

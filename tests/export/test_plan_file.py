@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError, SsmPlannerError, TrajectoryError
+from ssm_planner.export.plan_file import PlanFile, read_plan
+from ssm_planner.problem.values import Robot
+from ssm_planner.verify.check import check
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import smooth
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+def test_a_plan_is_read_as_it_was_written(plan: PlanFile, robot: Robot) -> None:
+    again = read_plan(plan.path)
+    assert np.array_equal(again.trajectory.coefficients, plan.trajectory.coefficients)
+    assert again.ranges == {"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)}
+    assert again.certificate == check(plan.trajectory, robot, plan.ranges)
+    assert again.sha256 == plan.sha256
+
+
+def test_the_shipped_plan_is_read(robot: Robot) -> None:
+    path = ROOT / "results/tilt_insert/plan.json"
+    if not path.is_file():
+        pytest.skip("results/tilt_insert/plan.json is not there: make it with ssm-planner plan")
+    shipped = read_plan(path)
+    assert shipped.certificate is not None
+    assert shipped.certificate.passed
+    assert [joint.name for joint in shipped.robot.joints] == [joint.name for joint in robot.joints]
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda text: text[: len(text) // 2], TrajectoryError, "truncated|not JSON"),
+        (lambda text: "", TrajectoryError, "not JSON"),
+        (lambda text: "time_s,q1_rad\n0,0\n", TrajectoryError, "not JSON"),
+        (lambda text: "[1, 2]", TrajectoryError, "not a plan.json"),
+        (lambda text: '{"format": "something else"}', TrajectoryError, "not a plan.json"),
+        (lambda text: text.replace('"version": 1', '"version": 99'), TrajectoryError, "version 99; this program reads"),
+        (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [NaN'), TrajectoryError, "holds NaN"),
+        (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [1e999'), TrajectoryError, "finite numbers"),
+        (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [50.0'), TrajectoryError, "breaks .* must increase"),
+        (lambda text: text.replace('"breaks_s"', '"breaks"'), TrajectoryError, "not the pieces of a trajectory"),
+        (lambda text: text.replace('"mass": 0.7227848', '"mass": "heavy"'), ProblemError, "robot.bodies\\[0\\].mass"),
+        (lambda text: text.replace('"depth": [0.0, 0.03]', '"depth": 0.03'), TrajectoryError, "problem.limits"),
+        (lambda text: text.replace('"depth": [0.0, 0.03]', '"deep": [0.0, 0.03]'), TrajectoryError, "problem.limits"),
+        (lambda text: text.replace('"tip_speed": null', '"tip_speed": -1.0'), TrajectoryError, "tip_speed"),
+        (lambda text: text.replace('"margin"', '"margins"'), TrajectoryError, "not a line of a certificate"),
+        (lambda text: "[" * 100000, TrajectoryError, "nested too deeply|truncated"),
+    ],
+)
+def test_files_that_are_no_plan(
+    plan: PlanFile, tmp_path: Path, change, error: type[SsmPlannerError], message: str
+) -> None:
+    text = plan.path.read_text(encoding="utf-8")
+    changed = change(text)
+    assert changed != text
+    path = tmp_path / "plan.json"
+    path.write_text(changed, encoding="utf-8")
+    with pytest.raises(error, match=message) as caught:
+        read_plan(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_file_of_bytes_and_one_that_is_missing(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(TrajectoryError, match="not a text file"):
+        read_plan(path)
+    with pytest.raises(TrajectoryError, match="cannot be read"):
+        read_plan(tmp_path / "none.json")
+
+
+def test_an_infeasible_plan_holds_no_trajectory(plan: PlanFile, tmp_path: Path) -> None:
+    document = {**plan.document, "trajectory": None, "status": "infeasible"}
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match=r"no trajectory \(status: infeasible\)"):
+        read_plan(path)
+
+
+def test_helpers_make_passing_plans(robot: Robot) -> None:
+    assert check(smooth(robot), robot).passed
