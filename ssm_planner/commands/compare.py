@@ -82,7 +82,7 @@ def compare_lines(axes: list[AxisComparison]) -> list[str]:
             axis.recording,
             f"{axis.alignment.delay:.4f}",
             f"{axis.alignment.correlation:.4f}",
-            *(f"{axis.differences[name].nrmsd:.4f}" for name in ("position", "speed", "torque")),
+            *(_share(axis.differences[name].nrmsd) for name in ("position", "speed", "torque")),
         )
         for axis in axes
     ]
@@ -99,6 +99,10 @@ def compare_lines(axes: list[AxisComparison]) -> list[str]:
     notes = [f"note: {axis.joint}: {note}" for axis in axes for note in axis.notes]
     held = all(axis.held for axis in axes)
     return [*lines, "", *notes, f"margins: {'held in reality' if held else 'NOT held in reality'}"]
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4f}"
 
 
 def _joint_in(stem: str, names: list[str]) -> str:

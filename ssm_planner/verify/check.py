@@ -61,7 +61,7 @@ def check(
     if resolution is not None:
         limits, more = linear_limits(trajectory, robot, resolution, limits)
         unchecked += more
-    limits += jumps.checks(with_velocity=not straight)
+    limits += jumps.checks(straight)
     limits += _locking(robot)
     return Certificate(tuple(limits), interpolation, scan.instants, tuple(unchecked))
 

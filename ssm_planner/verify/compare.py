@@ -43,7 +43,8 @@ class Difference:
 
     rms: float
     largest: float
-    nrmsd: float
+    nrmsd: float | None
+    """None where the measured value does not change."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def _position(
 def _difference(planned: Array, measured: Array) -> Difference:
     error = planned - measured
     rms, spread = float(np.sqrt(np.mean(error**2))), float(np.ptp(measured))
-    return Difference(rms, float(np.abs(error).max()), rms / spread if spread > 0 else float("nan"))
+    return Difference(rms, float(np.abs(error).max()), rms / spread if spread > 0 else None)
 
 
 def _limits(robot: Robot, i: int, certificate: Certificate | None, measured: Measured, q: Array) -> tuple[Kept, ...]:

@@ -9,16 +9,16 @@ from ssm_planner.verify.certificate import LimitCheck
 from ssm_planner.verify.pieces import Pieces
 
 JUMP = 1e-6
-"""Largest jump of position (rad, m) or velocity (share of its limit) at a break."""
+"""Largest jump of position (rad, m), or of velocity or acceleration (share of its limit), at a break."""
 
 
 class Jumps:
-    """Worst jumps of position and velocity of the four joints, block after block."""
+    """Worst jumps of position, velocity and acceleration of the four joints, block after block."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.worst = np.zeros((2, 4))
-        self.time = np.zeros((2, 4))
+        self.worst = np.zeros((3, 4))
+        self.time = np.zeros((3, 4))
         self._last: Array | None = None
 
     def look(self, pieces: Pieces) -> None:
@@ -36,15 +36,17 @@ class Jumps:
         self.time = np.where(largest > self.worst, time[k], self.time)
         self.worst = np.maximum(largest, self.worst)
 
-    def checks(self, with_velocity: bool = True) -> list[LimitCheck]:
-        """Position and velocity jumps, joint by joint."""
+    def checks(self, straight: bool = False) -> list[LimitCheck]:
+        """Joint by joint; of acceleration where the jerk is limited. straight: of position alone."""
         checks = []
         for i, joint in enumerate(self.robot.joints):
             unit = "rad" if joint.kind == "revolute" else "m"
-            for k, (name, limit, per) in enumerate(
-                (("position jump", JUMP, ""), ("velocity jump", JUMP * joint.velocity, "/s"))
-            ):
-                if k == 0 or with_velocity:
-                    worst, time = float(self.worst[k, i]), float(self.time[k, i])
-                    checks.append(LimitCheck(name, joint.name, worst, limit, (limit - worst) / limit, time, unit + per))
+            rows = [("position jump", JUMP, "")]
+            if not straight:
+                rows.append(("velocity jump", JUMP * joint.velocity, "/s"))
+            if not straight and joint.jerk is not None:
+                rows.append(("acceleration jump", JUMP * joint.acceleration, "/s²"))
+            for order, (name, limit, per) in enumerate(rows):
+                worst, time = float(self.worst[order, i]), float(self.time[order, i])
+                checks.append(LimitCheck(name, joint.name, worst, limit, (limit - worst) / limit, time, unit + per))
         return checks

@@ -38,8 +38,8 @@ class Pieces:
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """(q, qd) at the start and at the end of every piece, each (2, 4, m)."""
-        return np.stack([b[0] for b in self.bernstein[:2]]), np.stack([b[-1] for b in self.bernstein[:2]])
+        """(q, qd, qdd) at the start and at the end of every piece, each (3, 4, m)."""
+        return np.stack([b[0] for b in self.bernstein[:3]]), np.stack([b[-1] for b in self.bernstein[:3]])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

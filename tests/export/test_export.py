@@ -88,7 +88,7 @@ def test_a_plan_that_was_never_checked_is_not_exported(plan: PlanFile, tmp_path:
 
 
 def test_unknown_formats_and_options(plan: PlanFile, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match="not a form of export .*csv, epos4"):
+    with pytest.raises(ExportError, match=r"not a form of export .*csv, epos4"):
         export(plan, "dxf", tmp_path / "x")
     with pytest.raises(ExportError, match="mode means nothing to an export to csv"):
         export(plan, "csv", tmp_path / "x", mode="csp")

@@ -47,7 +47,11 @@ def test_the_shipped_plan_is_read(robot: Robot) -> None:
         (lambda text: text.replace('"version": 1', '"version": 99'), TrajectoryError, "version 99; this program reads"),
         (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [NaN'), TrajectoryError, "holds NaN"),
         (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [1e999'), TrajectoryError, "finite numbers"),
-        (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [50.0'), TrajectoryError, "breaks .* must increase"),
+        (
+            lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [50.0'),
+            TrajectoryError,
+            "breaks .* must increase",
+        ),
         (lambda text: text.replace('"breaks_s"', '"breaks"'), TrajectoryError, "not the pieces of a trajectory"),
         (lambda text: text.replace('"mass": 0.7227848', '"mass": "heavy"'), ProblemError, "robot.bodies\\[0\\].mass"),
         (lambda text: text.replace('"depth": [0.0, 0.03]', '"depth": 0.03'), TrajectoryError, "problem.limits"),

@@ -215,6 +215,9 @@ def test_the_screen_of_long_trajectories_hides_nothing(
 def test_a_jerk_limit_is_checked(robot: Robot) -> None:
     joints = tuple(dataclasses.replace(joint, jerk=50.0) for joint in robot.joints)
     certificate = check(smooth(robot), dataclasses.replace(robot, joints=joints))
+    assert limit_of(certificate, "acceleration jump", "roll").passed
+    trapezoid = check(trapezoids(robot), dataclasses.replace(robot, joints=joints))
+    assert not limit_of(trapezoid, "acceleration jump", "roll").passed
     trajectory = smooth(robot)
     jerk = trajectory.sample(np.linspace(0, trajectory.duration, 20001)).qddd
     assert limit_of(certificate, "jerk", "roll").worst == pytest.approx(np.abs(jerk[:, 0]).max(), rel=1e-4)

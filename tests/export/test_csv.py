@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ExportError
+from ssm_planner.export.csv import trajectory_table, write_csv
+from ssm_planner.export.export import export
+from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import task_from_joints
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    names = path.read_text(encoding="utf-8").splitlines()[0].split(",")
+    return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+
+
+@pytest.mark.parametrize("rate", [1000.0, 300.0, 7.0, 1e5 / 3])
+def test_rows_at_a_rate_are_the_plan(plan: PlanFile, tmp_path: Path, rate: float) -> None:
+    """Also at rates that do not divide the duration: the last row is the end."""
+    export(plan, "csv", tmp_path, rate=rate, columns=["q", "qd"])
+    rows = table(tmp_path / "trajectory.csv")
+    t = rows["time_s"]
+    assert np.diff(t)[:-1] == pytest.approx(1 / rate, rel=1e-9)
+    assert t[-1] == plan.trajectory.duration
+    samples = plan.trajectory.sample(t)
+    for i, unit in enumerate(("rad", "rad", "rad", "m")):
+        assert np.array_equal(rows[f"q{i + 1}_{unit}"], samples.q[:, i])
+        assert np.array_equal(rows[f"qd{i + 1}_{unit}_per_s"], samples.qd[:, i])
+
+
+def test_chosen_columns(plan: PlanFile, tmp_path: Path) -> None:
+    export(plan, "csv", tmp_path, rate=100.0, columns=["q", "qddd", "torque", "task"])
+    rows = table(tmp_path / "trajectory.csv")
+    assert list(rows) == [
+        "time_s", "q1_rad", "q2_rad", "q3_rad", "q4_m",
+        "qddd1_rad_per_s3", "qddd2_rad_per_s3", "qddd3_rad_per_s3", "qddd4_m_per_s3",
+        "motor1_torque_Nm", "motor2_torque_Nm", "motor4_torque_Nm",
+        "task_roll_rad", "task_tilt_rad", "task_spin_rad", "task_depth_m",
+    ]  # fmt: skip
+    q = np.column_stack([rows[name] for name in ("q1_rad", "q2_rad", "q3_rad", "q4_m")])
+    task = task_from_joints(Mechanism.from_geometry(plan.robot.geometry), q)
+    assert rows["task_tilt_rad"] == pytest.approx(task[:, 1], abs=1e-15)
+
+
+def test_columns_and_rates_that_are_not_known(plan: PlanFile, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match=r"columns colour are not known \(allowed: q, qd"):
+        export(plan, "csv", tmp_path / "x", columns=["q", "colour"])
+    for rate in (0.0, -5.0, 1e9, float("nan")):
+        with pytest.raises(ExportError, match="a rate of"):
+            export(plan, "csv", tmp_path / "x", rate=rate)
+
+
+def test_a_fixed_rate_says_what_it_costs(plan: PlanFile, smooth_plan: PlanFile, tmp_path: Path) -> None:
+    """Acceleration that jumps between rows: the rows joined again exceed the limit, and the manifest says so."""
+    _, manifest = export(plan, "csv", tmp_path / "a", rate=170.0)
+    assert any("exceed the acceleration limit" in note for note in manifest["notes"])
+    _, manifest = export(smooth_plan, "csv", tmp_path / "b", rate=1000.0)
+    assert any("keep every limit" in note for note in manifest["notes"])
+    _, manifest = export(plan, "csv", tmp_path / "c")
+    assert any("keep every limit" in note for note in manifest["notes"])
+
+
+def test_the_table_beside_the_plan(plan: PlanFile, tmp_path: Path) -> None:
+    """The form that the result folder has: 1 kHz, states and motors."""
+    path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
+    header, rows = trajectory_table(plan.trajectory, plan.robot)
+    assert list(table(path)) == header
+    assert len(rows) == int(plan.trajectory.duration * 1000) + 2

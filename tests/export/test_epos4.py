@@ -1,0 +1,337 @@
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.export.epos4 import period_ms
+from ssm_planner.export.export import export
+from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.model.actuation import directions, motor_motion
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.problem.values import Robot
+from ssm_planner.verify.readers import read_trajectory
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import read_back, trapezoids
+
+COUNTS = 4096
+DRIVEN = ("roll", "tilt", "insertion")
+
+
+def stream(folder: Path, joint: str) -> dict[str, np.ndarray]:
+    path = folder / f"{joint}.csv"
+    names = path.read_text(encoding="utf-8").splitlines()[0].split(",")
+    return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+
+
+def objects(folder: Path, joint: str) -> dict[tuple[int, int], int]:
+    with (folder / "objects.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["joint"] == joint]
+    assert all(row["reason"] for row in rows)
+    return {(int(row["object"][:6], 16), int(row["object"][7:], 16)): int(row["value"], 0) for row in rows}
+
+
+def test_positions_are_the_plan_s_to_half_an_increment(plan: PlanFile, tmp_path: Path) -> None:
+    for rate in (1000.0, 250.0, 100.0):
+        _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=rate)
+        for i, joint in enumerate(plan.robot.joints):
+            if joint.drive is None:
+                continue
+            rows = stream(tmp_path, joint.name)
+            t = rows["time_s"]
+            assert np.diff(t) == pytest.approx(1 / rate, abs=1e-9)
+            exact = plan.trajectory.sample(np.minimum(t, plan.trajectory.duration)).q[:, i]
+            per_unit = joint.drive.ratio * COUNTS / (2 * np.pi)
+            counts = rows["target_position_inc"]
+            assert np.abs(counts - exact * per_unit).max() <= 0.5 + 1e-9
+            assert counts[-1] == round(float(plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i] * per_unit))
+            effects = manifest["axes"][joint.name]["rounding"]
+            assert effects["position"] <= 0.5 / per_unit * (1 + 1e-9)
+            assert effects["speed"] <= rate / per_unit * (1 + 1e-9)
+            assert effects["acceleration"] <= 2 * rate**2 / per_unit * (1 + 1e-9)
+
+
+def test_the_published_scale(plan: PlanFile, tmp_path: Path) -> None:
+    """78 227.8 increments per rad of joints 1 and 2 and 3 359.58 per mm of joint 4, with 1024-count encoders."""
+    _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    scales = [manifest["axes"][name]["increments_per_unit"] for name in DRIVEN]
+    assert scales == pytest.approx([78227.8, 78227.8, 3359.58e3], rel=1e-6)
+
+
+def test_offsets_are_the_motors_speed_and_torque(plan: PlanFile, tmp_path: Path) -> None:
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.drive is None:
+            continue
+        rows = stream(tmp_path, joint.name)
+        inside = rows["time_s"] < plan.trajectory.duration
+        samples = plan.trajectory.sample(rows["time_s"][inside])
+        direction, breakaway = directions(plan.robot, samples, 1)
+        motor = motor_motion(plan.robot, RigidBody.from_robot(plan.robot), samples, direction, breakaway)
+        rpm = motor.speed[:, i] * 60 / (2 * np.pi)
+        assert np.abs(rows["velocity_offset_mrpm"][inside] / 1000 - rpm).max() <= 0.0005 + 1e-9
+        share = motor.torque[:, i] / joint.motor.nominal_torque
+        assert np.abs(rows["torque_offset_permille"][inside] / 1000 - share).max() <= 0.0005 + 1e-9
+        assert rows["velocity_offset_mrpm"][-1] == 0
+        assert rows["torque_offset_permille"][-1] == 0
+
+
+def test_rounding_does_not_add_up(plan: PlanFile, tmp_path: Path) -> None:
+    """Velocities integrate to the travel, positions are rounded one by one: no drift in either."""
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    rows = stream(tmp_path, "roll")
+    turns = np.trapezoid(rows["velocity_offset_mrpm"] / 60000, rows["time_s"])
+    travel = (rows["target_position_inc"][-1] - rows["target_position_inc"][0]) / COUNTS
+    assert turns == pytest.approx(travel, rel=1e-4)
+
+
+def test_the_direction_of_the_motor(plan: PlanFile, tmp_path: Path) -> None:
+    joints = tuple(dataclasses.replace(joint, motor_direction=-1) for joint in plan.robot.joints)
+    reversed_plan = dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=joints))
+    export(plan, "epos4", tmp_path / "a", counts_per_turn=COUNTS)
+    export(reversed_plan, "epos4", tmp_path / "b", counts_per_turn=COUNTS)
+    for name in DRIVEN:
+        a, b = stream(tmp_path / "a", name), stream(tmp_path / "b", name)
+        for column in ("target_position_inc", "velocity_offset_mrpm", "torque_offset_permille"):
+            assert np.array_equal(a[column], -b[column])
+        limits = objects(tmp_path / "b", name)
+        assert limits[0x607D, 1] <= b["target_position_inc"].min()
+        assert limits[0x607D, 2] >= b["target_position_inc"].max()
+    back = read_trajectory(tmp_path / "b", reversed_plan.robot)
+    assert back.trajectory.coefficients[0, 0] == pytest.approx(plan.trajectory.coefficients[0, 0], abs=1e-5)
+
+
+def test_encoder_counts_from_the_motor_file(plan: PlanFile, tmp_path: Path) -> None:
+    with pytest.raises(
+        ExportError, match=r"maxon_ecx_torque_22_xl\.yaml: encoder_counts is missing .*--counts-per-turn"
+    ):
+        export(plan, "epos4", tmp_path)
+    with pytest.raises(ExportError, match="motor of joint insertion"):
+        export(plan, "epos4", tmp_path, counts_per_turn={"roll": COUNTS, "tilt": COUNTS})
+    joints = tuple(
+        dataclasses.replace(
+            joint, motor=None if joint.motor is None else dataclasses.replace(joint.motor, encoder_counts=1024)
+        )
+        for joint in plan.robot.joints
+    )
+    equipped = dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=joints))
+    _, manifest = export(equipped, "epos4", tmp_path)
+    assert manifest["axes"]["roll"]["increments_per_motor_turn"] == COUNTS
+
+
+def test_modes_of_velocity_and_torque(plan: PlanFile, tmp_path: Path) -> None:
+    for mode, code, columns in (
+        ("csv", 9, {"time_s", "target_velocity_mrpm", "torque_offset_permille"}),
+        ("cst", 10, {"time_s", "target_torque_permille"}),
+    ):
+        export(plan, "epos4", tmp_path / mode, counts_per_turn=COUNTS, mode=mode)
+        assert set(stream(tmp_path / mode, "roll")) == columns
+        assert objects(tmp_path / mode, "roll")[0x6060, 0] == code
+        with pytest.raises(TrajectoryError, match="hold no positions"):
+            read_trajectory(tmp_path / mode, plan.robot)
+    with pytest.raises(ExportError, match="mode 'ppm' .allowed: csp, csv, cst"):
+        export(plan, "epos4", tmp_path / "x", counts_per_turn=COUNTS, mode="ppm")
+
+
+def test_the_form_that_plain_clients_read(plan: PlanFile, tmp_path: Path) -> None:
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    lines = (tmp_path / "roll_time_position.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "time,position"
+    assert all(len(line.split(",")) == 2 and line.split(",")[1].lstrip("-").isdigit() for line in lines[1:])
+
+
+@pytest.mark.parametrize(("rate", "period"), [(1000.0, 1), (500.0, 2), (333.3333333333333, 3), (10.0, 100), (250.0, 4)])
+def test_rates_that_are_whole_milliseconds(rate: float, period: int) -> None:
+    assert period_ms(rate) == period
+
+
+@pytest.mark.parametrize("rate", [300.0, 2000.0, 5.0, 0.0, -1.0, float("nan"), float("inf"), 999.0])
+def test_rates_that_are_not(rate: float) -> None:
+    with pytest.raises(ExportError, match="whole ms from 1 to 100"):
+        period_ms(rate)
+
+
+def changed(plan: PlanFile, **motor: float) -> PlanFile:
+    joint = plan.robot.joints[0]
+    joint = dataclasses.replace(joint, motor=dataclasses.replace(joint.motor, **motor))
+    return dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=(joint, *plan.robot.joints[1:])))
+
+
+def test_numbers_that_do_not_fit_their_objects(plan: PlanFile, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match=r"joint roll: torque of .* per mille of rated torque \(INT16\) does not fit"):
+        export(changed(plan, nominal_torque=1e-6), "epos4", tmp_path / "x", counts_per_turn=COUNTS)
+    with pytest.raises(ExportError, match="joint roll: target position of .* increments does not fit"):
+        export(plan, "epos4", tmp_path / "x", counts_per_turn=10**9)
+    assert not list(tmp_path.iterdir())
+
+
+def test_limits_inside_the_drive_leave_room_for_the_stream(plan: PlanFile, tmp_path: Path) -> None:
+    for rate in (1000.0, 100.0):
+        export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=rate)
+        for name in DRIVEN:
+            counts, values = stream(tmp_path, name)["target_position_inc"], objects(tmp_path, name)
+            assert values[0x607D, 1] <= counts.min() <= counts.max() <= values[0x607D, 2]
+            speed = np.abs(np.diff(counts)) * rate / COUNTS * 60
+            assert speed.max() <= values[0x607F, 0] / 1000
+            acceleration = np.abs(np.diff(counts, 2)) * rate**2 / COUNTS * 60
+            assert acceleration.max() <= values[0x60C5, 0] * (1 + 1e-9)
+            assert np.abs(np.diff(counts)).max() < values[0x6065, 0]
+            assert values[0x60C2, 1] == 1000 / rate
+            assert values[0x60C2, 2] == -3
+
+
+def test_a_joint_without_drive_is_named(plan: PlanFile, tmp_path: Path) -> None:
+    _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    assert any("joint spin has no drive and is not streamed" in note for note in manifest["notes"])
+    assert any("placeholder" in note for note in manifest["notes"])
+
+
+# --- played back to simulated drives --------------------------------------------------------------------------------
+
+
+@contextmanager
+def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple[dict, dict]]:
+    """(drives, clients) of the driven joints on one virtual bus; the clients are set up with the exported objects."""
+    canopen = pytest.importorskip("canopen", reason="the package canopen (extra test) plays the client")
+    from canopen.profiles.p402 import BaseNode402
+    from simulated_drive import SimulatedDrive, dictionary
+
+    network = canopen.Network()
+    network.connect(interface="virtual", channel=channel)
+    drives, clients = {}, {}
+    try:
+        for number, joint in enumerate(DRIVEN, start=1):
+            first = int(stream(folder, joint)["target_position_inc"][0])
+            drives[joint] = SimulatedDrive(channel, number, first, round(rated[joint] * 1e6))
+            clients[joint] = network.add_node(BaseNode402(number, dictionary(number)))
+        for joint, node in clients.items():
+            node.nmt.state = "PRE-OPERATIONAL"
+            node.setup_402_state_machine()
+            for (index, sub), value in objects(folder, joint).items():
+                variable = node.sdo[index] if sub == 0 else node.sdo[index][sub]
+                if index == 0x6076:
+                    assert variable.raw == value
+                else:
+                    variable.raw = value
+            node.op_mode = "CYCLIC SYNCHRONOUS POSITION"
+            node.nmt.state = "OPERATIONAL"
+            node.state = "OPERATION ENABLED"
+        yield drives, clients
+    finally:
+        network.disconnect()
+        for drive in drives.values():
+            drive.close()
+
+
+def play(folder: Path, clients: dict, period: float) -> None:
+    """Send the streams, a SYNC each period; ends early when a drive is no longer enabled."""
+    streams = {joint: stream(folder, joint) for joint in clients}
+    network = next(iter(clients.values())).network
+    begin = time.monotonic()
+    for k in range(len(streams["roll"]["time_s"])):
+        for joint, node in clients.items():
+            rows = streams[joint]
+            node.rpdo[2]["Target position"].raw = int(rows["target_position_inc"][k])
+            node.rpdo[2]["Velocity offset"].raw = int(rows["velocity_offset_mrpm"][k])
+            node.rpdo[1]["Torque offset"].raw = int(rows["torque_offset_permille"][k])
+            node.rpdo[2].transmit()
+            node.rpdo[1].transmit()
+        network.sync.transmit()
+        if any(node.state == "FAULT" for node in clients.values()):
+            return
+        time.sleep(max(0.0, begin + (k + 1) * period - time.monotonic()))
+
+
+def settled(condition) -> bool:
+    """Wait for messages under way."""
+    end = time.monotonic() + 2
+    while time.monotonic() < end and not condition():
+        time.sleep(0.005)
+    return condition()
+
+
+def rated_torques(robot: Robot) -> dict[str, float]:
+    return {joint.name: joint.motor.nominal_torque for joint in robot.joints if joint.motor is not None}
+
+
+def test_simulated_drives_receive_the_plan(plan: PlanFile, tmp_path: Path) -> None:
+    """Enabled in CSP by the canopen library's own client and streamed in real time: every drive has got the plan."""
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
+    with bench(tmp_path, "played", rated_torques(plan.robot)) as (drives, clients):
+        assert all(node.state == "OPERATION ENABLED" for node in clients.values())
+        play(tmp_path, clients, 0.004)
+        count = len(stream(tmp_path, "roll")["time_s"])
+        assert settled(lambda: all(len(drive.received) == count for drive in drives.values()))
+        assert all(node.state == "OPERATION ENABLED" for node in clients.values())
+        for i, joint in enumerate(plan.robot.joints):
+            if joint.name not in drives:
+                continue
+            received = np.array(drives[joint.name].received)
+            t = np.minimum(np.arange(count) * 0.004, plan.trajectory.duration)
+            exact = plan.trajectory.sample(t).q[:, i] * joint.drive.ratio * COUNTS / (2 * np.pi)
+            assert np.abs(received[:, 0] - exact).max() <= 0.5 + 1e-9
+            assert received[-1, 0] == round(float(exact[-1]))
+            rows = stream(tmp_path, joint.name)
+            assert np.array_equal(received[:, 1], rows["velocity_offset_mrpm"])
+            assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
+
+
+def test_a_mismatched_period_is_refused_and_seen(plan: PlanFile, tmp_path: Path) -> None:
+    """Set up for 10 ms and sent every 4 ms: the drive goes to fault, and the client sees it."""
+    from simulated_drive import PERIOD_FAULT
+
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=100.0)
+    with bench(tmp_path, "period", rated_torques(plan.robot)) as (drives, clients):
+        play(tmp_path, clients, 0.004)
+        assert settled(lambda: any(drive.fault == PERIOD_FAULT for drive in drives.values()))
+        assert settled(lambda: any(node.state == "FAULT" for node in clients.values()))
+        assert settled(lambda: any(log.code == PERIOD_FAULT for node in clients.values() for log in node.emcy.log))
+
+
+def test_a_limit_overrun_is_refused_and_seen(plan: PlanFile, tmp_path: Path) -> None:
+    """A target beyond the software position limit: fault, and nothing of it is carried out."""
+    from simulated_drive import LIMIT_FAULT
+
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
+    path = tmp_path / "insertion.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    limit = objects(tmp_path, "insertion")[0x607D, 2]
+    lines[6] = ",".join([lines[6].split(",")[0], str(limit + 1), "0", "0"])
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with bench(tmp_path, "limit", rated_torques(plan.robot)) as (drives, clients):
+        play(tmp_path, clients, 0.004)
+        assert settled(lambda: drives["insertion"].fault == LIMIT_FAULT)
+        assert settled(lambda: clients["insertion"].state == "FAULT")
+        assert len(drives["insertion"].received) == 5
+        assert max(target for target, *_ in drives["insertion"].received) <= limit
+
+
+def test_the_manifest_names_the_stream_of_every_axis(plan: PlanFile, tmp_path: Path, robot: Robot) -> None:
+    export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
+    assert set(manifest["axes"]) == {joint.name for joint in robot.joints}
+    manifest["axes"].pop("spin")
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match="does not list the joints"):
+        read_trajectory(tmp_path, robot)
+
+
+def test_a_plan_that_ends_between_setpoints(robot: Robot, tmp_path: Path) -> None:
+    """The last setpoint is the target, a whole period after the last one before the end."""
+    plan = read_back(tmp_path / "plan.json", robot, trapezoids(robot, (np.array([0.0001, 0.0, 0.0, 0.0]),)))
+    assert (plan.trajectory.duration * 1000) % 10 > 0.01
+    export(plan, "epos4", tmp_path / "e", counts_per_turn=COUNTS, rate=100.0)
+    rows = stream(tmp_path / "e", "roll")
+    assert rows["time_s"][-1] >= plan.trajectory.duration
+    assert rows["target_position_inc"][-1] == round(0.3001 * 78227.8)

@@ -1,0 +1,215 @@
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from ssm_planner.errors import ExportError
+from ssm_planner.export.export import export
+from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.export.points import spline_points
+from ssm_planner.export.rosbag import link_poses, quaternion
+from ssm_planner.model.forward import forward
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.screws import rotation
+from ssm_planner.problem.values import Robot
+from ssm_planner.verify.readers_ros import REST, controller_faults, message_from
+
+
+def message(path: Path, under: str | None = None) -> dict:
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return data if under is None else data[under]
+
+
+def controller_spline(points: list[dict], t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, qd, qdd as joint_trajectory_controller interpolates: cubic from velocities, quintic from accelerations.
+
+    Written out from the controller's documentation, apart from the program's own interpolation.
+    """
+    times = np.array([p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] * 1e-9 for p in points])
+    q, qd, qdd = [], [], []
+    for at in t:
+        k = int(np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(points) - 2))
+        a, b, h, s = points[k], points[k + 1], times[k + 1] - times[k], at - times[k]
+        rows, values = [], []
+        for derivative, key in enumerate(("positions", "velocities", "accelerations")):
+            if not a[key]:
+                continue
+            for point, x in ((a, 0.0), (b, h)):
+                rows.append((derivative, x))
+                values.append(point[key])
+        degree = len(rows)
+        matrix = np.array([[falling(n, d) * (x ** (n - d) if n >= d else 0.0) for n in range(degree)] for d, x in rows])
+        c = np.linalg.solve(matrix, np.array(values))
+        for out, d in ((q, 0), (qd, 1), (qdd, 2)):
+            out.append(sum(falling(n, d) * c[n] * s ** (n - d) for n in range(d, degree)))
+    return np.array(q), np.array(qd), np.array(qdd)
+
+
+def falling(n: int, d: int) -> float:
+    """n (n − 1) … of d factors."""
+    return float(np.prod([n - i for i in range(d)])) if d else 1.0
+
+
+@pytest.mark.parametrize(("which", "keys"), [("plan", 2), ("smooth_plan", 3)])
+def test_the_controller_s_own_spline_keeps_the_limits(
+    which: str, keys: int, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    source: PlanFile = request.getfixturevalue(which)
+    export(source, "ros2", tmp_path, bag=False)
+    points = message(tmp_path / "joint_trajectory.yaml")["points"]
+    assert sum(bool(points[1][key]) for key in ("positions", "velocities", "accelerations")) == keys
+    duration = points[-1]["time_from_start"]["sec"] + points[-1]["time_from_start"]["nanosec"] * 1e-9
+    q, qd, qdd = controller_spline(points, np.linspace(0, duration, 3000))
+    for i, joint in enumerate(source.robot.joints):
+        low, high = joint.position
+        assert q[:, i].min() >= low - 1e-6 * (high - low)
+        assert q[:, i].max() <= high + 1e-6 * (high - low)
+        assert np.abs(qd[:, i]).max() <= joint.velocity * (1 + 1e-6)
+        assert np.abs(qdd[:, i]).max() <= joint.acceleration * (1 + 1e-6)
+
+
+def test_joint_trajectory_controller_would_accept_it(plan: PlanFile, tmp_path: Path) -> None:
+    """Its rules, one by one, on the files as written."""
+    export(plan, "ros2", tmp_path, bag=False)
+    for data in (message(tmp_path / "joint_trajectory.yaml"), message(tmp_path / "goal.yaml", "trajectory")):
+        assert set(data) == {"header", "joint_names", "points"}
+        assert set(data["header"]) == {"stamp", "frame_id"}
+        assert data["joint_names"] == [joint.name for joint in plan.robot.joints]
+        assert set(data["points"][0]) == {"positions", "velocities", "accelerations", "effort", "time_from_start"}
+        ticks = [p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"] for p in data["points"]]
+        assert ticks[0] == 0
+        assert all(b > a for a, b in itertools.pairwise(ticks))
+        assert all(0 <= p["time_from_start"]["nanosec"] < 10**9 for p in data["points"])
+        assert max(map(abs, data["points"][-1]["velocities"])) <= REST
+        assert all(not p["effort"] for p in data["points"])
+        assert all(len(p["positions"]) == len(p["velocities"]) == 4 for p in data["points"])
+        assert all(isinstance(x, float) for p in data["points"] for x in p["positions"] + p["velocities"])
+        faults, remarks = controller_faults(message_from(data, "file"), data["joint_names"])
+        assert not faults
+        assert not remarks
+
+
+def test_effort_is_opt_in(plan: PlanFile, tmp_path: Path) -> None:
+    _, manifest = export(plan, "ros2", tmp_path, effort=True, bag=False)
+    points = message(tmp_path / "joint_trajectory.yaml")["points"]
+    samples = spline_points(plan, plan.certificate).samples
+    expected = RigidBody.from_robot(plan.robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
+    assert np.array([p["effort"] for p in points]) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert any("effort" in note for note in manifest["notes"])
+
+
+def test_the_stretch_is_small_and_stated(plan: PlanFile, tmp_path: Path) -> None:
+    _, manifest = export(plan, "ros2", tmp_path, bag=False)
+    assert 1.0 <= manifest["stretch"] < 1.0001
+    assert manifest["spline"]["certificate"]["passed"]
+
+
+def test_the_bag_is_read_by_an_independent_library(plan: PlanFile, robot: Robot, tmp_path: Path) -> None:
+    pytest.importorskip("mcap_ros2", reason="the package mcap-ros2-support (extra test) reads the bag")
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    rate = 50.0
+    export(plan, "ros2", tmp_path, rate=rate)
+    found: dict[str, list] = {}
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+        for _, channel, raw, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((raw.log_time, decoded))
+    assert set(found) == {"/robot_description", "/joint_trajectory", "/joint_states", "/tf"}
+    points = message(tmp_path / "joint_trajectory.yaml")["points"]
+    (_, trajectory), *rest = found["/joint_trajectory"]
+    assert not rest
+    assert list(trajectory.joint_names) == [joint.name for joint in robot.joints]
+    assert len(trajectory.points) == len(points)
+    for mine, theirs in zip(points, trajectory.points, strict=True):
+        assert list(theirs.positions) == mine["positions"]
+        assert list(theirs.velocities) == mine["velocities"]
+        assert theirs.time_from_start.nanosec == mine["time_from_start"]["nanosec"]
+    assert "<robot name=" in found["/robot_description"][0][1].data
+    states = found["/joint_states"]
+    assert len(states) == int(plan.trajectory.duration * rate) + 2
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    for (stamp, state), (_, transforms) in zip(states, found["/tf"], strict=True):
+        assert list(state.name) == [joint.name for joint in robot.joints]
+        t = np.array([min(stamp * 1e-9, plan.trajectory.duration)])
+        assert np.array(state.position) == pytest.approx(plan.trajectory.sample(t).q[0], abs=1e-8)
+        assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == stamp
+        assert not len(state.effort)
+        pose = np.eye(4)
+        for each in transforms.transforms:
+            r, p = each.transform.rotation, each.transform.translation
+            step = np.eye(4)
+            step[:3, :3], step[:3, 3] = matrix_of(r.x, r.y, r.z, r.w), (p.x, p.y, p.z)
+            pose = pose @ step
+        assert each.child_frame_id == "tool"
+        turned, tip = forward(mechanism, np.array(state.position)[None])
+        assert np.abs(pose[:3, :3] - turned[0]).max() <= 1e-12
+        assert np.abs(pose[:3, 3] - tip[0]).max() <= 1e-12
+
+
+def matrix_of(x: float, y: float, z: float, w: float) -> np.ndarray:
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def test_quaternions_of_all_rotations() -> None:
+    rng = np.random.default_rng(0)
+    axes = [*np.eye(3), *rng.normal(size=(30, 3))]
+    for axis in axes:
+        for angle in (0.0, np.pi, -np.pi, np.pi - 1e-9, *rng.uniform(-4, 4, 5)):
+            matrix = rotation(axis / np.linalg.norm(axis), angle)
+            assert np.abs(matrix_of(*quaternion(matrix)) - matrix).max() <= 1e-14
+
+
+def test_link_poses_chain_to_the_tool(robot: Robot) -> None:
+    q = np.array([0.3, 0.7, -1.1, -0.02])
+    turned, tip = np.eye(3), np.zeros(3)
+    for _, _, r, p in link_poses(robot, q):
+        tip = tip + turned @ p
+        turned = turned @ r
+    expected = forward(Mechanism.from_geometry(robot.geometry), q[None])
+    assert np.abs(turned - expected[0][0]).max() <= 1e-14
+    assert np.abs(tip - expected[1][0]).max() <= 1e-14
+
+
+def test_without_the_package_rosbags_the_message_says_how_to_get_it(
+    plan: PlanFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("rosbags", "rosbags.rosbag2", "rosbags.typesys"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ExportError, match=r"pip install 'ssm-planner\[ros2\]' .*--no-bag"):
+        export(plan, "ros2", tmp_path / "ros2")
+    assert not list(tmp_path.iterdir())
+    files, _ = export(plan, "ros2", tmp_path / "ros2", bag=False)
+    assert set(files) == {"joint_trajectory.yaml", "goal.yaml", "manifest"}
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, 1e6, float("nan")])
+def test_rates_that_make_no_bag(plan: PlanFile, tmp_path: Path, rate: float) -> None:
+    with pytest.raises(ExportError, match="a rate of"):
+        export(plan, "ros2", tmp_path / "x", rate=rate)
+
+
+def test_a_spline_that_no_points_mend_is_refused(plan: PlanFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
+    monkeypatch.setattr("ssm_planner.export.points.PARTS", (1,))
+    monkeypatch.setattr("ssm_planner.export.points.LARGEST_STRETCH", 1e-9)
+    joints = tuple(
+        dataclasses.replace(joint, velocity=joint.velocity * 0.96) if joint.name == "tilt" else joint
+        for joint in plan.robot.joints
+    )
+    slower = dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=joints))
+    with pytest.raises(ExportError, match=r"exceeds the velocity limit of tilt by 1\.\d+ %"):
+        spline_points(slower, plan.certificate)
