@@ -209,7 +209,8 @@ def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
     a, b = x[0], x[1]
     rows = [
         a + b, a - b, a * b, a / b, -a, ca.exp(a), ca.log(b), ca.sqrt(b), a**2, a + a, 1 / b, ca.sin(a), ca.cos(a), ca.tan(a),
-        ca.asin(a), ca.acos(a), ca.atan(a), ca.floor(b), ca.ceil(b), ca.fabs(a), ca.sign(a), ca.logic_not(a > b), b**a, b**0.3,
+        ca.asin(a), ca.acos(a), ca.atan(a), ca.floor(b), ca.ceil(b), ca.fabs(a), ca.sign(a), ca.logic_not(a > b), b**a,
+        b**0.3,
         a < b, a <= b, a == b, a != b, ca.logic_and(a > 0, b > 0), ca.logic_or(a > 0, b > 0), ca.fmin(a, b), ca.fmax(a, b),
         ca.if_else(a > 0, b, 2 * b), ca.atan2(a, b), ca.copysign(b, a), ca.fmod(b, 0.7), -1.5e-7, 1e30,
     ]  # fmt: skip

@@ -140,7 +140,7 @@ def test_modes_of_velocity_and_torque(plan: PlanFile, tmp_path: Path) -> None:
         assert objects(tmp_path / mode, "roll")[0x6060, 0] == code
         with pytest.raises(TrajectoryError, match="hold no positions"):
             read_trajectory(tmp_path / mode, plan.robot)
-    with pytest.raises(ExportError, match="mode 'ppm' .allowed: csp, csv, cst"):
+    with pytest.raises(ExportError, match=r"mode 'ppm' .allowed: csp, csv, cst"):
         export(plan, "epos4", tmp_path / "x", counts_per_turn=COUNTS, mode="ppm")
 
 
@@ -171,7 +171,7 @@ def changed(plan: PlanFile, **motor: float) -> PlanFile:
 def test_numbers_that_do_not_fit_their_objects(plan: PlanFile, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"joint roll: torque of .* per mille of rated torque \(INT16\) does not fit"):
         export(changed(plan, nominal_torque=1e-6), "epos4", tmp_path / "x", counts_per_turn=COUNTS)
-    with pytest.raises(ExportError, match="joint roll: target position of .* increments does not fit"):
+    with pytest.raises(ExportError, match=r"joint roll: target position of .* increments does not fit"):
         export(plan, "epos4", tmp_path / "x", counts_per_turn=10**9)
     assert not list(tmp_path.iterdir())
 
