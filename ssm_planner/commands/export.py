@@ -26,13 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="csv: rows at equal distances (default: where the limits need them); epos4: setpoints per second (default "
         "1000); ros2: states in the bag (default 100)",
     )
-    parser.add_argument("--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque")
+    parser.add_argument("--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque, or counts")
     parser.add_argument("--mode", choices=("csp", "csv", "cst"), help="epos4: cyclic mode (default csp)")
     parser.add_argument(
         "--counts-per-turn",
         nargs="+",
         metavar="[JOINT=]N",
-        help="epos4: increments per motor turn (4 × encoder counts) where the motor file gives no encoder_counts",
+        help="epos4, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder_counts",
     )
     parser.add_argument("--effort", action="store_true", default=None, help="ros2: give joint efforts too")
     parser.add_argument("--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ssm_planner.errors import ExportError
 from ssm_planner.export.atomic import replacing
+from ssm_planner.export.epos4_axis import INT32, axes_of, fits
 from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.points import spline_points
+from ssm_planner.export.points import at_times, spline_points
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody
@@ -27,6 +28,7 @@ STATES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
 MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
 COLUMNS = (*STATES, *MOTORS, "task")
 """Groups of columns that can be chosen."""
+COUNTS = "counts"
 DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 
 
@@ -82,39 +84,68 @@ def export_csv(
     suffix: str,
     rate: float | None = None,
     columns: Sequence[str] | None = None,
+    counts_per_turn: int | Mapping[str, int] | None = None,
 ) -> dict[str, object]:
     """Write trajectory.csv into a folder and say what the manifest shall say of it.
 
     rate: Hz, rows at equal distances; None: rows at the points between which cubics (or quintics) keep the limits.
-    columns: groups of COLUMNS. Raises ExportError.
+    columns: groups of COLUMNS; with COUNTS among them also `time,position` files in increments, one for each driven
+    joint, at the rate (default RATE), for which counts_per_turn is as in the export to epos4. Raises ExportError.
     """
-    unknown = [group for group in columns or () if group not in COLUMNS]
+    wanted = [group for group in columns or () if group != COUNTS]
+    unknown = [group for group in wanted if group not in COLUMNS]
     if unknown:
-        raise ExportError(f"columns {', '.join(unknown)} are not known (allowed: {', '.join(COLUMNS)})")
+        raise ExportError(f"columns {', '.join(unknown)} are not known (allowed: {', '.join((*COLUMNS, COUNTS))})")
+    if rate is not None and not 0 < rate <= LARGEST_RATE:
+        raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
+    notes = []
+    if COUNTS in (columns or ()):
+        notes.append(_write_counts(plan, folder, suffix, rate or RATE, counts_per_turn))
+        if not wanted:
+            return {"rate_hz": rate or RATE, "units": {"time": "s", "position": "increments"}, "notes": notes}
     path = folder / f"trajectory{suffix}.csv"
-    if rate is None:
-        points = spline_points(plan, certificate, tick=None)
-        chosen = columns or (("q", "qd", "qdd") if points.with_acceleration else ("q", "qd"))
-        at_end = points.samples.t == points.samples.t[-1]
-        header, rows = table(points.samples, plan.robot, chosen, at_end)
-        note = points.note
-    else:
-        if not 0 < rate <= LARGEST_RATE:
-            raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
-        header, rows = trajectory_table(plan.trajectory, plan.robot, rate, columns or DEFAULT)
-        note = f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion, at less than a full interval"
+    header, rows, note = _rows(plan, certificate, rate, wanted)
     _write(path, header, rows, "%.17g")
     return {
         "trajectory": path.name,
         "rate_hz": rate,
-        "units": dict.fromkeys(header, "in the column's name"),
-        "notes": [note, *_as_read(path, plan, chosen_positions="q1_rad" in header)],
+        "units": "in the names of the columns",
+        "notes": [*notes, note, *_as_read(path, plan, with_positions="q1_rad" in header)],
     }
 
 
-def _as_read(path: Path, plan: PlanFile, chosen_positions: bool) -> list[str]:
+def _rows(
+    plan: PlanFile, certificate: Certificate, rate: float | None, columns: Sequence[str]
+) -> tuple[list[str], Array, str]:
+    """(header, rows, what they are)."""
+    if rate is None:
+        points = spline_points(plan, certificate, tick=None)
+        default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
+        at_end = points.samples.t == points.samples.t[-1]
+        return *table(points.samples, plan.robot, columns or default, at_end), points.note
+    header, rows = trajectory_table(plan.trajectory, plan.robot, rate, columns or DEFAULT)
+    return header, rows, f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion"
+
+
+def _write_counts(
+    plan: PlanFile, folder: Path, suffix: str, rate: float, counts_per_turn: int | Mapping[str, int] | None
+) -> str:
+    """Target positions in increments, a file for each driven joint; the last row holds the target."""
+    axes = axes_of(plan.robot, counts_per_turn)
+    t = np.arange(int(np.ceil(plan.trajectory.duration * rate - 1e-9)) + 1) / rate
+    samples = at_times(plan, plan.trajectory.breaks[0] + t)
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.name in axes:
+            counts = axes[joint.name].increments(samples.q[:, i])
+            counts = fits(counts, INT32, joint.name, "target position", "increments")
+            path = folder / f"{joint.name}_time_position{suffix}.csv"
+            _write(path, ["time", "position"], np.column_stack([t, counts]), ("%.9g", "%d"))
+    return f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz"
+
+
+def _as_read(path: Path, plan: PlanFile, with_positions: bool) -> list[str]:
     """What a check of the rows alone says, joined as a controller would join them."""
-    if not chosen_positions:
+    if not with_positions:
         return []
     reading = read_csv(path, plan.robot)
     found = check(
@@ -135,5 +166,5 @@ def _as_read(path: Path, plan: PlanFile, chosen_positions: bool) -> list[str]:
     ]
 
 
-def _write(path: Path, header: list[str], rows: Array, form: str) -> None:
+def _write(path: Path, header: list[str], rows: Array, form: str | Sequence[str]) -> None:
     np.savetxt(path, rows, fmt=form, delimiter=",", header=",".join(header), comments="")

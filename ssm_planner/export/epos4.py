@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.epos4_axis import Axis, axes_of
+from ssm_planner.export.epos4_axis import INT16, INT32, Axis, axes_of, fits
 from ssm_planner.export.epos4_setup import MODES, setup_objects
 from ssm_planner.export.plan_file import PlanFile
 from ssm_planner.export.points import at_times
@@ -19,7 +19,6 @@ from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.problem.values import Array
 from ssm_planner.verify.certificate import Certificate
 
-INT16, INT32 = 2**15 - 1, 2**31 - 1
 LARGEST_PERIOD = 100
 """ms; object 0x60C2."""
 RPM = 60 / (2 * np.pi)
@@ -59,7 +58,7 @@ def export_epos4(
             _write(folder / name, t, {f"position_{'rad' if joint.kind == 'revolute' else 'm'}": motion["q"][:, i]})
             listed[joint.name] = {"file": name, "note": "no drive: its motion for reference, not a stream"}
             continue
-        counts = _fits(axis.increments(motion["q"][:, i]), INT32, joint.name, "target position", "increments")
+        counts = fits(axis.increments(motion["q"][:, i]), INT32, joint.name, "target position", "increments")
         effects = rounding_effects(counts, motion["q"][:, i], axis, period / 1000)
         _write(folder / name, t, _stream(mode, axis, counts, motion, i))
         if mode == "csp":
@@ -114,8 +113,8 @@ def _motion(plan: PlanFile, t: Array) -> dict[str, Array]:
 def _stream(mode: str, axis: Axis, counts: Array, motion: dict[str, Array], i: int) -> Stream:
     speed = axis.direction * motion["speed"][:, i] * RPM * 1000
     torque = axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000
-    speed = _fits(np.round(speed), INT32, axis.name, "velocity", "mrpm")
-    torque = _fits(np.round(torque), INT16, axis.name, "torque", "per mille of rated torque (INT16)")
+    speed = fits(np.round(speed), INT32, axis.name, "velocity", "mrpm")
+    torque = fits(np.round(torque), INT16, axis.name, "torque", "per mille of rated torque (INT16)")
     if mode == "csp":
         return {
             "target_position_inc": counts,
@@ -125,15 +124,6 @@ def _stream(mode: str, axis: Axis, counts: Array, motion: dict[str, Array], i: i
     if mode == "csv":
         return {"target_velocity_mrpm": speed, "torque_offset_permille": torque}
     return {"target_torque_permille": torque}
-
-
-def _fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
-    k = int(np.argmax(np.abs(values)))
-    if not np.isfinite(values).all() or abs(values[k]) > largest:
-        raise ExportError(
-            f"joint {joint}: {what} of {values[k]:.6g} {unit} does not fit (allowed: −{largest} to {largest})"
-        )
-    return values + 0.0
 
 
 def _write(path: Path, t: Array, columns: Stream, time: str = "time_s") -> None:

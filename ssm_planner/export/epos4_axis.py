@@ -11,6 +11,7 @@ import numpy as np
 from ssm_planner.errors import ExportError
 from ssm_planner.problem.values import Array, Joint, Robot
 
+INT16, INT32 = 2**15 - 1, 2**31 - 1
 QUADRATURE = 4
 """Increments (quadcounts) per encoder count."""
 
@@ -61,6 +62,16 @@ def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> di
     if not axes:
         raise ExportError(f"{robot.file}: no joint of robot {robot.name} has a drive")
     return axes
+
+
+def fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
+    """Whole numbers that a drive's object holds. Raises ExportError naming joint, value and what is allowed."""
+    k = int(np.argmax(np.abs(values)))
+    if not np.isfinite(values).all() or abs(values[k]) > largest:
+        raise ExportError(
+            f"joint {joint}: {what} of {values[k]:.6g} {unit} does not fit (allowed: −{largest} to {largest})"
+        )
+    return values + 0.0
 
 
 def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> int:

@@ -54,7 +54,7 @@ class Worst:
             self.excess, self.value, self.time = excess, value, time
 
     def as_check(self) -> LimitCheck:
-        quantity, value = self.quantity, self.value
+        quantity, value = self.quantity, self.value + 0.0  # not −0
         high_side = quantity.high - value <= value - quantity.low
         limit = quantity.high if high_side else quantity.low
         if quantity.low == -quantity.high:

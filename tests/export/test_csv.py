@@ -70,3 +70,21 @@ def test_the_table_beside_the_plan(plan: PlanFile, tmp_path: Path) -> None:
     header, rows = trajectory_table(plan.trajectory, plan.robot)
     assert list(table(path)) == header
     assert len(rows) == int(plan.trajectory.duration * 1000) + 2
+
+
+def test_the_counts_that_plain_clients_read(plan: PlanFile, tmp_path: Path) -> None:
+    """One file for each driven joint, whole increments, the end held to the next whole period."""
+    files, manifest = export(plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096)
+    assert set(files) == {f"{name}_time_position.csv" for name in ("roll", "tilt", "insertion")} | {"manifest"}
+    assert manifest["rate_hz"] == 300.0
+    per_unit = plan.robot.joints[0].drive.ratio * 4096 / (2 * np.pi)
+    rows = table(files["roll_time_position.csv"])
+    assert set(rows) == {"time", "position"}
+    assert np.diff(rows["time"]) == pytest.approx(1 / 300, abs=1e-8)
+    exact = plan.trajectory.sample(np.minimum(rows["time"], plan.trajectory.duration)).q[:, 0] * per_unit
+    assert np.abs(rows["position"] - exact).max() <= 0.5 + 1e-3
+    assert rows["position"][-1] == round(float(exact[-1]))
+    files, _ = export(plan, "csv", tmp_path, columns=["q", "counts"], counts_per_turn=4096)
+    assert "trajectory.csv" in files
+    with pytest.raises(ExportError, match="encoder_counts is missing"):
+        export(plan, "csv", tmp_path / "x", columns=["counts"])
