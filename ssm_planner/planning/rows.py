@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from ssm_planner.model.friction import friction_coefficient, friction_of
-from ssm_planner.model.transmission import motor_torque_rows, output_effort
+from ssm_planner.model.transmission import TorqueRows, motor_torque_rows, output_effort
 from ssm_planner.problem.values import Drive, Joint
 
 BRAKING_SOFTNESS = 1e-3
@@ -91,7 +91,7 @@ def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> t
     forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
     is_forward, is_backward = sigma * (sigma + 1) / 2, sigma * (sigma - 1) / 2
 
-    def torque(rows, k: int) -> ca.SX:  # type: ignore[no-untyped-def]
+    def torque(rows: TorqueRows, k: int) -> ca.SX:
         return rows.slope[k] * effort + rows.inertia * wd + rows.coulomb + rows.viscous * w
 
     first, second = (is_forward * torque(forward, k) - is_backward * torque(backward, k) for k in (0, 1))
