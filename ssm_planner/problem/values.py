@@ -236,6 +236,47 @@ class Target:
     """Line of the problem file, for messages."""
 
 
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """An ellipsoid that the shaft keeps clear of, base frame, m."""
+
+    centre: Array
+    """(3,)."""
+    semi_axes: Array
+    """(3,), along the columns of `frame`."""
+    frame: Array
+    """(3, 3), rotation base ← lens."""
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """The eye about the remote centre, base frame, m: the retina as a sphere, and the lens where there is one."""
+
+    centre: Array
+    """(3,)."""
+    radius: float
+    clearance: float
+    """Least distance of the tip from the retina."""
+    port: float
+    """Within this distance of the remote centre there is no retina: the incision itself."""
+    shaft_radius: float = 0.0
+    """Added around the shaft where it passes the lens."""
+    lens: Lens | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TaskLimits:
+    """Limits on where the tool is and how fast it goes, beside those of the joints."""
+
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+    """By name in TASK, rad or m."""
+    tip_speed: float | None = None
+    """m/s."""
+    rates: Mapping[str, float] = field(default_factory=dict)
+    """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
+    eye: Eye | None = None
+
+
 MotionKind = Literal["straight", "free", "dwell"]
 
 
@@ -248,7 +289,13 @@ class Motion:
     """The key in the file: tilt, roll, spin, insert, straight, free, dwell."""
     target: Target | None = None
     duration: float | None = None
+    """Of a dwell; of another motion where it is asked for, s."""
     line: int | None = None
+    through: tuple[Target, ...] = ()
+    """Points that a free motion passes without stopping, in order, before its target."""
+
+
+Objective = Literal["time", "time then heat", "effort"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,5 +307,15 @@ class Problem:
     limits: Mapping[str, Range] = field(default_factory=dict)
     """Ranges of task coordinates, by name in TASK: the robot's, narrowed by the problem's."""
     tip_speed: float | None = None
-    objective: str = "time"
+    objective: Objective = "time then heat"
     file: str | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
+    """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
+    eye: Eye | None = None
+    start_rate: Mapping[str, float] = field(default_factory=dict)
+    """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
+    end_rate: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def task_limits(self) -> TaskLimits:
+        return TaskLimits(self.limits, self.tip_speed, self.rates, self.eye)
