@@ -26,6 +26,7 @@ COMMANDS = {
     "identify": ("identify", "friction with confidence, map figure, a drive file to use"),
     "predict": ("predict", "predicted against measured torque, NRMSD"),
     "ik": ("ik", "closed-form inverse kinematics, all branches"),
+    "reproduce": ("reproduce", "the paper's tables and figures, ours beside the published values"),
 }
 """Module in ssm_planner.commands and help of every command; the module is imported only when its command is used.
 

@@ -40,7 +40,7 @@ def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
             seconds = time.perf_counter() - begin
             return Plan(problem, planned.status, None, planned.legs, None, (), planned.reason, seconds)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
-        certificate = check(trajectory, problem.robot, dict(problem.limits), problem.tip_speed)
+        certificate = check(trajectory, problem.robot, problem.task_limits)
         if certificate.passed or attempt == ATTEMPTS or not _tighten(tighten, certificate, problem):
             seconds = time.perf_counter() - begin
             progress("motor requirements")

@@ -11,13 +11,14 @@ import numpy as np
 from ssm_planner.export.plan_file import FORMAT, VERSION, PlanFile, read_plan
 from ssm_planner.model.trajectory import Phase, Trajectory, hermite
 from ssm_planner.problem.resolved import plain
-from ssm_planner.problem.values import Range, Robot
+from ssm_planner.problem.values import Robot, TaskLimits
 from ssm_planner.verify.check import check
 
 START = np.array([0.3, 1.15, 0.1, 0.0])
 MOVES = (np.array([0.4, -0.5, -0.3, 0.0]), np.array([-0.1, 0.05, 0.2, -0.012]))
 SHARE = 0.97
 """Of the velocity and acceleration limits that the slowest joint uses."""
+NONE = TaskLimits()
 
 
 def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = SHARE) -> Trajectory:
@@ -66,17 +67,15 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
     return Trajectory(np.array(breaks), np.concatenate(pieces), (Phase("smooth", 0.0, breaks[-1]),))
 
 
-def write_plan(
-    path: Path, robot: Robot, trajectory: Trajectory, ranges: dict[str, Range] | None = None, **changes: Any
-) -> Path:
+def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:
     """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
-    ranges = {} if ranges is None else ranges
+    stated = {"limits": limits.ranges, "tip_speed": limits.tip_speed, "rates": limits.rates, "eye": limits.eye}
     document = {
         "format": FORMAT,
         "version": VERSION,
         "status": "solved",
-        "problem": plain({"name": path.stem, "robot": robot, "limits": ranges, "tip_speed": None}),
-        "certificate": check(trajectory, robot, ranges).to_dict(),
+        "problem": plain({"name": path.stem, "robot": robot, **stated}),
+        "certificate": check(trajectory, robot, limits).to_dict(),
         "trajectory": trajectory.to_dict(),
         **changes,
     }

@@ -8,20 +8,34 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.forward import tip_velocity
+from ssm_planner.model.eye import lens_ratio
+from ssm_planner.model.forward import tip_position, tip_velocity
 from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.namespace import NUMPY
 from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.task import task_from_joints
+from ssm_planner.model.task import task_from_joints, task_rates
 from ssm_planner.model.trajectory import Samples, Trajectory, hermite
-from ssm_planner.problem.values import Range, Robot
+from ssm_planner.problem.values import TASK, Eye, Lens, Robot, TaskLimits, frozen
 
 EXCESS = 1e-3
 BENT = {
     "position": 0, "tilt range": 0, "velocity": 1, "motor speed": 1, "tip speed": 1, "acceleration": 2, "jerk": 2,
-    "motor torque": 2,
+    "motor torque": 2, "roll rate": 1, "tilt rate": 1, "spin rate": 1, "insertion speed": 1, "retina clearance": 0,
+    "lens clearance": 0,
 }  # fmt: skip
 """Derivative of q that is bent in the middle of the interval."""
 KINDS = list(BENT)
+WHICH = {
+    "tilt range": (1,), "tip speed": (0, 1), "roll rate": (0,), "tilt rate": (1,), "spin rate": (2,),
+    "insertion speed": (3,), "retina clearance": (1, 3), "lens clearance": (0, 1),
+}  # fmt: skip
+"""Joints of which one is bent, for the limits of the task."""
+TASK_RATES = {"roll rate": "roll", "tilt rate": "tilt", "spin rate": "spin", "insertion speed": "depth"}
+RANGES = ("position", "tilt range")
+"""Limits whose excess is measured by the half width of a range; of the others by the limit itself."""
+CENTRE = np.array([0.007, 0.0, -0.011])
+PLACE = np.array([0.002, 0.003, -0.006])
+SEMI_AXES = np.array([0.004, 0.003, 0.0015])
 SCALE = np.array([1.0, 1.0, 1.0, 0.03])
 LOOSE = 1e3
 INTERVALS = 16
@@ -41,7 +55,7 @@ class Case:
 
     def bounds(self, factor: float) -> tuple[float, float]:
         """(low, high) such that the largest value is at `factor` times the limit, for a range by its half width."""
-        if BENT[self.limit[0]] > 0:
+        if self.limit[0] not in RANGES:
             return -self.largest / factor, self.largest / factor
         half = SCALE[max(self.joint, 0)]
         high = self.largest - (factor - 1) * half
@@ -72,11 +86,24 @@ class Case:
             )
         return dataclasses.replace(self.robot, joints=tuple(joints))
 
-    def task(self, factor: float) -> tuple[dict[str, Range], float | None]:
-        """(ranges, tip speed)."""
-        bounds = self.bounds(factor)
-        ranges = {"tilt": bounds} if self.limit[0] == "tilt range" else {}
-        return ranges, bounds[1] if self.limit[0] == "tip speed" else None
+    def task(self, factor: float) -> TaskLimits:
+        """The limits of the task with this one."""
+        kind, bounds = self.limit[0], self.bounds(factor)
+        return TaskLimits(
+            ranges={"tilt": bounds} if kind == "tilt range" else {},
+            tip_speed=bounds[1] if kind == "tip speed" else None,
+            rates={TASK_RATES[kind]: bounds[1]} if kind in TASK_RATES else {},
+            eye=_eye(kind, bounds[1]) if kind.endswith("clearance") else None,
+        )
+
+
+def _eye(kind: str, high: float) -> Eye:
+    """An eye in which the tip may be `high` from the centre, or the lens touches a shaft passing it at 1 / `high`."""
+    clearance = 1e-3
+    if kind == "retina clearance":
+        return Eye(frozen(CENTRE, (3,)), high + clearance, clearance, port=1e-9)
+    lens = Lens(frozen(PLACE, (3,)), frozen(SEMI_AXES / high, (3,)), frozen(np.eye(3), (3, 3)))
+    return Eye(frozen(CENTRE, (3,)), LOOSE, clearance, port=1e-9, lens=lens)
 
 
 def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
@@ -89,7 +116,7 @@ def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
 
 def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
     joint = int(rng.choice((0, 1, 3))) if kind.startswith("motor") else int(rng.integers(4))
-    joint = -1 if kind in ("tilt range", "tip speed") else joint
+    joint = -1 if kind in WHICH else joint
     t, states = _samples(rng)
     if kind == "motor torque":
         # without reversals, at which the torque jumps: a dense look finds such a peak only roughly
@@ -99,7 +126,7 @@ def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
     k = int(rng.integers(1, INTERVALS - 1))
     values = _values(Trajectory(t, pieces, ()), robot, kind, joint)
     others = float(np.delete(values, k, axis=0).max())
-    bent = {"tilt range": 1, "tip speed": int(rng.integers(2))}.get(kind, joint)
+    bent = int(rng.choice(WHICH.get(kind, (joint,))))
     middle = Trajectory(t, pieces, ()).sample(np.array([(t[k] + t[k + 1]) / 2]))
     size = 1e-3 * (np.ptp(states[BENT[kind]], axis=0)[bent] + 1e-6) * rng.choice((-1.0, 1.0))
     for doubling in range(40):
@@ -108,7 +135,7 @@ def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
         trajectory = _with_middle(t, states, k, state)
         inside = _values(_stretch(trajectory, k), robot, kind, joint)
         largest = float(inside.max())
-        needed = 1.5 * EXCESS * (abs(largest) if BENT[kind] else SCALE[max(joint, 0)])
+        needed = 1.5 * EXCESS * (SCALE[max(joint, 0)] if kind in RANGES else abs(largest))
         if kind == "motor torque" and trajectory.sample(np.linspace(0, t[-1], 2000)).qd[:, joint].min() <= 0:
             return None
         if largest - max(others, inside[0, 0], inside[-1, -1]) > needed:
@@ -160,9 +187,20 @@ def _values(trajectory: Trajectory, robot: Robot, kind: str, joint: int) -> np.n
         values = _motor(s, robot, kind, joint)
     elif kind == "tilt range":
         values = task_from_joints(mechanism, s.q)[:, 1]
+    elif kind in TASK_RATES:
+        values = np.abs(task_rates(mechanism, s.q, s.qd)[:, TASK.index(TASK_RATES[kind])])
+    elif kind.endswith("clearance"):
+        values = _about_eye(tip_position(mechanism, s.q), kind)
     else:
         values = np.linalg.norm(tip_velocity(mechanism, s.q, s.qd), axis=1)
     return values.reshape(count, DENSE)
+
+
+def _about_eye(tip: np.ndarray, kind: str) -> np.ndarray:
+    if kind == "retina clearance":
+        return np.linalg.norm(tip - CENTRE, axis=1)
+    lens = Lens(frozen(PLACE, (3,)), frozen(SEMI_AXES, (3,)), frozen(np.eye(3), (3, 3)))
+    return 1 / lens_ratio(NUMPY, lens, tip.T)
 
 
 def _motor(s: Samples, robot: Robot, kind: str, joint: int) -> np.ndarray:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ssm_planner.commands.output import FAILED, OK, print_json, progress_reporter, quantity_argument
 
 if TYPE_CHECKING:
-    from ssm_planner.problem.values import Range, Robot
+    from ssm_planner.problem.values import Robot, TaskLimits
     from ssm_planner.verify.certificate import Certificate
     from ssm_planner.verify.interpolation import Reading
 
@@ -21,6 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="plan.json, a CSV (columns named with units), a JointTrajectory (YAML or rosbag2), or an export folder",
     )
     parser.add_argument("--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json")
+    parser.add_argument(
+        "--problem", type=Path, help="problem file: its limits of the task, and its robot unless --robot is given"
+    )
     parser.add_argument("--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed")
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
 
@@ -30,13 +34,14 @@ def run(options: argparse.Namespace) -> int:
     progress(f"reading {options.trajectory}")
     from ssm_planner.verify.check import check
 
-    reading, robot, ranges, tip_speed = read(options.trajectory, options.robot)
+    reading, robot, limits = read(options.trajectory, options.robot, options.problem)
+    if options.tip_speed:
+        limits = dataclasses.replace(limits, tip_speed=options.tip_speed)
     progress("checking")
     certificate = check(
         reading.trajectory,
         robot,
-        ranges,
-        options.tip_speed or tip_speed,
+        limits,
         interpolation=reading.interpolation,
         resolution=reading.resolution,
     )
@@ -49,26 +54,32 @@ def run(options: argparse.Namespace) -> int:
     return OK if certificate.passed else FAILED
 
 
-def read(path: Path, robot_file: Path | None) -> tuple[Reading, Robot, dict[str, Range], float | None]:
-    """(trajectory, robot, task ranges, tip speed) of a file; a plan.json brings its own robot, a given one comes first.
+def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) -> tuple[Reading, Robot, TaskLimits]:
+    """(trajectory, robot, limits of the task) of a file.
 
-    Raises TrajectoryError or ProblemError.
+    A plan.json brings its own robot and limits; those of a problem file come first, a robot file before both. Raises
+    TrajectoryError or ProblemError.
     """
     from ssm_planner.errors import TrajectoryError
-    from ssm_planner.problem.load import load_robot
+    from ssm_planner.problem.load import load_problem, load_robot
+    from ssm_planner.problem.values import TaskLimits
     from ssm_planner.verify.readers import read_trajectory
 
-    robot = None if robot_file is None else load_robot(robot_file)
+    problem = None if problem_file is None else load_problem(problem_file)
+    robot = load_robot(robot_file) if robot_file is not None else None if problem is None else problem.robot
+    limits = None if problem is None else problem.task_limits
     if path.suffix.lower() == ".json":
         from ssm_planner.export.plan_file import read_plan
         from ssm_planner.verify.interpolation import Reading
 
         plan = read_plan(path)
         reading = Reading(plan.trajectory, "quintic polynomial pieces", None)
-        return reading, robot or plan.robot, plan.ranges, plan.tip_speed
+        return reading, robot or plan.robot, limits or plan.limits
     if robot is None:
-        raise TrajectoryError(f"{path}: does not say which robot it is for: give --robot ROBOT.yaml")
-    return read_trajectory(path, robot), robot, dict(robot.limits), None
+        raise TrajectoryError(
+            f"{path}: does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+        )
+    return read_trajectory(path, robot), robot, limits or TaskLimits(robot.limits)
 
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:

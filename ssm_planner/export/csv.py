@@ -151,8 +151,7 @@ def _as_read(path: Path, plan: PlanFile, with_positions: bool) -> list[str]:
     found = check(
         reading.trajectory,
         plan.robot,
-        plan.ranges,
-        plan.tip_speed,
+        plan.limits,
         resolution=reading.resolution,
         interpolation=reading.interpolation,
     )

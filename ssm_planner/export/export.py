@@ -48,7 +48,7 @@ def export(
 
 def verified(plan: PlanFile, force: bool) -> tuple[Certificate, bool]:
     """(certificate found anew, whether it and the one in the file passed). Raises ExportError where not, unless forced."""
-    found = check(plan.trajectory, plan.robot, plan.ranges, plan.tip_speed)
+    found = check(plan.trajectory, plan.robot, plan.limits)
     stated = plan.certificate
     if found.passed and stated is not None and stated.passed:
         return found, True

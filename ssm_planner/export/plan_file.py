@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.export.atomic import replacing
 from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.resolved import plain, robot_from_plain
-from ssm_planner.problem.values import TASK, Range, Robot
+from ssm_planner.problem.resolved import plain, robot_from_plain, task_limits_from_plain
+from ssm_planner.problem.values import Robot, TaskLimits
 from ssm_planner.verify.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -37,9 +37,7 @@ class PlanFile:
     """What later stages need of a plan, as read from plan.json: everything but the way it was found."""
 
     robot: Robot
-    ranges: dict[str, Range]
-    """Ranges of task coordinates, by name in TASK."""
-    tip_speed: float | None
+    limits: TaskLimits
     trajectory: Trajectory
     certificate: Certificate | None
     document: dict[str, Any]
@@ -64,9 +62,7 @@ def plan_from_bytes(data: bytes, path: Path) -> PlanFile:
     document = _document(data, path)
     problem = _mapping(document, "problem", path)
     robot = robot_from_plain(_mapping(problem, "robot", path), file=str(path))
-    tip_speed = problem.get("tip_speed")
-    if tip_speed is not None and not (isinstance(tip_speed, (int, float)) and tip_speed > 0):
-        raise TrajectoryError(f"{path}: problem.tip_speed = {tip_speed!r}: not a speed in m/s")
+    limits = task_limits_from_plain(problem, file=str(path))
     if document.get("trajectory") is None:
         raise TrajectoryError(f"{path}: this plan holds no trajectory (status: {document.get('status')})")
     try:
@@ -75,9 +71,8 @@ def plan_from_bytes(data: bytes, path: Path) -> PlanFile:
         certificate = None if stated is None else Certificate.from_dict(stated)
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    ranges = _ranges(problem.get("limits", {}), path)
     sha256 = hashlib.sha256(data).hexdigest()
-    return PlanFile(robot, ranges, tip_speed, trajectory, certificate, document, path, sha256)
+    return PlanFile(robot, limits, trajectory, certificate, document, path, sha256)
 
 
 def _document(data: bytes, path: Path) -> dict[str, Any]:
@@ -108,18 +103,6 @@ def _mapping(data: dict[str, Any], key: str, path: Path) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise TrajectoryError(f"{path}: {key} is missing or is no mapping: not a whole plan.json")
     return value
-
-
-def _ranges(data: object, path: Path) -> dict[str, Range]:
-    fault = TrajectoryError(f"{path}: problem.limits: not ranges [low, high] of {', '.join(TASK)}")
-    if not isinstance(data, dict) or not set(data) <= set(TASK):
-        raise fault
-    ranges = {}
-    for name, ends in data.items():
-        if not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(end, (int, float)) for end in ends)):
-            raise fault
-        ranges[name] = (float(ends[0]), float(ends[1]))
-    return ranges
 
 
 def plan_document(plan: Plan) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from ssm_planner.problem.values import Array
 from ssm_planner.verify.certificate import Certificate, LimitCheck
 from ssm_planner.verify.check import check
 from ssm_planner.verify.interpolation import Points, join_points
+from ssm_planner.verify.quantities import INSERTION_SPEED, RATES
 
 PARTS = (1, 2, 4, 8)
 """Into how many parts each piece is cut, in the order of trial."""
@@ -26,6 +27,7 @@ SMOOTH = 1e-6
 LARGEST_STRETCH = 1e-3
 TRIALS = 4
 ORDER = {"velocity": 1, "motor speed": 1, "tip speed": 1, "acceleration": 2, "jerk": 3, "motor torque": 2}
+ORDER |= dict.fromkeys((*RATES, INSERTION_SPEED), 1)
 """With which power of the speed a limited quantity falls at least, where the motion is slowed a little."""
 
 
@@ -99,9 +101,7 @@ def _trial(plan: PlanFile, parts: int, with_acceleration: bool, stretch: float, 
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0
     reading = join_points(Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot)
-    certificate = check(
-        reading.trajectory, plan.robot, plan.ranges, plan.tip_speed, interpolation=reading.interpolation
-    )
+    certificate = check(reading.trajectory, plan.robot, plan.limits, interpolation=reading.interpolation)
     return SplinePoints(s, with_acceleration, stretch, certificate)
 
 

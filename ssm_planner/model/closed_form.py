@@ -38,3 +38,24 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, 
     roll = theta1 + zeta + mech.side * math.pi / 2.0
     tilt = mech.side * tilt_magnitude(xp, mech.alpha, mech.beta, x)
     return roll, tilt, theta3 - eta + mech.spin_offset, mech.insertion_sign * theta4
+
+
+def task_rates_of_joints(
+    xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, Any], qd: tuple[Any, Any, Any, Any]
+) -> tuple[Any, Any, Any, Any]:
+    """Time derivative of task_of_joints.
+
+    It grows without bound towards a tilt of 0 or 180°, where roll and spin are one; there itself it is that of θ2 at rest.
+    With x, P, E of triangle.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
+    dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ.
+    """
+    mech, (speed1, speed2, speed3, speed4) = mechanism, qd
+    x = q[1] - mech.delta
+    c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
+    minus, plus = xp.sin(mech.alpha - mech.beta) * (c * c), xp.sin(mech.alpha + mech.beta) * (s * s)
+    sine2 = (minus + plus) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
+    sine2 = xp.where(sine2 > 0.0, sine2, 1.0)
+    roll = speed1 - xp.sin(mech.beta) * (minus - plus) / sine2 * speed2
+    tilt = mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * (2.0 * s * c) / xp.sqrt(sine2) * speed2
+    spin = speed3 + xp.sin(mech.alpha) * (minus + plus) / sine2 * speed2
+    return roll, tilt, spin, mech.insertion_sign * speed4

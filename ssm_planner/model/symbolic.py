@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.model.closed_form import joints_of_task, task_of_joints
+from ssm_planner.model.closed_form import joints_of_task, task_of_joints, task_rates_of_joints
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import casadi_namespace
 from ssm_planner.model.screws import exponential_terms
@@ -83,6 +83,14 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
     import casadi
 
     return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, (q[0], q[1], q[2], q[3])))
+
+
+def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> casadi.SX:
+    """Rates of (roll, tilt, spin, depth) (4, 1) of joints and joint rates (4, 1), rad/s and m/s; any branch."""
+    import casadi
+
+    parts = (q[0], q[1], q[2], q[3]), (qd[0], qd[1], qd[2], qd[3])
+    return casadi.vertcat(*task_rates_of_joints(casadi_namespace(), mechanism, *parts))
 
 
 def _rotation(axis: Any, angle: Any) -> Any:

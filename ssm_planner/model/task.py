@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssm_planner.errors import GeometryError
 from ssm_planner.model.arguments import batch
-from ssm_planner.model.closed_form import task_of_joints
+from ssm_planner.model.closed_form import task_of_joints, task_rates_of_joints
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import NUMPY
 from ssm_planner.model.screws import rotation
@@ -42,6 +42,15 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
     for column in (0, 2):
         task[:, column] = nearest_turn(task[:, column], centre[:, column])
     return task
+
+
+def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Rates of (roll, tilt, spin, depth) of joints q and joint rates qd, (n, 4) each; rad/s and m/s, (n, 4).
+
+    Roll and spin rates grow without bound towards a tilt of 0 or 180°, where the two are the same rotation.
+    """
+    q, qd = batch("q", q, 4), batch("qd", qd, 4)
+    return np.stack(task_rates_of_joints(NUMPY, mechanism, tuple(q.T), tuple(qd.T)), axis=1)
 
 
 def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:

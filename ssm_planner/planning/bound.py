@@ -7,17 +7,35 @@ import numpy as np
 from ssm_planner.planning.profile import rest_to_rest
 from ssm_planner.problem.values import Array, Robot
 
-
-def lower_bound(robot: Robot, first: Array, last: Array) -> float:
-    """The largest single-joint optimum from first to last (4,): each joint alone, everything else ignored, s."""
-    return max(joint_times(robot, first, last), default=0.0)
+MOVES = 1e-12
 
 
-def joint_times(robot: Robot, first: Array, last: Array) -> list[float]:
-    """Shortest time of each joint alone, s."""
-    times = []
-    for distance, joint in zip(np.abs(last - first), robot.joints, strict=True):
-        moves = distance > 1e-12
-        profile = rest_to_rest(float(distance), joint.velocity, joint.acceleration, joint.jerk) if moves else None
-        times.append(0.0 if profile is None else profile.duration)
-    return times
+def lower_bound(robot: Robot, points: Array, *, at_rest: bool = True) -> float:
+    """The largest single-joint optimum through points (k + 1, 4): each joint alone, everything else ignored, s.
+
+    A joint turns back only at the points, as the planner's joints do. at_rest: the motion begins and ends at rest; else
+    only velocities bound it.
+    """
+    return max(_time(robot, joint, points[:, joint], at_rest) for joint in range(4))
+
+
+def _time(robot: Robot, i: int, positions: Array, at_rest: bool) -> float:
+    """Shortest time of one joint alone through its positions (k + 1,), s."""
+    joint = robot.joints[i]
+    runs = _runs(positions)
+    if not at_rest:
+        return sum(runs) / joint.velocity
+    return sum(rest_to_rest(run, joint.velocity, joint.acceleration, joint.jerk).duration for run in runs)
+
+
+def _runs(positions: Array) -> list[float]:
+    """Distances between the points where the motion turns back."""
+    steps = np.diff(positions)
+    steps = steps[np.abs(steps) > MOVES]
+    runs: list[float] = []
+    for k, step in enumerate(steps):
+        if k and np.sign(step) == np.sign(steps[k - 1]):
+            runs[-1] += abs(float(step))
+        else:
+            runs.append(abs(float(step)))
+    return runs

@@ -43,3 +43,9 @@ def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reas
     if weakest is not None:
         return weakest[1]
     return Reason("solver", None, leg.motion.name, None, None, None, f"{leg.motion.name}: no motion found ({message})")
+
+
+def too_short(name: str, asked: float, needed: float) -> Reason:
+    """A duration asked for that is shorter than the fastest motion."""
+    text = f"{name} takes at least {needed:.6g} s within the limits; {asked:.6g} s were asked for"
+    return Reason("duration", None, name, needed, asked, f"a duration of at least {needed:.6g} s", text)

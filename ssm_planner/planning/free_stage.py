@@ -1,30 +1,36 @@
 """One element of a free phase as CasADi Functions: the limits that couple the joints, at its collocation points.
 
-Every joint moves one way, q = q0 + d y with y from 0 to 1, so the friction law enters exactly (planning/rows.py). An element
-is (y, ẏ, ÿ at its start, ÿ at its end, of the moving joints; length) in scaled time t = scale · t̂.
+The coordinates are u = (q − q0) / d of the moving joints, d > 0. Every joint keeps its direction within an element, so
+the friction law enters exactly (planning/rows.py). It is a stage of planning/program.py.
 """
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
+from ssm_planner.model.eye import eye_rows
 from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.namespace import casadi_namespace
 from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.symbolic import task_from_joints_symbolic, tip_position_symbolic
-from ssm_planner.planning.rows import Bounds, Instant, Row, torque_rows
-from ssm_planner.problem.values import TASK, Robot
+from ssm_planner.model.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
+from ssm_planner.planning.keys import robot_key
+from ssm_planner.planning.program import COLLOCATION, DENSE, RowName, simpson
+from ssm_planner.planning.rows import Bounds, Instant, Row, heat, torque_rows
+from ssm_planner.planning.stage import breakaway_joints
+from ssm_planner.problem.values import TASK, Eye, Robot
 
-COLLOCATION = (0.0, 0.5, 1.0)
-DENSE = tuple(k / 8 for k in range(9))
 WATCHED = ("roll", "spin")
 """Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
-NUMBERS = 4 + 4 + 16 + 1 + 2 * len(WATCHED) + 1
+RATED = ("roll", "tilt", "spin")
+"""Task coordinates whose rate is no multiple of one joint's."""
+NUMBERS = 4 + 4 + 16 + 1 + 2 * len(WATCHED) + len(RATED) + 1
 """q0, d, limits (velocity, acceleration, jerk, torque by joint), tip speed, centre and half width of the watched ranges,
-scale."""
-RowName = tuple[str, int | None]
+rates, scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,14 @@ class FreeStage:
     mechanism: Mechanism
     moving: tuple[int, ...]
     kept: frozenset[RowName]
+    eye: Eye | None = None
+    heats: bool = False
+
+    arguments = ((4, True), (NUMBERS, False))
+
+    @cached_property
+    def key(self) -> tuple[Any, ...]:
+        return "free", robot_key(self.robot), self.moving, self.kept, pickle.dumps(self.eye), self.heats
 
     @property
     def size(self) -> int:
@@ -54,32 +68,46 @@ class FreeStage:
         """Kept rows ≤ 1 at all collocation points; where none is kept, one that always holds."""
         x, *parameters = self._inputs()
         values = [self._point(self.state(x, c), *parameters) for c in COLLOCATION]
-        return ca.Function("element", [x, *parameters], [ca.vertcat(*values) if self.names else x[0] - 1])
+        return ca.Function("element", [x, *parameters], [ca.vertcat(*values) if self.names else x[-1] * 0])
 
     @cached_property
     def breakaway(self) -> ca.Function:
-        """Kept torque rows at the element's start with the static friction coefficient."""
+        """Torque rows at the element's start with the static friction coefficient."""
         x, *parameters = self._inputs()
         at, bounds, _ = self._instant(self.state(x, 0.0), *parameters)
-        rows = self._kept(torque_rows(at, bounds, self.robot.joints, breakaway=True))
+        rows = torque_rows(at, bounds, self.robot.joints, breakaway=True)
         return ca.Function("breakaway", [x, *parameters], [ca.vertcat(*(row.value for row in rows))])
 
     @cached_property
+    def breakaway_joints(self) -> list[int]:
+        """Joint of every breakaway row."""
+        return breakaway_joints(self.robot)
+
+    @cached_property
     def between(self) -> ca.Function:
-        """The same rows at the points DENSE, one after the other."""
+        """The rows of `element` at the points DENSE, one after the other."""
         x, *parameters = self._inputs()
         values = [self._point(self.state(x, c), *parameters) for c in DENSE]
         return ca.Function("between", [x, *parameters], [ca.vertcat(*values)])
 
+    @cached_property
+    def cost(self) -> ca.Function | None:
+        """∫ heat over the element, in scaled time."""
+        if not self.heats:
+            return None
+        x, *parameters = self._inputs()
+        values = [heat(self._instant(self.state(x, c), *parameters)[0], self.robot.joints) for c in COLLOCATION]
+        return ca.Function("cost", [x, *parameters], [simpson(values, x[-1])])
+
     def state(self, x: ca.SX, c: float) -> ca.SX:
-        """y, ẏ, ÿ of all joints at the share c of an element's length, (12,); ÿ is linear, y cubic."""
+        """u, u̇, ü of all joints at the share c of an element's length, (12,); ü is linear, u cubic."""
         m = len(self.moving)
-        y, speed, start, end, h = (x[k * m : (k + 1) * m] for k in range(5))
+        u, speed, start, end, h = (x[k * m : (k + 1) * m] for k in range(5))
         t, rise = c * h, end - start
         values = ca.SX.zeros(12)
         for k, joint in enumerate(self.moving):
             a0, slope = start[k], c * rise[k]
-            values[joint] = y[k] + t * (speed[k] + t * (a0 / 2 + slope / 6))
+            values[joint] = u[k] + t * (speed[k] + t * (a0 / 2 + slope / 6))
             values[4 + joint] = speed[k] + t * (a0 + slope / 2)
             values[8 + joint] = a0 + slope
         return values
@@ -103,10 +131,18 @@ class FreeStage:
             centre, half = numbers[25 + 2 * k], numbers[26 + 2 * k]
             value = (task[TASK.index(name)] - centre) / half
             rows += [Row(f"{name} range", None, value), Row(f"{name} range", None, -value)]
+        rates = task_rates_symbolic(self.mechanism, q, at.qd)
+        for k, name in enumerate(RATED):
+            value = rates[TASK.index(name)] / numbers[29 + k]
+            rows += [Row(f"{name} rate", None, value), Row(f"{name} rate", None, -value)]
+        if self.eye is not None:
+            tip = tip_position_symbolic(self.mechanism, q)
+            for name, value in eye_rows(casadi_namespace(), self.eye, (tip[0], tip[1], tip[2])).items():
+                rows.append(Row(name, None, value + 1))
         return rows
 
     def _instant(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds, ca.SX]:
-        d, scale = numbers[4:8], numbers[29]
+        d, scale = numbers[4:8], numbers[NUMBERS - 1]
         q = numbers[:4] + d * state[:4]
         qd, qdd = d * state[4:8] / scale, d * state[8:12] / scale**2
         tau = RigidBody.from_robot(self.robot).symbolic(q, qd, qdd)
@@ -125,3 +161,4 @@ class FreeStage:
 
     def _inputs(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         return ca.SX.sym("x", self.size), ca.SX.sym("sigma", 4), ca.SX.sym("numbers", NUMBERS)
+

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,28 +10,40 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.model.inverse import inverse_task, inverse_tip
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.solutions import Solutions
-from ssm_planner.model.task import task_from_joints
+from ssm_planner.model.task import task_from_joints, task_rates
 from ssm_planner.model.workspace import tilt_interval
 from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.places import misplaced
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
+from ssm_planner.planning.scan import expanded
+from ssm_planner.problem.values import TASK, Array, Motion, Problem, Target
 
 NOWHERE = 1e-9
 """A motion over less than this (rad, m) goes nowhere."""
-LOOKS = 201
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One entry of the motion list with its end points in task coordinates and joints, (4,) each."""
+    """One entry of the motion list; start and end in task coordinates, (4,)."""
 
     motion: Motion
     start: Array
     end: Array
-    first: Array
-    last: Array
+    points: Array
+    """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
     path: StraightPath | None
     """None for a dwell and for a free motion."""
+    first_speed: Array = field(default_factory=lambda: np.zeros(4))
+    last_speed: Array = field(default_factory=lambda: np.zeros(4))
+    """q̇ at both ends, (4,)."""
+
+    @property
+    def first(self) -> Array:
+        return np.asarray(self.points[0])
+
+    @property
+    def last(self) -> Array:
+        return np.asarray(self.points[-1])
 
     @property
     def straight(self) -> StraightPath:
@@ -45,7 +57,7 @@ class Leg:
 
 
 def legs_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Leg, ...], Reason | None]:
-    """The legs of a problem, or the reason why no start configuration carries it.
+    """The legs of a problem with the speeds at both ends, or the reason why no start configuration carries it.
 
     Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
     range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
@@ -53,9 +65,9 @@ def legs_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Leg, ...], Re
     reasons = []
     for first in _starts(problem, mechanism):
         legs = _chain(problem, mechanism, first)
-        reason = _out_of_range(problem.robot, legs)
+        reason = misplaced(problem, mechanism, legs)
         if reason is None:
-            return legs, None
+            return with_speeds(problem, mechanism, legs)
         reasons.append(reason)
     return (), reasons[0]
 
@@ -85,9 +97,9 @@ def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Leg, .
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
     near = None if problem.start.task is None else _task_of(problem, mechanism, problem.start, np.zeros(4))
     start = task_from_joints(mechanism, first[None, :], near=near)[0]
-    for motion in problem.motion:
+    for motion in expanded(problem, mechanism):
         if motion.kind == "dwell" or motion.target is None:
-            legs.append(Leg(motion, start, start, first, first, None))
+            legs.append(Leg(motion, start, start, np.stack([first, first]), None))
             continue
         path = None
         if motion.kind == "straight":
@@ -95,13 +107,17 @@ def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Leg, .
             _refuse_standstill(problem, motion, end - start)
             branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
             path = StraightPath(mechanism, start, end, branch, first, driven)
-            last = path.sample(np.array([1.0])).q[0]
+            points = path.sample(np.array([0.0, 1.0])).q
         else:
-            last = _free_end(problem, mechanism, motion.target, start, first)
-            _refuse_standstill(problem, motion, last - first)
-            end = task_from_joints(mechanism, last[None, :], near=start)[0]
-        legs.append(Leg(motion, start, end, first, last, path))
-        start, first = end, last
+            passed = [first]
+            end = start
+            for k, target in enumerate((*motion.through, motion.target)):
+                passed.append(_free_end(problem, mechanism, target, end, passed[-1]))
+                _refuse_standstill(problem, motion, passed[-1] - passed[-2], k if motion.through else None)
+                end = task_from_joints(mechanism, passed[-1][None, :], near=end)[0]
+            points = np.stack(passed)
+        legs.append(Leg(motion, start, end, points, path))
+        start, first = end, points[-1]
     return tuple(legs)
 
 
@@ -152,39 +168,74 @@ def _task_of(problem: Problem, mechanism: Mechanism, target: Target, held: Array
             line=target.line,
             key="tilt",
             value=f"{np.degrees(task[1]):.6g} deg",
-            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9)",
+            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9): there the "
+            "speed of joint tilt grows without bound",
         )
     return task
 
 
-def _refuse_standstill(problem: Problem, motion: Motion, way: Array) -> None:
+def _refuse_standstill(problem: Problem, motion: Motion, way: Array, point: int | None = None) -> None:
     if np.abs(way).max() < NOWHERE:
+        same = "its start and target are the same"
+        if point is not None:
+            last = point == len(motion.through)
+            same = f"{'its target' if last else f'through[{point}]'} is where the motion already is"
         raise ProblemError(
-            "this motion goes nowhere: its start and target are the same",
+            f"this motion goes nowhere: {same}",
             file=problem.file,
             line=motion.line,
             key=motion.name,
         )
 
 
-def _out_of_range(robot: Robot, legs: tuple[Leg, ...]) -> Reason | None:
-    """The first joint that leaves its position range along the legs; free motions stay between their ends."""
-    for leg in legs:
-        s = np.linspace(0.0, 1.0, LOOKS)
-        q = np.stack([leg.first, leg.last]) if leg.path is None else leg.path.sample(s).q
-        for i, joint in enumerate(robot.joints):
-            low, high = joint.position
-            over = np.maximum(low - q[:, i], q[:, i] - high)
-            if over.max() <= 1e-9 * (high - low):
-                continue
-            k = int(np.argmax(over))
-            value, limit = float(q[k, i]), low if q[k, i] < low else high
-            unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
-            place = f"{leg.motion.name}, {100 * k / (len(q) - 1):.0f} % of the way"
-            cure = f"range of joint {joint.name} to {value * scale:.6g} {unit}"
+def with_speeds(
+    problem: Problem, mechanism: Mechanism, legs: tuple[Leg, ...]
+) -> tuple[tuple[Leg, ...], Reason | None]:
+    """The legs with q̇ at the start of the first and the end of the last, or the reason why they cannot have them.
+
+    Raises ProblemError where a straight motion would leave its line.
+    """
+    changed = list(legs)
+    for key, rates, k in (("start_rate", problem.start_rate, 0), ("end_rate", problem.end_rate, -1)):
+        rate = np.array([rates.get(name, 0.0) for name in TASK])
+        if not rate.any():
+            continue
+        leg = changed[k]
+        if leg.motion.kind == "dwell":
+            raise ProblemError("a dwell has no speed", file=problem.file, line=leg.motion.line, key=key)
+        if leg.path is not None:
+            way = leg.end - leg.start
+            along = way * (way @ rate) / (way @ way)
+            if way @ rate < 0 or np.abs(rate - along).max() > 1e-9 * np.abs(rate).max():
+                raise ProblemError(
+                    f"a straight motion ({leg.motion.name}) keeps to its line, from its start to its target",
+                    file=problem.file,
+                    key=key,
+                    allowed="rates of the coordinates that the motion changes, in their ratio, and in its direction",
+                )
+        q = leg.points[k]
+        by_joint = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
+        speed = np.linalg.solve(by_joint, rate)
+        speed[np.abs(speed) < 1e-12 * np.abs(speed).max()] = 0.0
+        step = leg.points[1] - leg.points[0] if k == 0 else leg.points[-1] - leg.points[-2]
+        reason = _too_fast(problem, leg, key, speed, step)
+        if reason is not None:
+            return legs, reason
+        changed[k] = replace(leg, **{"first_speed" if k == 0 else "last_speed": speed})
+    return tuple(changed), None
+
+
+def _too_fast(problem: Problem, leg: Leg, key: str, speed: Array, step: Array) -> Reason | None:
+    """A joint that would be faster than its limit, or move against its way in a free motion."""
+    place = f"{leg.motion.name}, {key.replace('_', ' ')}"
+    for i, joint in enumerate(problem.robot.joints):
+        if abs(speed[i]) > joint.velocity:
+            text = f"joint {joint.name} would move at {abs(speed[i]):.4g}, its limit is {joint.velocity:.4g} ({place}; SI)"
+            return Reason("velocity", joint.name, place, float(abs(speed[i])), joint.velocity, None, text)
+        if leg.path is None and speed[i] * np.sign(step[i]) <= 0 and speed[i] != 0:
             text = (
-                f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
-                f"{limit * scale:.6g} {unit} ({place})"
+                f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
+                "add a point where it turns, or leave this rate out"
             )
-            return Reason("position", joint.name, place, value, limit, cure, text)
+            return Reason("direction", joint.name, place, float(np.sign(step[i])), float(np.sign(speed[i])), None, text)
     return None

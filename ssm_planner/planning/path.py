@@ -67,6 +67,11 @@ class StraightPath:
         q, dq, ddq, dddq = call(self._function, s[:, None])
         return PathSamples(s, q + self._turns, dq, ddq, dddq)
 
+    def speed_at(self, s: float, qd: Array) -> float:
+        """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
+        slope = self.sample(np.array([s])).dq[0]
+        return float(slope @ qd / (slope @ slope))
+
     def tip_slope(self, samples: PathSamples) -> Array:
         """dp/ds of the tool tip, m, (n, 3)."""
         return tip_velocity(self.mechanism, samples.q, samples.dq)

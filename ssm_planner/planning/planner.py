@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
 from ssm_planner.planning.bound import lower_bound
-from ssm_planner.planning.diagnosis import no_motion
+from ssm_planner.planning.diagnosis import no_motion, too_short
 from ssm_planner.planning.free_ocp import solve_free
 from ssm_planner.planning.joint_path import StepPath, TravelledPath
 from ssm_planner.planning.legs import Leg, legs_of
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming import retime
-from ssm_planner.planning.straight import plan_straight
+from ssm_planner.planning.straight import joint_pieces
+from ssm_planner.planning.straight_ocp import solve_straight
 from ssm_planner.problem.values import Array, Problem
 
 
@@ -46,18 +47,20 @@ class Planned:
 def plan_motion(
     problem: Problem, tighten: Array | None = None, progress: Callable[[str], None] = lambda _: None
 ) -> Planned:
-    """Plan every leg of a problem, each from rest to rest.
+    """Plan every leg of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     tighten (4, 4): factors ≤ 1 on velocity, acceleration, jerk and torque limits (rows) by joint (columns).
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     legs, reason = legs_of(problem, mechanism)
+    if reason is None and problem.duration is not None:
+        legs, reason = _timed(problem, mechanism, legs, problem.duration, tighten, progress)
     if reason is not None:
         return Planned("infeasible", None, (), reason)
     planned: list[PlannedLeg] = []
     parts = []
-    for leg in legs:
-        progress(leg.motion.name)
+    for k, leg in enumerate(legs, 1):
+        progress(leg.motion.name if len(legs) == 1 else f"{leg.motion.name} ({k} of {len(legs)})")
         outcome = _PLANNERS[leg.motion.kind](problem, mechanism, leg, tighten)
         if isinstance(outcome, Reason):
             status = "infeasible" if outcome.constraint != "solver" else "not converged"
@@ -66,6 +69,37 @@ def plan_motion(
         planned.append(done)
         parts.append((leg.motion.name, breaks, coefficients))
     return Planned("solved", join(parts), tuple(planned), None)
+
+
+def _timed(
+    problem: Problem,
+    mechanism: Mechanism,
+    legs: tuple[Leg, ...],
+    duration: float,
+    tighten: Array | None,
+    progress: Callable[[str], None],
+) -> tuple[tuple[Leg, ...], Reason | None]:
+    """The legs with durations that add up to the one asked for: what has none of its own is slowed down in proportion."""
+    fastest = replace(problem, objective="time")
+    least = []
+    for leg in legs:
+        progress(f"{leg.motion.name}, fastest")
+        if leg.motion.duration is not None:
+            least.append(0.0)
+            continue
+        outcome = _PLANNERS[leg.motion.kind](fastest, mechanism, leg, tighten)
+        if isinstance(outcome, Reason):
+            return legs, outcome
+        least.append(outcome[0].duration)
+    fixed = sum(leg.motion.duration or 0.0 for leg in legs)
+    room, needed = duration - fixed, sum(least)
+    if room < needed:
+        return legs, too_short("the whole motion", duration, fixed + needed)
+    timed = (
+        leg if own == 0.0 else replace(leg, motion=replace(leg.motion, duration=own * room / needed))
+        for leg, own in zip(legs, least, strict=True)
+    )
+    return tuple(timed), None
 
 
 Outcome = tuple[PlannedLeg, Array, Array]
@@ -78,27 +112,34 @@ def _dwell(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | No
 
 
 def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
-    path = leg.straight
-    retiming = retime(path, problem.robot, tip_speed=problem.tip_speed)
+    path, limits, asked = leg.straight, problem.task_limits, leg.motion.duration
+    speeds = path.speed_at(0.0, leg.first_speed), path.speed_at(1.0, leg.last_speed)
+    retiming = retime(path, problem.robot, limits=limits, speeds=speeds)
     if not retiming.solved:
         return no_motion(problem, leg, path, retiming.message)
-    phase = plan_straight(problem.robot, path, retiming, problem.tip_speed, tighten)
-    if not phase.ocp.solved:
-        return no_motion(problem, leg, path, phase.ocp.message)
-    bound = lower_bound(problem.robot, leg.first, leg.last)
-    done = PlannedLeg(leg, phase.duration, retiming.duration, bound, phase.ocp.iterations)
-    return done, phase.breaks, phase.coefficients
+    motion = solve_straight(problem.robot, path, retiming, limits, tighten, problem.objective, asked, speeds)
+    if not motion.solved:
+        return no_motion(problem, leg, path, motion.message)
+    if asked is not None and motion.duration > asked * (1 + 1e-6):
+        return too_short(leg.motion.name, asked, motion.duration)
+    breaks, coefficients = joint_pieces(path, motion, end_speed=speeds[1])
+    bound = lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
+    return PlannedLeg(leg, motion.duration, retiming.duration, bound, motion.iterations), breaks, coefficients
 
 
 def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
-    result = solve_free(problem, mechanism, leg.first, leg.last, tighten)
+    asked, speeds = leg.motion.duration, (leg.first_speed, leg.last_speed)
+    result = solve_free(problem, mechanism, leg.points, tighten, asked, speeds)
+    duration = float(result.breaks[-1])
     if not result.solved:
         return no_motion(problem, leg, StepPath(mechanism, leg.first, leg.last), result.message)
+    if asked is not None and duration > asked * (1 + 1e-6):
+        return too_short(leg.motion.name, asked, duration)
     coefficients = hermite(result.breaks, result.start, result.end)
-    path = TravelledPath.of(mechanism, Trajectory(result.breaks, coefficients, ()), leg.last - leg.first)
-    again = retime(path, problem.robot, tip_speed=problem.tip_speed)
-    bound = lower_bound(problem.robot, leg.first, leg.last)
-    duration = float(result.breaks[-1])
+    trajectory = Trajectory(result.breaks, coefficients, ())
+    path = TravelledPath.of(mechanism, trajectory, result.borders, np.diff(leg.points, axis=0))
+    again = retime(path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1])))
+    bound = lower_bound(problem.robot, leg.points, at_rest=not np.any(speeds))
     toppra_duration = again.duration if again.solved else None
     return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from ssm_planner.model.friction import friction_coefficient, friction_of
 from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.task import task_rates
 from ssm_planner.model.transmission import motor_torque_rows
 from ssm_planner.planning.joint_path import JointPath
 from ssm_planner.planning.path import PathSamples
-from ssm_planner.problem.values import Array, Drive, Robot
+from ssm_planner.problem.values import TASK, Array, Drive, Robot, TaskLimits
 
 PASSES = 12
 CONVERGED = 1e-7
@@ -75,13 +76,19 @@ class PathRows:
         return np.where(value.max(axis=1) > ACTIVE, row, -2)
 
 
-def retime(path: JointPath, robot: Robot, points: int = 1000, tip_speed: float | None = None) -> Retiming:
-    """Time-optimal rest-to-rest motion along the path on `points` grid intervals."""
+def retime(
+    path: JointPath,
+    robot: Robot,
+    points: int = 1000,
+    limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
+    speeds: tuple[float, float] = (0.0, 0.0),
+) -> Retiming:
+    """Time-optimal motion along the path on `points` grid intervals; speeds: ṡ at both ends, 1/s."""
     knots, signs = path.directions
     grid = _grid(knots, points)
     samples = path.sample(grid)
     interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
-    ceiling = speed_ceiling(path, samples, robot, tip_speed)
+    ceiling = speed_ceiling(path, samples, robot, limits)
     load = PathLoad.along(RigidBody.from_robot(robot), samples)
     tangent = ceiling
     best = Retiming(
@@ -94,8 +101,8 @@ def retime(path: JointPath, robot: Robot, points: int = 1000, tip_speed: float |
         np.full(points, -2),
     )
     for count in range(1, PASSES + 1):
-        rows = path_rows(robot, samples, load, signs[interval], ceiling, tangent)
-        found = _solve(grid, rows, tangent)
+        rows = path_rows(robot, samples, load, signs[interval], ceiling, tangent, starts=speeds[0] == 0.0)
+        found = _solve(grid, rows, tangent, speeds)
         if found is None:
             if best.solved:
                 break
@@ -130,23 +137,37 @@ class PathLoad:
         )
 
 
-def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, tip_speed: float | None) -> Array:
-    """Largest ṡ² that joint, motor and tip speeds allow at each sample, (n,)."""
+def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
+    """Largest ṡ² that joint, motor and tip speeds and the rates of task coordinates allow at each sample, (n,)."""
     limit = np.array([joint.velocity for joint in robot.joints])
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None and joint.motor is not None:
             limit[i] = min(limit[i], joint.motor.max_speed / joint.drive.ratio)
     with np.errstate(divide="ignore"):
         speed = (limit / np.abs(samples.dq)).min(axis=1)
-        if tip_speed is not None:
-            speed = np.minimum(speed, tip_speed / np.linalg.norm(path.tip_slope(samples), axis=1))
+        if limits.tip_speed is not None:
+            speed = np.minimum(speed, limits.tip_speed / np.linalg.norm(path.tip_slope(samples), axis=1))
+        if limits.rates:
+            slope = np.abs(task_rates(path.mechanism, samples.q, samples.dq))
+            for name, rate in limits.rates.items():
+                speed = np.minimum(speed, rate / slope[:, TASK.index(name)])
     return np.asarray(speed**2)
 
 
 def path_rows(
-    robot: Robot, samples: PathSamples, load: PathLoad, signs: Array, ceiling: Array, speed_squared: Array
+    robot: Robot,
+    samples: PathSamples,
+    load: PathLoad,
+    signs: Array,
+    ceiling: Array,
+    speed_squared: Array,
+    *,
+    starts: bool,
 ) -> PathRows:
-    """Acceleration and motor-torque limits as rows, the friction coefficient taken at the speed of the last pass."""
+    """Acceleration and motor-torque limits as rows, the friction coefficient taken at the speed of the last pass.
+
+    starts: from rest, so that friction at the first sample is static.
+    """
     rows = _RowList([], [], [], [])
     zero = np.zeros(len(samples.s))
     for i, joint in enumerate(robot.joints):
@@ -154,7 +175,7 @@ def path_rows(
             rows.add(side * samples.dq[:, i], side * samples.ddq[:, i], zero, zero, joint.acceleration)
         if joint.drive is not None and joint.motor is not None:
             _add_torque_rows(
-                rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared
+                rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared, starts
             )
     a, b, c, k = (np.stack(column, axis=1) for column in (rows.a, rows.b, rows.c, rows.k))
     return PathRows(a, b, c, k, ceiling)
@@ -182,14 +203,14 @@ def _add_torque_rows(
     sigma: Array,
     ceiling: Array,
     speed_squared: Array,
+    starts: bool,
 ) -> None:
     """σ τ_motor ≤ limit as two rows, and −σ τ_motor ≤ limit as one on the safe side."""
     friction, r = friction_of(drive), drive.ratio
     dq, ddq = samples.dq[:, i], samples.ddq[:, i]
     moving = np.abs(sigma)
     mu = friction_coefficient(friction, r * np.abs(dq) * np.sqrt(speed_squared))
-    # a phase starts from rest: the first sample breaks away
-    mu = np.where(samples.s == 0.0, np.maximum(mu, friction.mu_static), mu)
+    mu = np.where((samples.s == 0.0) & starts, np.maximum(mu, friction.mu_static), mu)
     forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
     effort_a = sigma * (load.inertia[:, i] + drive.output_inertia * dq)
     effort_b = sigma * (load.velocity[:, i] + drive.output_inertia * ddq)
@@ -233,7 +254,7 @@ def _grid(knots: Array, points: int) -> Array:
     return grid
 
 
-def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
+def _solve(grid: Array, rows: PathRows, tangent: Array, speeds: tuple[float, float]) -> Array | None:
     """One TOPP-RA pass; ṡ² at the grid points or None where there is no motion."""
     import toppra
     from toppra.algorithm import TOPPRA
@@ -268,7 +289,8 @@ def _solve(grid: Array, rows: PathRows, tangent: Array) -> Array | None:
             return np.zeros((np.size(s), 1))
 
     algorithm = TOPPRA([Rows()], Line(), grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
-    _, speed, _, _ = algorithm.compute_parameterization(0.0, 0.0, return_data=True)
+    first, last = (speed / float(np.sqrt(unit)) for speed in speeds)
+    _, speed, _, _ = algorithm.compute_parameterization(first, last, return_data=True)
     if speed is None or not np.all(np.isfinite(speed)):
         return None
     return np.asarray(speed, dtype=float) ** 2 * unit

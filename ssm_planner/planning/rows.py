@@ -82,6 +82,17 @@ def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, break
     return rows
 
 
+def heat(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Σ (τ_motor / τ_nominal)², the larger side of the mesh smoothed."""
+    total = ca.SX(0)
+    for i, joint in enumerate(joints):
+        if joint.drive is None or joint.motor is None:
+            continue
+        first, second = (value / joint.motor.nominal_torque for value in directed_torques(joint.drive, at, i, breakaway=False))
+        total += ((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + BRAKING_SOFTNESS**2)) ** 2
+    return total
+
+
 def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> tuple[ca.SX, ca.SX]:
     """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
     friction = friction_of(drive)

@@ -1,43 +1,58 @@
 """One element of a straight phase as CasADi Functions: the limits at its collocation points, from s(t) alone.
 
-Time is scaled: t = scale · t̂. An element is (s, ṡ, s̈ at its start, s̈ at its end, length) in scaled time.
+Time is scaled: t = scale · t̂. An element is (s, ṡ, s̈ at its start, s̈ at its end, length) in scaled time; it is a
+stage of planning/program.py with one coordinate.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
+from ssm_planner.planning.keys import robot_key
 from ssm_planner.planning.local_path import LOCAL, LocalPath
-from ssm_planner.planning.rows import Bounds, Instant, Row, kinematic_rows, torque_rows
+from ssm_planner.planning.program import COLLOCATION, DENSE, RowName, simpson
+from ssm_planner.planning.rows import Bounds, Instant, Row, heat, kinematic_rows, torque_rows
 from ssm_planner.problem.values import Robot
 
-COLLOCATION = (0.0, 0.5, 1.0)
-"""Where in an element the limits are kept; both ends, because the acceleration may jump there."""
-DENSE = tuple(k / 8 for k in range(9))
-"""Where the planner looks for limits exceeded between the collocation points."""
 NUMBERS = 16 + 1 + 1
 """Length of the parameter vector: limits (velocity, acceleration, jerk, torque by joint), tip speed, scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class StraightStage:
-    """Functions of one robot; path, load, limits and directions are parameters.
+    """Functions of one robot; path, load, limits and directions are parameters. `kept` names the rows that are wanted.
 
     All take (element (5), sigma (4), local (LOCAL), numbers (NUMBERS)).
     """
 
     robot: Robot
     jerk: bool
+    kept: frozenset[RowName] | None = None
+    """None: all."""
+    heats: bool = False
+
+    arguments = ((4, True), (LOCAL, True), (NUMBERS, False))
+
+    @cached_property
+    def key(self) -> tuple[Any, ...]:
+        return "straight", robot_key(self.robot), self.jerk, self.kept, self.heats
+
+    @cached_property
+    def names(self) -> list[RowName]:
+        """Limit and joint of every row, in order."""
+        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
+        return [(row.name, row.joint) for row in self._rows(state, *parameters)]
 
     @cached_property
     def element(self) -> ca.Function:
         """Rows ≤ 1 at all collocation points."""
         x, *parameters = self._inputs()
         values = [self._point(element_state(x, c), *parameters) for c in COLLOCATION]
-        return ca.Function("element", [x, *parameters], [ca.vertcat(*values)])
+        return ca.Function("element", [x, *parameters], [ca.vertcat(*values) if self.names else x[0] - 1])
 
     @cached_property
     def between(self) -> ca.Function:
@@ -59,17 +74,32 @@ class StraightStage:
         return ca.Function("breakaway", [x, *parameters], [ca.vertcat(*(row.value for row in rows))])
 
     @cached_property
+    def breakaway_joints(self) -> list[int]:
+        """Joint of every breakaway row."""
+        return breakaway_joints(self.robot)
+
+    @cached_property
+    def cost(self) -> ca.Function | None:
+        """∫ heat over the element, in scaled time."""
+        if not self.heats:
+            return None
+        x, *parameters = self._inputs()
+        values = [heat(self._instant(element_state(x, c), *parameters)[0], self.robot.joints) for c in COLLOCATION]
+        return ca.Function("cost", [x, *parameters], [simpson(values, x[4])])
+
+    @cached_property
     def _point(self) -> ca.Function:
         """Rows ≤ 1 at one `element_state`."""
         state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
-        rows = self.rows(state, *parameters)
+        rows = self._rows(state, *parameters)
         return ca.Function("point", [state, *parameters], [ca.vertcat(*(row.value for row in rows))])
 
-    def rows(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> list[Row]:
+    def _rows(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> list[Row]:
         """The named limits at one instant of the path."""
         at, bounds = self._instant(state, sigma, local, numbers)
         joints = self.robot.joints
-        return [*kinematic_rows(at, bounds, joints, self.jerk), *torque_rows(at, bounds, joints)]
+        rows = [*kinematic_rows(at, bounds, joints, self.jerk), *torque_rows(at, bounds, joints)]
+        return [row for row in rows if self.kept is None or (row.name, row.joint) in self.kept]
 
     def _inputs(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         sizes = {"x": 5, "sigma": 4, "local": LOCAL, "numbers": NUMBERS}
@@ -91,6 +121,12 @@ class StraightStage:
         )
         velocity, acceleration, jerk_limit, torque = (numbers[4 * k : 4 * k + 4] for k in range(4))
         return at, Bounds(velocity, acceleration, jerk_limit, torque, tip_speed=numbers[16])
+
+
+def breakaway_joints(robot: Robot) -> list[int]:
+    """Joint of every row of `torque_rows` with static friction."""
+    driven = (i for i, joint in enumerate(robot.joints) if joint.drive is not None and joint.motor is not None)
+    return [i for i in driven for _ in range(3)]
 
 
 def element_state(x: ca.SX, c: float) -> ca.SX:

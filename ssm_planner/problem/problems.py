@@ -6,11 +6,16 @@ import math
 from collections.abc import Mapping
 
 from ssm_planner.problem.complaint import validated
+from ssm_planner.problem.eye import eye_from
 from ssm_planner.problem.robots import robot_from, task_limits, travel
-from ssm_planner.problem.schema.motion import EntryModel, PointModel, ProblemModel, TaskModel
+from ssm_planner.problem.schema.motion import EntryModel, ProblemModel
+from ssm_planner.problem.schema.points import PointModel, RateModel, TaskModel
+from ssm_planner.problem.schema.scan import ScanModel
 from ssm_planner.problem.source import Section, follow
-from ssm_planner.problem.values import TASK, Motion, Problem, Range, Robot, Target
+from ssm_planner.problem.values import TASK, Eye, Motion, Problem, Range, Robot, Scan, Target
 
+RATES = {"roll": "roll_rate", "tilt": "tilt_rate", "spin": "spin_rate", "depth": "insertion_speed"}
+"""Keys of the limits on rates, by name in TASK."""
 SLACK = 1e-9
 """rad or m, so that a target may sit on a limit."""
 
@@ -26,7 +31,10 @@ def problem_from(section: Section) -> Problem:
             "missing: a start says where all of the tool is", "start", missing[0], allowed=", ".join(TASK)
         )
     start = _target(section.sub("start"), model.start, robot, limits)
-    motion = tuple(_motion(section.sub("motion", i), entry, robot, limits) for i, entry in enumerate(model.motion))
+    eye = None if model.eye is None else eye_from(section.sub("eye"), model.eye)
+    entries = enumerate(model.motion)
+    motion = tuple(_motion(section.sub("motion", i), entry, robot, limits, eye) for i, entry in entries)
+    _refuse_durations(section, model, motion)
     return Problem(
         name=model.name or section.file.stem,
         robot=robot,
@@ -35,8 +43,31 @@ def problem_from(section: Section) -> Problem:
         limits=limits,
         tip_speed=model.limits.tip_speed,
         objective=model.objective,
+        duration=model.duration,
+        start_rate=_rates(model.start_rate),
+        end_rate=_rates(model.end_rate),
         file=str(section.file),
+        rates={name: rate for name, key in RATES.items() if (rate := getattr(model.limits, key)) is not None},
+        eye=eye,
     )
+
+
+def _refuse_durations(section: Section, model: ProblemModel, motion: tuple[Motion, ...]) -> None:
+    """Raises where durations are missing for the objective, or contradict it."""
+    timed = [entry.duration is not None for entry in motion]
+    if model.objective == "effort" and model.duration is None and not all(timed):
+        raise section.error(
+            "the least effort has no duration of its own",
+            "objective",
+            allowed="a duration of the whole problem, or one for every motion",
+        )
+    if model.duration is None:
+        return
+    fixed = sum(entry.duration or 0.0 for entry in motion)
+    if all(timed):
+        raise section.error("every motion has a duration of its own already", "duration")
+    if fixed >= model.duration:
+        raise section.error(f"dwells and timed motions alone take {fixed:g} s", "duration", allowed="more than that")
 
 
 def _narrowed(section: Section, robot: Robot, own: Mapping[str, Range]) -> dict[str, Range]:
@@ -55,20 +86,45 @@ def _narrowed(section: Section, robot: Robot, own: Mapping[str, Range]) -> dict[
     return result
 
 
-def _motion(section: Section, entry: EntryModel, robot: Robot, limits: Mapping[str, Range]) -> Motion:
+def _motion(section: Section, entry: EntryModel, robot: Robot, limits: Mapping[str, Range], eye: Eye | None) -> Motion:
     (name,) = entry.model_fields_set
     line = section.line(name)
     if entry.dwell is not None:
         return Motion("dwell", name, duration=entry.dwell, line=line)
+    if entry.scan is not None:
+        return _scan(section.sub(name), entry.scan, robot, limits, eye)
     here = section.sub(name, "to")
     if entry.free is not None:
-        return Motion("free", name, _target(here, entry.free.to, robot, limits), line=line)
+        target = _target(here, entry.free.to, robot, limits)
+        passed = enumerate(entry.free.through)
+        through = tuple(_target(section.sub(name, "through", k), point, robot, limits) for k, point in passed)
+        return Motion("free", name, target, entry.free.duration, line, through)
     if entry.straight is not None:
-        return Motion("straight", name, _target(here, entry.straight.to, robot, limits), line=line)
+        return Motion("straight", name, _target(here, entry.straight.to, robot, limits), entry.straight.duration, line)
     coordinate = "depth" if name == "insert" else name
-    value = getattr(entry, name).to
-    _inside(here, (), coordinate, value, limits)
-    return Motion("straight", name, Target(task={coordinate: value}, line=here.line()), line=line)
+    model = getattr(entry, name)
+    _inside(here, (), coordinate, model.to, limits)
+    return Motion("straight", name, Target(task={coordinate: model.to}, line=here.line()), model.duration, line)
+
+
+def _scan(section: Section, model: ScanModel, robot: Robot, limits: Mapping[str, Range], eye: Eye | None) -> Motion:
+    if eye is None:
+        raise section.error("a scan is of spots on a retina, and no eye is given", allowed="a problem with an eye")
+    if model.distance < eye.clearance:
+        allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
+        raise section.error("nearer to the retina than the clearance", "distance", allowed=allowed)
+    diameters = {"raster": (), "ring": (model.diameter,), "triple ring": model.diameters}[model.pattern]
+    if any(diameter >= eye.radius for diameter in diameters):
+        raise section.error("larger than the eye's radius", "diameter" if model.pattern == "ring" else "diameters")
+    rows, columns = int(model.rows or 0), int(model.columns or 0)
+    scan = Scan(diameters, rows, columns, model.spacing, model.distance, model.dwell)
+    target = _target(section.sub("at"), model.at, robot, limits)
+    return Motion("scan", model.pattern, target, line=section.line(), scan=scan)
+
+
+def _rates(model: RateModel) -> dict[str, float]:
+    rates = {name: getattr(model, name) for name in TASK}
+    return {name: rate for name, rate in rates.items() if rate}
 
 
 def _target(section: Section, point: TaskModel, robot: Robot, limits: Mapping[str, Range]) -> Target:

@@ -1,4 +1,4 @@
-"""Resolved values as JSON types and back: what plan.json holds of a problem, and the robot rebuilt from it."""
+"""Resolved values as JSON types and back: what plan.json holds of a problem, and robot and limits rebuilt from it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.values import Body, Geometry, Robot, frozen
+from ssm_planner.problem.values import TASK, Body, Eye, Geometry, Lens, Range, Robot, TaskLimits, frozen
 
 SHAPES = {
     (Geometry, "omega1"): (3,),
@@ -23,6 +23,10 @@ SHAPES = {
     (Body, "inertia"): (3, 3),
     (Body, "frame"): (3, 3),
     (Robot, "gravity"): (3,),
+    (Eye, "centre"): (3,),
+    (Lens, "centre"): (3,),
+    (Lens, "semi_axes"): (3,),
+    (Lens, "frame"): (3, 3),
 }
 """Shapes of the arrays among the resolved values."""
 
@@ -59,6 +63,39 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
                     "not a limit", file=file, key=f"robot.joints.{joint.name}.{name}", value=allowed, allowed="above 0"
                 )
     return robot
+
+
+def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) -> TaskLimits:
+    """The limits of the task in a problem that `plain` made JSON types of; those that it does not name are none.
+
+    file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
+    """
+    try:
+        ranges = _by_task(problem.get("limits"), Mapping[str, Range], "problem.limits")
+        rates = _by_task(problem.get("rates"), Mapping[str, float], "problem.rates")
+        tip_speed = _value(float | None, problem.get("tip_speed"), "problem.tip_speed")
+        eye: Eye | None = _value(Eye | None, problem.get("eye"), "problem.eye")
+        positive = {f"rates.{name}": rate for name, rate in rates.items()} | {"tip_speed": tip_speed}
+        if eye is not None:
+            positive |= {"eye.port": eye.port, "eye.radius": eye.radius - eye.clearance}
+            if eye.lens is not None:
+                positive["eye.lens.semi_axes"] = float(eye.lens.semi_axes.min())
+        for key, number in positive.items():
+            if number is not None and not number > 0:
+                raise _wrong(f"problem.{key}", number, "above 0")
+    except ProblemError as error:
+        error.file = file
+        raise
+    return TaskLimits(ranges, tip_speed, rates, eye)
+
+
+def _by_task(data: Any, hint: Any, where: str) -> dict[str, Any]:
+    """A mapping from names of task coordinates; none is an empty one."""
+    found: dict[str, Any] = _value(hint, {} if data is None else data, where)
+    for key in found:
+        if key not in TASK:
+            raise ProblemError("unknown key", key=f"{where}.{key}", allowed=", ".join(TASK))
+    return found
 
 
 def _dataclass(cls: Any, data: object, where: str) -> Any:

@@ -277,7 +277,24 @@ class TaskLimits:
     eye: Eye | None = None
 
 
-MotionKind = Literal["straight", "free", "dwell"]
+@dataclass(frozen=True)
+class Scan:
+    """Spots on the retina: a raster, or rings one after the other, about the point where the tool's axis meets it."""
+
+    diameters: tuple[float, ...]
+    """Of the rings, m; none for a raster."""
+    rows: int
+    columns: int
+    """Of a raster."""
+    spacing: float
+    """Between neighbouring spots, m; on a ring as nearly as a whole number of spots allows."""
+    distance: float
+    """Of the tip from the retina, m."""
+    dwell: float
+    """At every spot, s; 0: the spots are passed without stopping."""
+
+
+MotionKind = Literal["straight", "free", "dwell", "scan"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,6 +310,8 @@ class Motion:
     line: int | None = None
     through: tuple[Target, ...] = ()
     """Points that a free motion passes without stopping, in order, before its target."""
+    scan: Scan | None = None
+    """Its target is the task coordinates at which the tool points to the middle of the pattern."""
 
 
 Objective = Literal["time", "time then heat", "effort"]
@@ -315,6 +334,8 @@ class Problem:
     start_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
     end_rate: Mapping[str, float] = field(default_factory=dict)
+    duration: float | None = None
+    """Of everything together where it is asked for, s."""
 
     @property
     def task_limits(self) -> TaskLimits:

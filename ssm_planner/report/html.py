@@ -43,7 +43,7 @@ def report_data(plan: PlanFile) -> dict[str, Any]:
         "panels": panels_of(plan, channels),
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
         "notes": {TEMPERATURE: without_temperature(channels, motors)},
-        "scene": scene_of(plan.robot, plan.ranges, plan.document),
+        "scene": scene_of(plan.robot, plan.limits),
         "channels": encoded(channels),
     }
 

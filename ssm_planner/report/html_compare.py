@@ -47,7 +47,7 @@ def comparison_data(plans: tuple[PlanFile, PlanFile]) -> dict[str, Any]:
         "colours": list(COLOURS),
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plans[0].robot.joints],
         "panels": _together(*(panels_of(plan, each) for plan, each in zip(plans, channels, strict=True))),
-        "scenes": [scene_of(plan.robot, plan.ranges, plan.document) for plan in plans],
+        "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
         "channels": [encoded(each) for each in channels],
     }
 

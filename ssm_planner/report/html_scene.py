@@ -11,7 +11,8 @@ import numpy as np
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import pose_from_task
 from ssm_planner.model.workspace import tilt_interval
-from ssm_planner.problem.values import JOINTS, Array, Range, Robot
+from ssm_planner.problem.resolved import plain
+from ssm_planner.problem.values import JOINTS, Array, Eye, Range, Robot, TaskLimits
 
 LINK = 0.11
 """Radius at which the links are drawn; a robot file gives no shapes."""
@@ -20,18 +21,16 @@ BAND = 0.075
 STEP = math.radians(5.0)
 
 
-def scene_of(robot: Robot, ranges: Mapping[str, Range], document: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene of a robot with its ranges of task coordinates; document: a plan file's, for the eye."""
+def scene_of(robot: Robot, limits: TaskLimits) -> dict[str, Any]:
+    """The scene of a robot with its ranges of task coordinates and the eye."""
     mechanism = Mechanism.from_geometry(robot.geometry)
-    scene = mechanism_scene(mechanism, ranges, link_sides(robot, mechanism))
+    scene = mechanism_scene(mechanism, limits.ranges, link_sides(robot, mechanism), limits.eye)
     scene["names"] = [joint.name for joint in robot.joints]
-    problem = document.get("problem")
-    scene["eye"] = problem.get("eye") if isinstance(problem, Mapping) else None
     return scene
 
 
 def mechanism_scene(
-    mechanism: Mechanism, ranges: Mapping[str, Range], sides: list[int] | None = None
+    mechanism: Mechanism, ranges: Mapping[str, Range], sides: list[int] | None = None, eye: Eye | None = None
 ) -> dict[str, Any]:
     """The scene of a mechanism; sides: on which side of the RCM joints 1 and 2 are, +1 along their axis."""
     low, high = tilt_interval(mechanism)
@@ -48,7 +47,7 @@ def mechanism_scene(
         "link": LINK,
         "insertion_sign": mechanism.insertion_sign,
         "bands": bands,
-        "eye": None,
+        "eye": None if eye is None else plain(eye),
     }
 
 

@@ -7,12 +7,11 @@ import base64
 import numpy as np
 
 from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.model.forward import tip_position, tip_velocity
 from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import task_from_joints
-from ssm_planner.problem.values import JOINTS, TASK, Array, Joint
+from ssm_planner.problem.values import JOINTS, Array, Joint
 from ssm_planner.report.html_motors import split_channels, split_panels, temperature_channels, temperature_panels
 from ssm_planner.report.html_panel import Panel, in_display_units, mark_active, new_limit, new_panel
+from ssm_planner.report.html_task import tool_channels, tool_panels
 from ssm_planner.sizing.joint_load import joint_loads
 
 RATE, FEWEST, MOST = 400.0, 1200, 4000
@@ -30,14 +29,7 @@ def channels_of(plan: PlanFile, t: Array) -> dict[str, Array]:
     """Every plotted quantity at t (n,), SI, by name such as "qd2" (joint index); after the plan's end its last value."""
     trajectory = plan.trajectory
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
-    mechanism = Mechanism.from_geometry(plan.robot.geometry)
-    tip = tip_position(mechanism, samples.q)
-    task = task_from_joints(mechanism, samples.q)
-    for column in (0, 2):
-        task[:, column] = np.unwrap(task[:, column])
-    channels = {"t": t, "tip_speed": np.linalg.norm(tip_velocity(mechanism, samples.q, samples.qd), axis=1)}
-    channels |= {f"tip{i}": tip[:, i] for i in range(3)}
-    channels |= {f"task{i}": task[:, i] for i in range(4)}
+    channels = {"t": t, **tool_channels(Mechanism.from_geometry(plan.robot.geometry), samples, plan.limits)}
     for name in ("q", "qd", "qdd", "qddd"):
         channels |= {f"{name}{i}": getattr(samples, name)[:, i] for i in range(4)}
     loads = joint_loads(trajectory, plan.robot, LOAD_RATE)
@@ -52,12 +44,8 @@ def panels_of(plan: PlanFile, channels: dict[str, Array]) -> list[Panel]:
     """Panels in the order of the page, each with its channels, limits and the stretches where these are active."""
     joints = plan.robot.joints
     kinds = [(kind, [i for i, joint in enumerate(joints) if joint.kind == kind]) for kind in ("revolute", "prismatic")]
-    panels = []
-    for which, unit in (([0, 1, 2], "rad"), ([3], "m")):
-        ranges = {i: plan.ranges[TASK[i]] for i in which if TASK[i] in plan.ranges}
-        titled = "Task: roll, tilt, spin" if unit == "rad" else "Task: depth"
-        panels.append(new_panel("Task coordinates", titled, unit, [(f"task{i}", TASK[i], i) for i in which]))
-        panels[-1]["limits"] = [new_limit(f"{TASK[i]} range", TASK[i], i, *ranges[i], f"task{i}") for i in ranges]
+    tool = tool_panels(plan.limits)
+    panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
     for field, title, per, key in (
         ("q", "Position", "", "position"),
         ("qd", "Velocity", "/s", "velocity"),
@@ -67,9 +55,7 @@ def panels_of(plan: PlanFile, channels: dict[str, Array]) -> list[Panel]:
         for kind, which in kinds:
             if which:
                 panels.append(_joint_panel(joints, field, title, per, key, kind, which))
-    panels.append(new_panel("Tool tip", "Tip speed", "m/s", [("tip_speed", "tip", 3)]))
-    if plan.tip_speed is not None:
-        panels[-1]["limits"] = [new_limit("tip speed", "", 3, -np.inf, plan.tip_speed, "tip_speed")]
+    panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += split_panels(channels)
     panels += temperature_panels(

@@ -9,6 +9,7 @@ from typing import Any
 from ssm_planner.export.plan_file import PlanFile
 from ssm_planner.problem.values import Joint
 from ssm_planner.report.html_elements import Markup, join, table, tag
+from ssm_planner.report.html_task import limit_rows
 from ssm_planner.report.style import RPM, unit_of
 from ssm_planner.verify.certificate import LimitCheck
 
@@ -94,14 +95,11 @@ def problem(plan: PlanFile) -> Markup:
     stated = plan.document["problem"]
     moves = [(str(m["name"]), str(m["kind"]), _target(m)) for m in stated.get("motion") or []]
     moves.insert(0, ("start", "", _target({"target": stated.get("start")})))
-    ranges = [(name, *_span(ends, "m" if name == "depth" else "rad")) for name, ends in plan.ranges.items()]
-    if plan.tip_speed is not None:
-        ranges.append(("tip speed", "", f"{1e3 * plan.tip_speed:g}", "mm/s"))
     return tag(
         "section",
         tag("h2", "Problem"),
         table(("motion", "kind", "to"), moves, caption="Motion"),
-        table(("range", "from", "to", "unit"), ranges, caption="Ranges", numbers=(1, 2)),
+        table(("limit", "from", "to", "unit"), limit_rows(plan.limits), caption="Limits of the task", numbers=(1, 2)),
         table(JOINT_COLUMNS, map(_joint_row, plan.robot.joints), caption="Joints", numbers=(2, 3, 4, 5)),
         *(_sources(joint) for joint in plan.robot.joints),
         id="problem",
@@ -175,11 +173,6 @@ def _target(motion: Mapping[str, Any]) -> str:
         unit, scale = unit_of("m" if name == "depth" else "rad")
         words.append(f"{name} {scale * value:.6g} {unit}")
     return ", ".join(words)
-
-
-def _span(ends: Sequence[float], base: str) -> tuple[str, str, str]:
-    unit, scale = unit_of(base)
-    return f"{scale * ends[0]:.6g}", f"{scale * ends[1]:.6g}", unit
 
 
 def _figure(value: Any) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from ssm_planner.model.friction import friction_of
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.model.transmission import self_locking_margin
-from ssm_planner.problem.values import Array, Range, Robot
+from ssm_planner.problem.values import Array, Robot, TaskLimits
 from ssm_planner.verify.certificate import Certificate, LimitCheck
 from ssm_planner.verify.continuity import Jumps
 from ssm_planner.verify.exact import find_extremes
@@ -23,47 +23,43 @@ from ssm_planner.verify.scan import Scan
 RATE = 10_000.0
 INSTANTS = 3_000_000
 """A trajectory so long that it would have more instants at the given rate is scanned at a lower one first."""
+NONE = TaskLimits()
 
 
 def check(
     trajectory: Trajectory,
     robot: Robot,
-    ranges: dict[str, Range] | None = None,
-    tip_speed: float | None = None,
+    limits: TaskLimits = NONE,
     rate: float = RATE,
     interpolation: str = "quintic polynomial pieces",
     resolution: Array | None = None,
 ) -> Certificate:
-    """Certificate of a trajectory: every limit of the robot, and the task ranges and tip speed given.
+    """Certificate of a trajectory: every limit of the robot, and those of the task.
 
-    ranges: by name in TASK, rad or m. rate: of the first look in Hz, never fewer than four instants in a piece.
+    rate: of the first look in Hz, never fewer than four instants in a piece.
     resolution (4,): for a trajectory of straight pieces between points, which has no acceleration, the largest rounding
     error of the points (rad, m); None where the pieces are smooth.
     """
     straight = resolution is not None
-    worst = [
-        Worst(quantity)
-        for quantity in quantities(robot, ranges or {}, tip_speed)
-        if not (straight and quantity.name in UNDEFINED)
-    ]
+    worst = [Worst(quantity) for quantity in quantities(robot, limits) if not (straight and quantity.name in UNDEFINED)]
     jumps = Jumps(robot)
-    scan = Scan(trajectory, robot, worst, min(rate, INSTANTS / trajectory.duration))
+    scan = Scan(trajectory, robot, worst, min(rate, INSTANTS / trajectory.duration), limits.eye)
     for pieces in pieces_of(trajectory):
         find_extremes(pieces, worst)
         scan.look(pieces)
         jumps.look(pieces)
-    limits = [each.as_check() for each in worst]
+    found = [each.as_check() for each in worst]
     unchecked = [
         f"motor torque and speed of joint {joint.name}: the robot file names no drive or no motor for it"
         for joint in robot.joints
         if joint.drive is None or joint.motor is None
     ]
     if resolution is not None:
-        limits, more = linear_limits(trajectory, robot, resolution, limits)
+        found, more = linear_limits(trajectory, robot, resolution, found)
         unchecked += more
-    limits += jumps.checks(straight)
-    limits += _locking(robot)
-    return Certificate(tuple(limits), interpolation, scan.instants, tuple(unchecked))
+    found += jumps.checks(straight)
+    found += _locking(robot)
+    return Certificate(tuple(found), interpolation, scan.instants, tuple(unchecked))
 
 
 def _locking(robot: Robot) -> list[LimitCheck]:

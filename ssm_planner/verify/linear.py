@@ -15,6 +15,7 @@ import numpy as np
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.values import Array, Robot
 from ssm_planner.verify.certificate import LimitCheck
+from ssm_planner.verify.quantities import INSERTION_SPEED
 
 FINEST = 1e-12
 """rad or m: positions are never taken to be known better."""
@@ -56,11 +57,11 @@ def _within_rounding(
 ) -> LimitCheck:
     """Speed limits without the part of the speed that rounding of the points can explain."""
     names = [joint.name for joint in robot.joints]
-    if limit.name not in ("velocity", "motor speed"):
+    if limit.name not in ("velocity", "motor speed", INSERTION_SPEED):
         return limit
-    i = names.index(str(limit.joint))
+    i = 3 if limit.name == INSERTION_SPEED else names.index(str(limit.joint))
     drive = robot.joints[i].drive
-    scale = 1.0 if limit.name == "velocity" or drive is None else drive.ratio
+    scale = drive.ratio if limit.name == "motor speed" and drive is not None else 1.0
     speed = scale * np.maximum(np.abs(trajectory.coefficients[:, 1, i]) - 2 * resolution[i] / length, 0.0)
     k = int(np.argmax(speed))
     worst = float(speed[k])

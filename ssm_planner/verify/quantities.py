@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ssm_planner.problem.values import TASK, Array, Range, Robot
+from ssm_planner.model.eye import LENS, RETINA, lens_limit
+from ssm_planner.problem.values import TASK, Array, Eye, Robot, TaskLimits
 from ssm_planner.verify.certificate import LimitCheck
 
 ORDERS = {"position": 0, "velocity": 1, "acceleration": 2, "jerk": 3}
 """Derivative of the joint coordinate behind the quantities that are polynomials in time."""
+RATES = tuple(f"{name} rate" for name in TASK[:3])
+INSERTION_SPEED = "insertion speed"
+"""Names of the limits on the rates of task coordinates, that of depth last."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,13 @@ class Quantity:
     order: int | None = None
     """Derivative of q[index] that the quantity is a multiple of; None where it is no polynomial in time."""
     scale: float = 1.0
+    size: float = 1.0
+    """What margins are relative to where only one end is given."""
 
     @property
     def half_width(self) -> float:
         width = self.high - self.low
-        return width / 2 if np.isfinite(width) and width > 0 else 1.0
+        return width / 2 if np.isfinite(width) and width > 0 else self.size
 
     def excess(self, lowest: Array, highest: Array) -> Array:
         """−margin of values between lowest and highest: what lies beyond the nearer bound, by the half width."""
@@ -62,8 +68,15 @@ class Worst:
         return LimitCheck(quantity.name, quantity.joint, value, limit, -self.excess, self.time, quantity.unit)
 
 
-def quantities(robot: Robot, ranges: dict[str, Range], tip_speed: float | None) -> Iterator[Quantity]:
-    """Everything that the robot, the task ranges (by name in TASK) and the tip speed (m/s) limit."""
+def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
+    """Everything that the robot and the task limit."""
+    yield from _of_joints(robot)
+    yield from _of_task(robot, limits)
+    if limits.eye is not None:
+        yield from _of_eye(limits.eye)
+
+
+def _of_joints(robot: Robot) -> Iterator[Quantity]:
     for i, joint in enumerate(robot.joints):
         unit = "rad" if joint.kind == "revolute" else "m"
         yield Quantity("position", joint.name, *joint.position, unit, i, 0)
@@ -77,13 +90,30 @@ def quantities(robot: Robot, ranges: dict[str, Range], tip_speed: float | None) 
             yield _symmetric("motor torque", joint.name, motor.max_torque, "N·m", i)
         if drive is not None and drive.kind == "antibacklash_screw":
             yield Quantity("nut contact", joint.name, 0.0, np.inf, "N", i)
+
+
+def _of_task(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
+    sign = float(robot.geometry.insertion_sign)
     for k, name in enumerate(TASK):
-        if name == "depth" and name in ranges:
-            yield Quantity("depth range", None, *ranges[name], "m", 3, 0, float(robot.geometry.insertion_sign))
-        elif name in ranges:
-            yield Quantity(f"{name} range", None, *ranges[name], "rad", k)
-    if tip_speed is not None:
-        yield _symmetric("tip speed", None, tip_speed, "m/s", -1)
+        if name == "depth" and name in limits.ranges:
+            yield Quantity("depth range", None, *limits.ranges[name], "m", 3, 0, sign)
+        elif name in limits.ranges:
+            yield Quantity(f"{name} range", None, *limits.ranges[name], "rad", k)
+    for k, name in enumerate(TASK):
+        if name == "depth" and name in limits.rates:
+            yield _symmetric(INSERTION_SPEED, None, limits.rates[name], "m/s", 3, 1, sign)
+        elif name in limits.rates:
+            yield _symmetric(RATES[k], None, limits.rates[name], "rad/s", k)
+    if limits.tip_speed is not None:
+        yield _symmetric("tip speed", None, limits.tip_speed, "m/s", -1)
+
+
+def _of_eye(eye: Eye) -> Iterator[Quantity]:
+    """Margins are relative to the radius that the retina leaves to the tip, and to the lens as enlarged by the shaft."""
+    yield Quantity(RETINA, None, eye.clearance, np.inf, "m", -1, size=eye.radius - eye.clearance)
+    if eye.lens is not None:
+        least = lens_limit(eye)
+        yield Quantity(LENS, None, least, np.inf, "", -1, size=least)
 
 
 def _symmetric(

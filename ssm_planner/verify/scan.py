@@ -1,4 +1,4 @@
-"""Extremes of the quantities that are no polynomials: motor torques, nut contact, task coordinates, tip speed.
+"""Extremes of the quantities that are no polynomials: motor torques, nut contact, task coordinates and rates, the eye.
 
 Each piece is looked at in intervals of four instants. The cubic through the four values bounds what happens between
 them; intervals whose bound is worse than the worst value known are halved until none is left.
@@ -13,17 +13,19 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
+from ssm_planner.model.eye import eye_limits
 from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.namespace import casadi_namespace
 from ssm_planner.model.solutions import nearest_turn
-from ssm_planner.model.symbolic import task_from_joints_symbolic, tip_position_symbolic
+from ssm_planner.model.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.model.transmission import nut_contact
-from ssm_planner.problem.values import Array, Indices, Robot
+from ssm_planner.problem.values import Array, Eye, Indices, Robot
 from ssm_planner.verify import screen
 from ssm_planner.verify.instructions import dense
 from ssm_planner.verify.motor_law import motor_law
 from ssm_planner.verify.pieces import Flags, Pieces, still
-from ssm_planner.verify.quantities import Quantity, Worst
+from ssm_planner.verify.quantities import RATES, Quantity, Worst
 from ssm_planner.verify.vectorised import Vectorised
 
 CLOSE = 1e-8
@@ -39,8 +41,10 @@ SHARES = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
 class Scan:
     """Looks for the worst values of the sampled quantities of one robot, block after block."""
 
-    def __init__(self, trajectory: Trajectory, robot: Robot, worst: Sequence[Worst], rate: float) -> None:
-        self.robot, self.rate = robot, rate
+    def __init__(
+        self, trajectory: Trajectory, robot: Robot, worst: Sequence[Worst], rate: float, eye: Eye | None
+    ) -> None:
+        self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
         self.instants = 0
@@ -50,7 +54,7 @@ class Scan:
 
     @cached_property
     def law(self) -> Vectorised:
-        return _law(self.robot, self.quantities)
+        return _law(self.robot, self.eye, self.quantities)
 
     def look(self, pieces: Pieces) -> None:
         """Bring the worst values up to date with these pieces."""
@@ -161,13 +165,15 @@ def _inner_control(values: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _law(robot: Robot, wanted: tuple[Quantity, ...]) -> Vectorised:
+def _law(robot: Robot, eye: Eye | None, wanted: tuple[Quantity, ...]) -> Vectorised:
     """The wanted quantities as one function of (q, qd, qdd, direction, breakaway); of a nut contact its effort."""
     q, qd, qdd, direction, breakaway = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway"))
     mechanism = Mechanism.from_geometry(robot.geometry)
     _, torque, effort = motor_law(robot, q, qd, qdd, direction, breakaway)
     task = task_from_joints_symbolic(mechanism, q)
+    rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)
+    about_eye = {} if eye is None else eye_limits(casadi_namespace(), eye, (tip[0], tip[1], tip[2]))
     rows = []
     for quantity in wanted:
         if quantity.name == "motor torque":
@@ -176,6 +182,10 @@ def _law(robot: Robot, wanted: tuple[Quantity, ...]) -> Vectorised:
             rows.append(effort[quantity.index])
         elif quantity.name == "tip speed":
             rows.append(ca.norm_2(ca.jtimes(tip, q, qd)))
+        elif quantity.name in RATES:
+            rows.append(rates[quantity.index])
+        elif quantity.name in about_eye:
+            rows.append(about_eye[quantity.name][0])
         else:
             rows.append(task[quantity.index])
     return Vectorised(dense("limits", [q, qd, qdd, direction, breakaway], [ca.vertcat(*rows)]))

@@ -71,13 +71,14 @@ class Study:
         low, high = tilt_interval(mechanism)
         margin = min(wanted[0] - low, high - wanted[1])
         ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.limits)
+        eye = None if self.problem is None else self.problem.eye
         sides = link_sides(self.problem.robot, mechanism) if own and self.problem is not None else None
         return {
             "tilt_range": [low, high],
             "reached": margin >= 0.0,
             "margin": margin,
             "own": own,
-            "scene": mechanism_scene(mechanism, {**ranges, "tilt": wanted}, sides),
+            "scene": mechanism_scene(mechanism, {**ranges, "tilt": wanted}, sides, eye),
         }
 
     def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:

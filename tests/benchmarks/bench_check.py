@@ -41,7 +41,7 @@ def plan_time(repeats: int = 7) -> tuple[float, float]:
     times = []
     for _ in range(repeats):
         begin = time.perf_counter()
-        check(plan.trajectory, plan.robot, plan.ranges, plan.tip_speed)
+        check(plan.trajectory, plan.robot, plan.limits)
         times.append(time.perf_counter() - begin)
     return times[0], min(times)
 
@@ -88,8 +88,8 @@ def violations(count: int) -> tuple[int, int, int]:
         rng = np.random.default_rng([2024, KINDS.index(kind)])
         for _ in range(count // len(KINDS)):
             case = seeded(rng, robot, kind)
-            broken = check(case.trajectory, case.robot_with(1 + EXCESS), *case.task(1 + EXCESS))
-            clean = check(case.trajectory, case.robot_with(1 - EXCESS), *case.task(1 - EXCESS))
+            broken = check(case.trajectory, case.robot_with(1 + EXCESS), case.task(1 + EXCESS))
+            clean = check(case.trajectory, case.robot_with(1 - EXCESS), case.task(1 - EXCESS))
             missed += [(v.name, v.joint) for v in broken.violations] != [case.limit]
             invented += not clean.passed
             total += 1

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.values import Robot, TaskLimits
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import read_back, smooth, trapezoids
 
-RANGES = {"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)}
+LIMITS = TaskLimits({"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)})
 
 
 @pytest.fixture(scope="session")
@@ -22,16 +22,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def plan(folder: Path, robot: Robot) -> PlanFile:
     """A plan whose acceleration jumps, as that of time-optimal plans does."""
-    return read_back(folder / "plan.json", robot, trapezoids(robot), ranges=RANGES)
+    return read_back(folder / "plan.json", robot, trapezoids(robot), limits=LIMITS)
 
 
 @pytest.fixture(scope="session")
 def smooth_plan(folder: Path, robot: Robot) -> PlanFile:
     """A plan without jumps of acceleration."""
-    return read_back(folder / "smooth.json", robot, smooth(robot), ranges=RANGES)
+    return read_back(folder / "smooth.json", robot, smooth(robot), limits=LIMITS)
 
 
 @pytest.fixture(scope="session")
 def bad_plan(folder: Path, robot: Robot) -> PlanFile:
     """A plan that exceeds its limits by 1 %, as its certificate says."""
-    return read_back(folder / "bad.json", robot, trapezoids(robot, share=1.01), ranges=RANGES)
+    return read_back(folder / "bad.json", robot, trapezoids(robot, share=1.01), limits=LIMITS)

@@ -107,7 +107,7 @@ def test_round_trip(to: str, which: str, request: pytest.FixtureRequest, robot: 
     original = {(limit.name, limit.joint): limit.margin for limit in source.certificate.limits}
     for reading in readings:
         found = check(
-            reading.trajectory, robot, source.ranges, resolution=reading.resolution, interpolation=reading.interpolation
+            reading.trajectory, robot, source.limits, resolution=reading.resolution, interpolation=reading.interpolation
         )
         assert found.passed
         compared = 0

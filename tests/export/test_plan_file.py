@@ -21,8 +21,8 @@ ROOT = Path(__file__).parent.parent.parent
 def test_a_plan_is_read_as_it_was_written(plan: PlanFile, robot: Robot) -> None:
     again = read_plan(plan.path)
     assert np.array_equal(again.trajectory.coefficients, plan.trajectory.coefficients)
-    assert again.ranges == {"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)}
-    assert again.certificate == check(plan.trajectory, robot, plan.ranges)
+    assert again.limits.ranges == {"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)}
+    assert again.certificate == check(plan.trajectory, robot, plan.limits)
     assert again.sha256 == plan.sha256
 
 
@@ -54,9 +54,13 @@ def test_the_shipped_plan_is_read(robot: Robot) -> None:
         ),
         (lambda text: text.replace('"breaks_s"', '"breaks"'), TrajectoryError, "not the pieces of a trajectory"),
         (lambda text: text.replace('"mass": 0.7227848', '"mass": "heavy"'), ProblemError, "robot.bodies\\[0\\].mass"),
-        (lambda text: text.replace('"depth": [0.0, 0.03]', '"depth": 0.03'), TrajectoryError, "problem.limits"),
-        (lambda text: text.replace('"depth": [0.0, 0.03]', '"deep": [0.0, 0.03]'), TrajectoryError, "problem.limits"),
-        (lambda text: text.replace('"tip_speed": null', '"tip_speed": -1.0'), TrajectoryError, "tip_speed"),
+        (lambda text: text.replace('"depth": [0.0, 0.03]', '"depth": 0.03'), ProblemError, "problem.limits"),
+        (lambda text: text.replace('"depth": [0.0, 0.03]', '"deep": [0.0, 0.03]'), ProblemError, "problem.limits"),
+        (lambda text: text.replace('"tip_speed": null', '"tip_speed": -1.0'), ProblemError, "tip_speed"),
+        (lambda text: text.replace('"rates": {}', '"rates": {"tilt": 0.0}'), ProblemError, "problem.rates.tilt"),
+        (lambda text: text.replace('"rates": {}', '"rates": {"tip": 1.0}'), ProblemError, "problem.rates.tip"),
+        (lambda text: text.replace('"eye": null', '"eye": {"centre": [0, 0]}'), ProblemError, "problem.eye.centre"),
+        (lambda text: text.replace('"eye": null', '"eye": []'), ProblemError, "problem.eye"),
         (lambda text: text.replace('"margin"', '"margins"'), TrajectoryError, "not a line of a certificate"),
         (lambda text: "[" * 100000, TrajectoryError, "nested too deeply|truncated"),
     ],

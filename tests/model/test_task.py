@@ -11,8 +11,8 @@ import pytest
 from ssm_planner.errors import GeometryError
 from ssm_planner.model.forward import forward
 from ssm_planner.model.screws import rotation
-from ssm_planner.model.symbolic import pose_from_task_symbolic, task_from_joints_symbolic
-from ssm_planner.model.task import pose_from_task, task_from_joints
+from ssm_planner.model.symbolic import pose_from_task_symbolic, task_from_joints_symbolic, task_rates_symbolic
+from ssm_planner.model.task import pose_from_task, task_from_joints, task_rates
 from ssm_planner.model.workspace import tilt_interval
 
 
@@ -88,6 +88,41 @@ def test_symbolic_equals_numeric(random_mechanism):
             rotations, positions = pose_from_task(mech, q)
             assert np.abs(rotation_ - rotations[0]).max() < 1e-14
             assert np.abs(position[:, 0] - positions[0]).max() < 1e-14
+
+
+def test_task_rates_are_differences_of_the_task(random_mechanism):
+    rng = np.random.default_rng(10)
+    step = 1e-6
+    for _ in range(50):
+        mech = random_mechanism(rng)
+        q, qd = rng.uniform(-3.0, 3.0, (40, 4)), rng.uniform(-1.0, 1.0, (40, 4))
+        ahead = task_from_joints(mech, q + step * qd)
+        moved = ahead - task_from_joints(mech, q - step * qd, near=ahead)
+        # towards a tilt of 0 or 180 degrees rates, and what differences miss of them, grow without bound
+        clear = np.abs(np.sin(ahead[:, 1])) > 0.05
+        assert np.abs(moved / (2 * step) - task_rates(mech, q, qd))[clear].max() < 1e-6
+
+
+def test_symbolic_task_rates_are_the_derivative_and_the_numeric_ones(random_mechanism):
+    rng = np.random.default_rng(11)
+    for _ in range(10):
+        mech = random_mechanism(rng)
+        q, qd = casadi.SX.sym("q", 4), casadi.SX.sym("qd", 4)
+        derivative = casadi.jtimes(task_from_joints_symbolic(mech, q), q, qd)
+        function = casadi.Function("rates", [q, qd], [task_rates_symbolic(mech, q, qd), derivative])
+        points, speeds = rng.uniform(-3.0, 3.0, (50, 4)), rng.uniform(-1.0, 1.0, (50, 4))
+        numeric = task_rates(mech, points, speeds)
+        for each, speed, expected in zip(points, speeds, numeric, strict=True):
+            for found in function(each, speed):
+                assert found.full()[:, 0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_the_tilt_rate_vanishes_at_the_workspace_boundary(vitreoretinal):
+    for x in (0.0, math.pi):
+        rates = task_rates(vitreoretinal, [0.3, vitreoretinal.delta + x, 0.2, -0.01], [0.1, 0.7, -0.2, -0.02])[0]
+        assert rates[1] == pytest.approx(0.0, abs=1e-12)
+        assert np.isfinite(rates).all()
+        assert rates[3] == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(

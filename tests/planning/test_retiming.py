@@ -59,10 +59,10 @@ def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Pr
 def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
     from ssm_planner.model.task import task_from_joints
     from ssm_planner.model.trajectory import join
-    from ssm_planner.planning.ocp import solve_straight
+    from ssm_planner.planning.straight_ocp import solve_straight
 
     path = paths(tilt_insert)[0]
-    motion = solve_straight(tilt_insert.robot, path, retime(path, tilt_insert.robot)).motion
+    motion = solve_straight(tilt_insert.robot, path, retime(path, tilt_insert.robot))
     trajectory = join([("tilt", *joint_pieces(path, motion))])
     samples = trajectory.sample(np.linspace(0, trajectory.duration, 5000))
     task = task_from_joints(path.mechanism, samples.q)

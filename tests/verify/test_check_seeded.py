@@ -25,9 +25,9 @@ def test_a_limit_broken_between_samples_is_found_and_nothing_else(robot: Robot, 
     rng = np.random.default_rng(KINDS.index(kind))
     for _ in range(COUNT):
         case = seeded(rng, robot, kind)
-        broken = check(case.trajectory, case.robot_with(1 + EXCESS), *case.task(1 + EXCESS))
+        broken = check(case.trajectory, case.robot_with(1 + EXCESS), case.task(1 + EXCESS))
         assert [(v.name, v.joint) for v in broken.violations] == [case.limit]
         assert broken.violations[0].margin == pytest.approx(-EXCESS, rel=0.05)
         assert case.interval[0] <= broken.violations[0].time <= case.interval[1]
-        clean = check(case.trajectory, case.robot_with(1 - EXCESS), *case.task(1 - EXCESS))
+        clean = check(case.trajectory, case.robot_with(1 - EXCESS), case.task(1 - EXCESS))
         assert clean.passed

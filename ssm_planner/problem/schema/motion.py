@@ -6,70 +6,39 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ssm_planner.problem.schema.common import Model, Text, quantity, vector, wrong
+from ssm_planner.problem.schema.common import Model, Text, quantity, wrong
+from ssm_planner.problem.schema.eye import EyeModel
+from ssm_planner.problem.schema.points import Angle, Length, PointModel, RateModel, TaskModel
 from ssm_planner.problem.schema.robot import Reference, TaskLimitsModel
+from ssm_planner.problem.schema.scan import ScanModel
 
 LONGEST_MOTION = 10_000
-Angle = Annotated[float, quantity("angle")]
-Length = Annotated[float, quantity("length")]
-Joints = Annotated[tuple[float, float, float, float], vector("angle", "angle", "angle", "length")]
-Tip = Annotated[tuple[float, float, float], vector("length", "length", "length")]
-_FORMS = "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] with spin"
+MOST_POINTS = 200
+"""Points that one motion passes without stopping."""
+Rate = Annotated[float, quantity("angular_velocity", above=0)]
 
 
-class TaskModel(Model):
-    """Any of the task coordinates; those left out are held."""
-
-    roll: Angle | None = None
-    tilt: Angle | None = None
-    spin: Angle | None = None
-    depth: Length | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _not_empty(cls, data: Any) -> Any:
-        if data == {}:
-            raise wrong("no point is given", _FORMS if "joints" in cls.model_fields else "roll, tilt, spin or depth")
-        return data
+class Timed(Model):
+    duration: Annotated[float, quantity("time", above=0)] | None = None
+    """Asked for; the motion then takes it with the least motor heat."""
 
 
-class PointModel(TaskModel):
-    """A point in one of three forms."""
-
-    joints: Joints | None = None
-    tip: Tip | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_form(cls, data: Any) -> Any:
-        if not isinstance(data, dict):
-            return data
-        if "joints" in data and len(data) > 1:
-            other = next(key for key in data if key != "joints")
-            raise wrong("given besides joints, which say everything", _FORMS, other)
-        if "tip" in data:
-            for key in ("roll", "tilt", "depth"):
-                if key in data:
-                    raise wrong("given besides tip, which fixes roll, tilt and depth", _FORMS, key)
-            if "spin" not in data:
-                raise wrong("missing: a tip position does not fix the spin", _FORMS, "spin")
-        return data
-
-
-class ToAngle(Model):
+class ToAngle(Timed):
     to: Angle
 
 
-class ToLength(Model):
+class ToLength(Timed):
     to: Length
 
 
-class ToTask(Model):
+class ToTask(Timed):
     to: TaskModel
 
 
-class ToPoint(Model):
+class ToPoint(Timed):
     to: PointModel
+    through: Annotated[list[PointModel], Field(max_length=MOST_POINTS)] = []
+    """Points that are passed without stopping."""
 
 
 class EntryModel(Model):
@@ -82,6 +51,7 @@ class EntryModel(Model):
     straight: ToTask | None = None
     free: ToPoint | None = None
     dwell: Annotated[float, quantity("time", above=0)] | None = None
+    scan: ScanModel | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -96,6 +66,10 @@ class EntryModel(Model):
 
 class LimitsModel(TaskLimitsModel):
     tip_speed: Annotated[float, quantity("velocity", above=0)] | None = None
+    roll_rate: Rate | None = None
+    tilt_rate: Rate | None = None
+    spin_rate: Rate | None = None
+    insertion_speed: Annotated[float, quantity("velocity", above=0)] | None = None
 
 
 class ProblemModel(Model):
@@ -107,4 +81,8 @@ class ProblemModel(Model):
     start: PointModel
     motion: Annotated[list[EntryModel], Field(min_length=1, max_length=LONGEST_MOTION)]
     limits: LimitsModel = LimitsModel()
-    objective: Literal["time"] = "time"
+    eye: EyeModel | None = None
+    objective: Literal["time", "time then heat", "effort"] = "time then heat"
+    duration: Annotated[float, quantity("time", above=0)] | None = None
+    start_rate: RateModel = RateModel()
+    end_rate: RateModel = RateModel()

@@ -126,7 +126,7 @@ SSM.label = (text, colour) => {
   return label;
 };
 
-// eye: {centre, radius, clearance?, lens?: {centre, semi_axes}}, base frame
+// eye: see values.Eye; base frame, the columns of the lens frame are the directions of its semi-axes
 SSM.eye = (eye) => {
   const shell = (radius, colour, opacity) => {
     const material = new THREE.MeshBasicMaterial({ color: colour, opacity, transparent: true, depthWrite: false });
@@ -141,6 +141,8 @@ SSM.eye = (eye) => {
     const lens = shell(1, "#2a7ab5", 0.4);
     lens.position.set(...eye.lens.centre);
     lens.scale.set(...eye.lens.semi_axes);
+    const columns = [0, 1, 2].map((i) => SSM.vector(eye.lens.frame.map((row) => row[i])));
+    lens.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(...columns));
     group.add(lens);
   }
   return group;

@@ -1,0 +1,202 @@
+"""Table II: the paper's friction parameters drawn as torque–velocity maps of joints 1, 2 and 4."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ssm_planner.identify.parameters import map_torque
+from ssm_planner.model.inverse import inverse_task
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.transmission import breakaway_torque
+from ssm_planner.paper import published
+from ssm_planner.paper.published import DRIVEN, NUMBER, FrictionRow
+from ssm_planner.paper.section import Section, number, picture, table
+from ssm_planner.problem.values import JOINTS, Array, Drive, Friction, Robot
+from ssm_planner.report.style import COLOURS, RPM, SIZE, finish, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SPEEDS = {"roll": published.ROTARY_SPEED, "tilt": published.ROTARY_SPEED, "insertion": published.LINEAR_SPEED}
+"""Joint speed up to which a map is drawn: the one that the application requires."""
+POINTS = 121
+LOADS = 81
+"""Samples of the range of gravity loads."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionMap:
+    """Model curve of one joint: motor speed (n,) rad/s, > 0 only; torques N·m."""
+
+    joint: str
+    drive: Drive
+    w: Array
+    unloaded: tuple[Array, Array]
+    """Without load on the joint: forwards and backwards (at −w)."""
+    package: tuple[Array, Array]
+    """The same with the package's parameters."""
+    loaded: tuple[tuple[Array, Array], tuple[Array, Array]]
+    """Least and largest torque under the arm's weight, forwards and backwards."""
+    gravity: tuple[float, float]
+    """Range of the effort of gravity in the working range, N·m or N."""
+    start: float
+    """Breakaway torque without load."""
+
+
+def driven(robot: Robot, joint: str) -> Drive:
+    """The drive of a joint that has one."""
+    drive = robot.joints[JOINTS.index(joint)].drive
+    assert drive is not None, joint
+    return drive
+
+
+def with_friction(drive: Drive, row: FrictionRow) -> Drive:
+    """The drive with Coulomb friction of a published row; its output side stays."""
+    old = drive.friction or Friction(row.mu, row.mu_static, row.b_c, row.b_v)
+    return replace(drive, friction=replace(old, mu=row.mu, mu_static=row.mu_static, b_c=row.b_c, b_v=row.b_v))
+
+
+def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
+    """Least and largest joint effort of gravity over the robot's tilt range, ±30° of roll and its travel, (4,) each."""
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    low, high = robot.limits["tilt"]
+    half = published.REQUIRED_ROLL / 2
+    axes = (np.linspace(-half, half, 13), np.linspace(low, high, 60), [0.0], [0.0, published.REQUIRED_TRAVEL])
+    task = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
+    solutions = inverse_task(mechanism, task)
+    home = int(np.flatnonzero(solutions.branch[0] == mechanism.home_branch)[0])
+    load = RigidBody.from_robot(robot).gravity_load(np.ascontiguousarray(solutions.joints[:, home]))
+    return load.min(axis=0), load.max(axis=0)
+
+
+def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
+    """The maps of joints 1, 2 and 4."""
+    low, high = gravity_ranges(robot)
+    maps = []
+    for joint in DRIVEN:
+        drive, i = driven(robot, joint), JOINTS.index(joint)
+        paper = with_friction(drive, published.TABLE_II[joint])
+        package = with_friction(drive, published.PACKAGE_FRICTION[joint])
+        w = np.linspace(0.0, drive.ratio * SPEEDS[joint], POINTS)[1:]
+        loads = np.linspace(low[i], high[i], LOADS)
+        loads = np.append(loads, np.clip(0.0, low[i], high[i]))
+        sheets = [np.array([map_torque(paper, sign * w, load) for load in loads]) for sign in (1.0, -1.0)]
+        maps.append(
+            FrictionMap(
+                joint,
+                paper,
+                w,
+                (map_torque(paper, w, 0.0), map_torque(paper, -w, 0.0)),
+                (map_torque(package, w, 0.0), map_torque(package, -w, 0.0)),
+                (
+                    (sheets[0].min(axis=0), sheets[0].max(axis=0)),
+                    (sheets[1].min(axis=0), sheets[1].max(axis=0)),
+                ),
+                (float(low[i]), float(high[i])),
+                float(breakaway_torque(paper, 0.0, 1.0)),
+            )
+        )
+    return tuple(maps)
+
+
+def friction_section(robot: Robot) -> Section:
+    """Table II with the maps."""
+    maps = friction_maps(robot)
+    head = ("Table II", *(f"joint {NUMBER[m.joint]}" for m in maps), "ours, same joints", "the package, same joints")
+    rows = [
+        _parameter(robot, name, symbol, scale)
+        for name, symbol, scale in (
+            ("mu", "μ_c", 1.0),
+            ("mu_static", "μ_s", 1.0),
+            ("b_c", "10³ b_c (N·m)", 1e3),
+            ("b_v", "10⁵ b_v (N·m·s/rad)", 1e5),
+        )
+    ]
+    lines = [
+        *table(head, rows),
+        "Ours are the published values: the robot's drive files hold them, and the recordings behind them are not public, "
+        "so that a fit of our own cannot be set beside them. The package simulates the arm with other figures (before "
+        "identification): its b_c is that of its worm rig in all three joints, " + _ratios() + " that of Table II.",
+        "",
+        *table(
+            ("motor torque by Table II, mN·m", *(f"joint {NUMBER[m.joint]}" for m in maps)),
+            [
+                ("top of the map (rpm)", *(f"{RPM * m.w[-1]:.0f}" for m in maps)),
+                ("no load, slow", *(number(1e3 * m.unloaded[0][0]) for m in maps)),
+                ("no load, at the top", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
+                ("of it bearing Coulomb", *(number(1e3 * published.TABLE_II[m.joint].b_c) for m in maps)),
+                ("of it bearing viscous", *(number(1e3 * published.TABLE_II[m.joint].b_v * m.w[-1]) for m in maps)),
+                ("of it mesh, through μ_c", *(number(1e3 * _mesh(m)) for m in maps)),
+                ("breakaway, no load (μ_s)", *(number(1e3 * m.start) for m in maps)),
+                ("arm's weight at the joint (N·m; N)", *(f"{m.gravity[0]:.3f} … {m.gravity[1]:.3f}" for m in maps)),
+                (
+                    "largest under the arm's weight, at the top",
+                    *(number(1e3 * max(m.loaded[0][1][-1], -m.loaded[1][0][-1])) for m in maps),
+                ),
+                ("the package's parameters, no load, at the top", *(number(1e3 * m.package[0][-1]) for m in maps)),
+            ],
+        ),
+        "The paper tests each joint without external load. Without any load the mesh carries only the output's own "
+        "friction, and μ_c changes the map by the small row above: what identified μ_c was the weight of the arm itself. "
+        "The paper's figure of the maps is not in its source, so its circles cannot be set beside these curves.",
+        "",
+        *picture(
+            "friction_maps",
+            "Torque–velocity maps of joints 1, 2 and 4 by Table II; grey: under the arm's weight in its working range",
+        ),
+    ]
+    return Section(
+        "Table II: friction, and its torque–velocity maps",
+        "ssm-planner reproduce",
+        lines,
+        {"friction_maps": _figure(maps)},
+    )
+
+
+def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
+    def show(values: list[float]) -> str:
+        return " / ".join(number(scale * value) for value in values)
+
+    ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
+    printed = [getattr(published.TABLE_II[joint], name) for joint in DRIVEN]
+    package = [getattr(published.PACKAGE_FRICTION[joint], name) for joint in DRIVEN]
+    return (symbol, *(number(scale * value) for value in printed), show(ours), show(package))
+
+
+def _ratios() -> str:
+    ratios = [published.PACKAGE_FRICTION[joint].b_c / published.TABLE_II[joint].b_c for joint in DRIVEN]
+    return ", ".join(f"{ratio:.2f}" for ratio in ratios[:-1]) + f" and {ratios[-1]:.2f} times"
+
+
+def _mesh(m: FrictionMap) -> float:
+    row = published.TABLE_II[m.joint]
+    return float(m.unloaded[0][-1] - row.b_c - row.b_v * m.w[-1])
+
+
+def _figure(maps: tuple[FrictionMap, ...]) -> Figure:
+    figure = new_figure(9.6, 3.6)
+    panels = figure.subplots(1, len(maps))
+    for axes, m in zip(panels, maps, strict=True):
+        colour = COLOURS[JOINTS.index(m.joint)]
+        for k, sign in enumerate((1.0, -1.0)):
+            x = sign * RPM * m.w
+            low, high = m.loaded[k]
+            first = k == 0
+            axes.fill_between(x, 1e3 * low, 1e3 * high, color="0.87", label="under the arm's weight" if first else None)
+            axes.plot(
+                x, 1e3 * m.unloaded[k], "--", color=colour, linewidth=1.6, label="Table II, no load" if first else None
+            )
+            axes.plot(x, 1e3 * m.package[k], ":", color="0.2", label="package, no load" if first else None)
+            start = "breakaway, no load" if first else None
+            axes.plot([0.0], [sign * 1e3 * m.start], "D", color=colour, markersize=4, label=start)
+        axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
+        axes.axvline(0.0, color="0.7", linewidth=0.6, zorder=0)
+        axes.locator_params(axis="x", nbins=5)
+        axes.set_title(f"joint {NUMBER[m.joint]} ({m.joint})", fontsize=SIZE)
+        finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if m is maps[0] else "")
+        axes.legend(fontsize=SIZE - 2, frameon=False, loc="upper left")
+    return figure

@@ -1,0 +1,46 @@
+"""The files that the document is computed from, read once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.paper.published import RIGS
+from ssm_planner.problem.load import load_drive, load_problem
+from ssm_planner.problem.motorisation import Motorisation, load_motorisation
+from ssm_planner.problem.values import Drive, Problem, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Problem of Table III's motions with its robot, motorisation runs by name, rigs by name."""
+
+    folder: Path
+    problem: Problem
+    motorisations: dict[str, Motorisation]
+    rigs: dict[str, Drive]
+    recordings: Path
+
+    @property
+    def robot(self) -> Robot:
+        return self.problem.robot
+
+
+def read_inputs(problems: Path, recordings: Path) -> Inputs:
+    """The shipped files below `problems`; `recordings` need not exist. Raises ProblemError."""
+    if not problems.is_dir():
+        raise ProblemError(
+            "no such folder: the document is computed from the project's problem files",
+            key="--problems",
+            value=str(problems),
+            allowed="the project's folder problems/",
+        )
+    names = ("paper", "package")
+    return Inputs(
+        problems,
+        load_problem(problems / "tilt_insert.yaml"),
+        {name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
+        {name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
+        recordings,
+    )

@@ -1,0 +1,145 @@
+"""The values of a nonlinear program: its shape, the course that its coordinates take, its numbers and its answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.problem.values import Array, Indices
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the structure of a program depends on, its stage aside."""
+
+    moves: tuple[tuple[bool, ...], ...]
+    """By segment and coordinate: whether it moves there."""
+    share: tuple[int, ...]
+    """Elements of each segment."""
+    smooth: bool
+    """The acceleration is continuous."""
+    hull: bool
+    """The coordinates have velocity limits of their own."""
+    joints: bool
+    """The coordinates are joints: jerk limits of their own, and idle ones smoothed."""
+
+    @property
+    def elements(self) -> int:
+        return sum(self.share)
+
+    @property
+    def coordinates(self) -> int:
+        return len(self.moves[0])
+
+    @property
+    def segment(self) -> Indices:
+        """Segment of each element, (n,)."""
+        return np.repeat(np.arange(len(self.share)), self.share)
+
+    @property
+    def moving(self) -> Indices:
+        """By element and coordinate: whether it moves there, (n, m)."""
+        return np.array(self.moves)[self.segment]
+
+    @property
+    def borders(self) -> list[int]:
+        """First element of each segment."""
+        return [0, *np.cumsum(self.share)[:-1].tolist()]
+
+    @property
+    def starts(self) -> list[tuple[int, int]]:
+        """(element, element whose directions count) of every set of breakaway rows: a joint may turn back either way."""
+        return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Where the coordinates of a motion pass: m coordinates, k segments."""
+
+    points: Array
+    """u at every border, (k + 1, m)."""
+    signs: Array
+    """Direction of u in every segment, (k, m)."""
+    start_speed: Array
+    end_speed: Array
+    """u̇ at both ends, (m,)."""
+
+    def bounds(self, shape: Shape, speed: Array, acceleration: Array) -> tuple[Array, Array, tuple[Array, Array]]:
+        """(lower, upper, speed) of a Question, from limits (m,) on u̇ and ü.
+
+        A coordinate that turns back at a border, or that stands on one side of it, is at rest there.
+        """
+        m, at = shape.coordinates, shape.segment
+        signs = self.signs[at]
+        low, high = np.where(signs < 0, -speed, 0.0), np.where(signs > 0, speed, 0.0)
+        reach = np.where(signs != 0, acceleration, 0.0)
+        u = np.stack([self.points[:-1], self.points[1:]])[:, at]
+        lower = np.hstack([u.min(axis=0), low, -reach, -reach])
+        upper = np.hstack([u.max(axis=0), high, reach, reach])
+        for k, element in enumerate(shape.borders):
+            lower[element, :m] = upper[element, :m] = self.points[k]
+            if k:
+                columns = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
+                lower[element, columns] = upper[element, columns] = 0.0
+        lower[0, m : 2 * m] = upper[0, m : 2 * m] = self.start_speed
+        if shape.smooth:
+            lower[0, 2 * m : 3 * m] = upper[0, 2 * m : 3 * m] = 0.0
+            lower[-1, 3 * m :] = upper[-1, 3 * m :] = 0.0
+        return lower, upper, (low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """The numbers of one program, in scaled time; n elements, m coordinates, k segments."""
+
+    arguments: tuple[Array, ...]
+    """The stage's further arguments, (length,) or (n, length)."""
+    fractions: Array
+    """Length of every element as a share of its segment, (n,)."""
+    lower: Array
+    upper: Array
+    """Bounds of u, u̇, ü, ü, (n, 4 m)."""
+    speed: tuple[Array, Array]
+    """Lowest and highest u̇ within each element, (n, m)."""
+    end: Array
+    """u and u̇ at the end, (2 m,)."""
+    jerk: Array
+    """(m,), where the coordinates are joints."""
+    allowed: Array
+    """What each element's rows may reach, (n, rows)."""
+    starting: Array
+    """What the breakaway rows may reach, (sets, rows); inf where the joint is not at rest there."""
+    time: tuple[float, float] = (0.0, np.inf)
+    """Bounds of the whole duration."""
+    weights: tuple[float, float] = (1.0, 0.0)
+    """Of time and of heat."""
+
+    def heating(self, time: tuple[float, float]) -> Question:
+        """The same, for the least heat within these bounds of the duration."""
+        return replace(self, time=time, weights=(0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """elements (n, 4 m + 1): u, u̇, ü, ü, length in scaled time; times (k,); point: what a warm start takes."""
+
+    message: str
+    elements: Array
+    times: Array
+    iterations: int
+    point: dict[str, Any]
+
+    @property
+    def status(self) -> str:
+        """"solved", "infeasible" or "not converged"."""
+        if self.message in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+            return "solved"
+        if self.message == "Infeasible_Problem_Detected":
+            return "infeasible"
+        return "not converged"
+
+    @property
+    def solved(self) -> bool:
+        return self.status == "solved"

@@ -1,0 +1,193 @@
+"""The nonlinear program behind every optimised motion: coordinates as cubic pieces on a mesh of elements.
+
+    variables   u, u̇, ü at the start and ü at the end of every element; the time T_k of every segment
+    objective   w_t Σ T_k + w_h ∫ Σ (τ/τ_nominal)² dt, and for joints a trace of ∫ ü² that smooths what decides nothing
+    dynamics    u and u̇ continuous (ü too where jerk is limited)
+    limits      rows ≤ 1 of the stage at the collocation points of every element; static friction where a joint starts;
+                of the coordinates themselves: the Bernstein coefficients of u̇, and the slope of ü
+
+A segment lies between two borders at which u is given: waypoints, or the points where a joint turns back. A straight
+motion has one coordinate, its path parameter s; a free motion has its moving joints.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.planning.assembly import Mesh, assemble, ipopt
+from ssm_planner.planning.course import Answer, Question, Shape
+from ssm_planner.problem.values import Array
+
+SMOOTHING = 1e-6
+SHORTEST = 1e-3
+"""Least time of a segment, in scaled time."""
+KEPT_PROGRAMS = 24
+RowName = tuple[str, int | None]
+COLLOCATION = (0.0, 0.5, 1.0)
+"""Where in an element the limits are kept; both ends, because the acceleration may jump there."""
+DENSE = tuple(k / 8 for k in range(9))
+"""Where the planner looks for limits exceeded between the collocation points."""
+
+
+class Stage(Protocol):
+    """One element of a motion as CasADi Functions of (element (4 m + 1), *arguments).
+
+    An element is u, u̇, ü at its start, ü at its end (m each) and its length, in scaled time.
+    """
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """Two stages with the same key have the same functions."""
+
+    @property
+    def names(self) -> list[RowName]:
+        """Limit and joint of every row."""
+
+    @property
+    def arguments(self) -> tuple[tuple[int, bool], ...]:
+        """Length of each further argument, and whether every element has its own. The first are the directions."""
+
+    @property
+    def element(self) -> ca.Function:
+        """Rows ≤ 1 at all collocation points."""
+
+    @property
+    def between(self) -> ca.Function:
+        """The same rows at the points DENSE."""
+
+    @property
+    def breakaway(self) -> ca.Function:
+        """Rows ≤ 1 at the element's start with static friction."""
+
+    @property
+    def breakaway_joints(self) -> Sequence[int]:
+        """Joint of every breakaway row."""
+
+    @property
+    def cost(self) -> ca.Function | None:
+        """∫ Σ (τ/τ_nominal)² over the element, where heat counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Ipopt on one shape and stage, all numbers being parameters."""
+
+    shape: Shape
+    stage: Stage
+    cold: ca.Function
+    warm: ca.Function
+    equal: int
+    hull: int
+    slope: int
+    start: int
+    """Rows: equations, velocity hull, slope of the acceleration, breakaway; then the total time, then the elements'."""
+
+    @classmethod
+    def of(cls, shape: Shape, stage: Stage) -> Program:
+        """The program, built once for each shape and key of a stage."""
+        key = (shape, stage.key)
+        if key in _programs:
+            _programs.move_to_end(key)
+        else:
+            _programs[key] = cls._build(shape, stage)
+            while len(_programs) > KEPT_PROGRAMS:
+                _programs.popitem(last=False)
+        return _programs[key]
+
+    @classmethod
+    def _build(cls, shape: Shape, stage: Stage) -> Program:
+        n, m = shape.elements, shape.coordinates
+        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.share))
+        arguments = [ca.MX.sym(f"argument{i}", size, n if own else 1) for i, (size, own) in enumerate(stage.arguments)]
+        fractions, end, weights = ca.MX.sym("fractions", 1, n), ca.MX.sym("end", m, 2), ca.MX.sym("weights", 2)
+        jerk = ca.MX.sym("jerk", m)
+        h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, k) for i, k in enumerate(shape.share)))
+        wide = ca.repmat(h, m, 1)
+        u, v, a0, a1 = (x[k * m : (k + 1) * m, :] for k in range(4))
+        moving = shape.moving
+        next_u, next_v = ca.horzcat(u[:, 1:], end[:, 0]), ca.horzcat(v[:, 1:], end[:, 1])
+        equal = [
+            _where(u + wide * v + wide**2 * (a0 / 3 + a1 / 6) - next_u, moving),
+            _where(v + wide * (a0 + a1) / 2 - next_v, moving),
+        ]
+        if shape.smooth:
+            equal.append(_where(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
+        hull = _where(v + wide * a0 / 2, moving & shape.hull)
+        room = ca.repmat(jerk, 1, n) * wide
+        sloped = moving & (shape.joints and shape.smooth)
+        slopes = ca.vertcat(_where(a1 - a0 - room, sloped), _where(a0 - a1 - room, sloped))
+        z = ca.vertcat(x, h)
+        starts = [
+            stage.breakaway(z[:, k], arguments[0][:, side], *(_column(argument, k) for argument in arguments[1:]))
+            for k, side in shape.starts
+        ]
+        equations, starting = ca.vertcat(*equal), ca.vertcat(*starts)
+        energy = ca.sum2(ca.sum1(wide * (a0**2 + a0 * a1 + a1**2))) if shape.joints else 0.0
+        total = ca.sum1(times)
+        cold, warm, _ = assemble(
+            ca.vertcat(ca.vec(x), times),
+            ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, weights),
+            weights[0] * total + SMOOTHING * energy,
+            ca.vertcat(equations, hull, slopes, starting, total),
+            stage.element,
+            Mesh(z, tuple(arguments)),
+            stage.cost,
+            weights[1],
+        )
+        sizes = (part.numel() for part in (equations, hull, slopes, starting))
+        return cls(shape, stage, cold, warm, *sizes)
+
+    def solve(self, question: Question, start: Array | Answer, times: Array | None = None) -> Answer:
+        """Ipopt's answer from elements (n, 4 m) and times (k,), or warm from an earlier answer."""
+        shape, n, m = self.shape, self.shape.elements, self.shape.coordinates
+        fast = [speed[shape.moving & shape.hull] for speed in question.speed]
+        allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel() if question.allowed.size else np.ones(n)
+        free = np.full(self.slope + self.start + allowed.size, -np.inf)
+        low = (np.zeros(self.equal), fast[0], free[: self.slope + self.start], question.time[:1], free[-allowed.size :])
+        high = (
+            *(np.zeros(self.equal), fast[1], np.zeros(self.slope)),
+            *(question.starting.ravel(), question.time[1:], allowed),
+        )
+        if isinstance(start, Answer):
+            solver, point = self.warm, start.point
+        else:
+            solver, point = self.cold, {"x0": np.append(start.ravel(), times)}
+        arguments = (a.ravel() for a in question.arguments)
+        segments = len(shape.share)
+        answer, stats = ipopt(
+            solver,
+            **point,
+            p=np.concatenate([*arguments, question.fractions, question.end, question.jerk, question.weights]),
+            lbx=np.append(question.lower.ravel(), np.full(segments, SHORTEST)),
+            ubx=np.append(question.upper.ravel(), np.full(segments, np.inf)),
+            lbg=np.concatenate(low),
+            ubg=np.concatenate(high),
+        )
+        x = answer["x"].full().ravel()
+        states, found = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
+        elements = np.column_stack([states, found[shape.segment] * question.fractions])
+        again = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
+        return Answer(str(stats["return_status"]), elements, found, int(stats["iter_count"]), again)
+
+
+def simpson(values: Sequence[ca.SX], length: ca.SX) -> ca.SX:
+    """∫ over an element of what has these values at COLLOCATION."""
+    return length * (values[0] + 4 * values[1] + values[2]) / 6
+
+
+_programs: OrderedDict[tuple[Shape, tuple[Any, ...]], Program] = OrderedDict()
+
+
+def _where(values: ca.MX, chosen: Any) -> ca.MX:
+    """The chosen entries of a matrix (m, n), element after element; chosen (n, m)."""
+    return ca.vec(values)[np.flatnonzero(chosen).tolist()]
+
+
+def _column(argument: ca.MX, k: int) -> ca.MX:
+    return argument if argument.size2() == 1 else argument[:, k]

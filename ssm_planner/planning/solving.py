@@ -1,0 +1,128 @@
+"""Solve, look between the collocation points on the true path, tighten or add what was found exceeded, solve again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ssm_planner.planning.course import Answer, Question, Shape
+from ssm_planner.planning.program import Program, RowName, Stage
+from ssm_planner.problem.values import Array, Objective
+
+NEAR = 0.85
+"""A row that stays below this share of its limit in the guess is left out until it is found exceeded."""
+EXCESS = 2e-7
+"""Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
+BACKOFF = 1.2
+"""Tightening per excess found."""
+ROUNDS = 8
+LONGER = 1e-3
+"""By how much the motion of least heat may be longer than the fastest."""
+
+
+class Task(Protocol):
+    """An optimal control problem in the form that `optimise` takes."""
+
+    @property
+    def shape(self) -> Shape: ...
+
+    @property
+    def names(self) -> list[RowName]:
+        """All rows that its stage can have."""
+
+    @property
+    def always(self) -> frozenset[RowName]:
+        """Rows that a guess says nothing about."""
+
+    def stage(self, kept: frozenset[RowName], heats: bool) -> Stage: ...
+
+    def question(self, elements: Array, slack: Array) -> Question:
+        """The program's numbers near these elements; slack (n, rows kept)."""
+
+    def largest(self, elements: Array) -> Array:
+        """Largest value of every row in every element, (n, all rows)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A guess: states (n, 4 m), times (k,), lengths of the elements (n,), in scaled time."""
+
+    states: Array
+    times: Array
+    lengths: Array
+
+    @property
+    def elements(self) -> Array:
+        return np.column_stack([self.states, self.lengths])
+
+    def stretched(self, factor: float) -> Start:
+        """The same motion in `factor` times its time."""
+        m = self.states.shape[1] // 4
+        orders = np.repeat([0, 1, 2, 2], m)
+        return Start(self.states / factor**orders, self.times * factor, self.lengths * factor)
+
+
+def optimise(task: Task, start: Start, objective: Objective, duration: float | None = None) -> Answer:
+    """The fastest motion; for "time then heat" the coolest of those hardly longer; with a duration the coolest that takes it.
+
+    duration in scaled time. A duration shorter than the fastest motion gives the fastest one.
+    """
+    fastest = _rounds(task, start, None)
+    total = float(fastest.times.sum())
+    if not fastest.solved or (objective == "time" and duration is None) or (duration is not None and duration < total):
+        return fastest
+    m = task.shape.coordinates
+    begin = Start(fastest.elements[:, : 4 * m], fastest.times, fastest.elements[:, 4 * m])
+    time = (0.0, (1 + LONGER) * total) if duration is None else (duration, duration)
+    coolest = _rounds(task, begin if duration is None else begin.stretched(duration / total), time)
+    if not coolest.solved and duration is None:
+        return fastest
+    return Answer(
+        coolest.message, coolest.elements, coolest.times, fastest.iterations + coolest.iterations, coolest.point
+    )
+
+
+def _rounds(task: Task, start: Start, time: tuple[float, float] | None) -> Answer:
+    """time: bounds of the duration within which heat counts; None: the fastest."""
+    names = task.names
+    elements = start.elements
+    largest = task.largest(elements)
+    near = largest.max(axis=0, initial=0.0) > NEAR
+    kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
+    slack = np.zeros_like(largest)
+    begin: Start | Answer = start
+    iterations = 0
+    for rounds in range(1, ROUNDS + 1):
+        program = Program.of(task.shape, task.stage(kept, time is not None))
+        shown = [name in kept for name in names]
+        question = task.question(elements, slack[:, shown])
+        if time is not None:
+            question = question.heating(time)
+        if isinstance(begin, Answer):
+            answer = program.solve(question, begin)
+        else:
+            answer = program.solve(question, begin.states, begin.times)
+        iterations += answer.iterations
+        elements = answer.elements
+        if not answer.solved:
+            break
+        excess = task.largest(elements) - 1
+        worst = excess.max(axis=0, initial=-1.0)
+        if worst.max(initial=-1.0) <= EXCESS or rounds == ROUNDS:
+            break
+        missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
+        m = task.shape.coordinates
+        if missed:
+            kept = kept | missed
+            begin = Start(elements[:, : 4 * m], answer.times, elements[:, 4 * m])
+        else:
+            slack = slack + tightening(excess)
+            begin = answer
+    return Answer(answer.message, elements, answer.times, iterations, answer.point)
+
+
+def tightening(excess: Array) -> Array:
+    """By how much to lower rows that were found exceeded between the collocation points."""
+    return np.asarray(np.where(excess > 0, BACKOFF * excess + EXCESS, 0.0))

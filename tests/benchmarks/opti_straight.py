@@ -1,0 +1,86 @@
+"""The straight motion written in CasADi's Opti: cubic elements of s(t), limits at three points of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.problem.values import Array, Robot
+
+from peer_rows import LIMITS, straight_rows
+
+POINTS = (0.0, 0.5, 1.0)
+TOLERANCE = 1e-8
+
+
+@dataclass
+class OptiStraight:
+    """One transcription, all numbers being parameters: `solve` again with others.
+
+    Variables: s, ṡ at the ends of the elements, s̈ at both ends of each; the duration. Elements of equal length.
+    """
+
+    opti: ca.Opti
+    x: Any
+    a: Any
+    time: Any
+    start: Any
+    end: Any
+    limits: Any
+    solved: ca.OptiSol | None = None
+
+    @classmethod
+    def build(
+        cls, robot: Robot, mechanism: Mechanism, branch: int, sigma: Array, count: int, options: dict[str, Any]
+    ) -> OptiStraight:
+        rows = straight_rows(robot, mechanism, branch, sigma.tolist())
+        opti = ca.Opti()
+        x, a, time = opti.variable(2, count + 1), opti.variable(2, count), opti.variable()
+        start, end, limits = opti.parameter(4), opti.parameter(4), opti.parameter(LIMITS)
+        opti.minimize(time)
+        h = time / count
+        opti.subject_to(x[:, 0] == 0)
+        opti.subject_to(x[:, count] == ca.vertcat(1, 0))
+        opti.subject_to(opti.bounded(0.01, time, 100))
+        opti.subject_to(ca.vec(x[1, :]) >= 0)
+        for k in range(count):
+            s, v, a0, a1 = x[0, k], x[1, k], a[0, k], a[1, k]
+            opti.subject_to(x[0, k + 1] == s + h * v + h**2 * (a0 / 3 + a1 / 6))
+            opti.subject_to(x[1, k + 1] == v + h * (a0 + a1) / 2)
+            for c in POINTS:
+                t, rise = c * h, a1 - a0
+                here = s + t * (v + t * (a0 / 2 + c * rise / 6)), v + t * (a0 + c * rise / 2), a0 + c * rise
+                opti.subject_to(rows(*here, start, end, limits)[0] <= 1)
+        opti.subject_to(rows(0, 0, a[0, 0], start, end, limits)[1] <= 1)
+        opti.solver("ipopt", {"print_time": False, **options.get("casadi", {})}, ipopt(options.get("ipopt", {})))
+        return cls(opti, x, a, time, start, end, limits)
+
+    def solve(self, start: Array, end: Array, limits: Array, guess: float) -> tuple[float, int, str]:
+        """Duration, iterations and Ipopt's word; from the last solution, else from a line in time `guess` seconds long."""
+        opti = self.opti
+        for parameter, value in ((self.start, start), (self.end, end), (self.limits, limits)):
+            opti.set_value(parameter, value)
+        if self.solved is None:
+            opti.set_initial(self.x[0, :], np.linspace(0, 1, self.x.shape[1]))
+            opti.set_initial(self.x[1, :], 1 / guess)
+            opti.set_initial(self.time, guess)
+        else:
+            opti.set_initial(self.solved.value_variables())
+        self.solved = opti.solve_limited()
+        stats = self.solved.stats()
+        return float(self.solved.value(self.time)), int(stats["iter_count"]), str(stats["return_status"])
+
+    def elements(self) -> Array:
+        """s, ṡ, s̈ at the start, s̈ at the end, length, of the elements of the last solution, (n, 5)."""
+        assert self.solved is not None
+        x, a, time = (np.asarray(self.solved.value(v)) for v in (self.x, self.a, self.time))
+        n = a.shape[1]
+        return np.column_stack([x[0, :n], x[1, :n], a[0], a[1], np.full(n, float(time) / n)])
+
+
+def ipopt(more: dict[str, Any]) -> dict[str, Any]:
+    return {"print_level": 0, "sb": "yes", "tol": TOLERANCE, "max_iter": 1000, **more}

@@ -1,0 +1,202 @@
+"""Retina and lens: against dense points along the shaft and over the lens, and what the rows for optimisation promise."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import casadi
+import numpy as np
+import pytest
+
+from ssm_planner.model.eye import eye_limits, eye_rows, lens_limit, lens_ratio, lens_row, retina_distance, retina_row
+from ssm_planner.model.namespace import NUMPY, casadi_namespace
+from ssm_planner.problem.values import Eye, Lens, frozen
+
+SHARES = np.linspace(0.0, 1.0, 4001)
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    matrix, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return matrix * np.sign(np.linalg.det(matrix))
+
+
+def random_eye(rng: np.random.Generator) -> Eye:
+    """An eye anywhere about the remote centre, with the lens in front of its centre but clear of the port."""
+    while True:
+        turned, frame = random_rotation(rng), random_rotation(rng)
+        centre = turned @ [0.0, 0.0, -0.012 * rng.uniform(0.9, 1.1)]
+        semi_axes = rng.uniform(0.001, 0.005, 3)
+        lens_centre = centre + random_rotation(rng)[:, 0] * rng.uniform(0.002, 0.008)
+        lens = Lens(frozen(lens_centre, (3,)), frozen(semi_axes, (3,)), frozen(frame, (3, 3)))
+        eye = Eye(frozen(centre, (3,)), 0.012, rng.uniform(0.0, 0.0015), 0.003, rng.uniform(0.0, 0.0005), lens)
+        if np.linalg.norm(frame.T @ lens_centre / semi_axes) > lens_limit(eye):
+            return eye
+
+
+def tips_in(rng: np.random.Generator, eye: Eye, count: int = 300) -> np.ndarray:
+    return eye.centre + rng.uniform(-1.2, 1.2, (count, 3)) * eye.radius
+
+
+def test_retina_allows_the_inner_ball_and_the_port() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        eye = random_eye(rng)
+        tips = np.vstack((tips_in(rng, eye), rng.uniform(-1, 1, (100, 3)) * 1.2 * eye.port))
+        distance = retina_distance(NUMPY, eye, tips.T)
+        inside = np.linalg.norm(tips - eye.centre, axis=1) <= eye.radius - eye.clearance
+        at_port = np.linalg.norm(tips, axis=1) <= eye.port
+        assert np.array_equal(distance >= eye.clearance, inside | at_port)
+        beyond = np.linalg.norm(tips, axis=1) > eye.clearance + eye.port
+        wall = eye.radius - np.linalg.norm(tips - eye.centre, axis=1)
+        assert np.array_equal(distance[beyond & (wall >= 0)], wall[beyond & (wall >= 0)])
+        # no step anywhere: a hundredth of a millimetre changes it by no more than that
+        moved = tips + rng.uniform(-1, 1, tips.shape) * 1e-5
+        change = np.abs(retina_distance(NUMPY, eye, moved.T) - distance)
+        assert np.all(change <= np.linalg.norm(moved - tips, axis=1) * (1 + 1e-9))
+
+
+def test_lens_ratio_is_the_nearest_of_dense_points_along_the_shaft() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        lens = random_eye(rng).lens
+        for tip in lens.centre + rng.uniform(-1.5, 1.5, (20, 3)) * 0.006:
+            points = SHARES[:, None] * tip
+            dense = np.linalg.norm((points - lens.centre) @ lens.frame / lens.semi_axes, axis=1).min()
+            found = float(lens_ratio(NUMPY, lens, tip))
+            assert found <= dense + 1e-12
+            assert found == pytest.approx(dense, abs=1e-3)
+
+
+def surface(lens: Lens, enlarged: float, count: int = 20_000) -> np.ndarray:
+    """Points all over the lens, (count, 3)."""
+    k = np.arange(count) + 0.5
+    polar, around = np.arccos(1 - 2 * k / count), math.pi * (1 + math.sqrt(5)) * k
+    ball = np.stack((np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)), axis=1)
+    return lens.centre + (enlarged * ball * lens.semi_axes) @ lens.frame.T
+
+
+def to_segment(points: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    """Distances of points from the segment between the origin and the tip."""
+    share = np.clip(points @ tip / (tip @ tip), 0.0, 1.0)
+    return np.linalg.norm(points - share[:, None] * tip, axis=1)
+
+
+def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        eye = random_eye(rng)
+        tip = eye.lens.centre * rng.uniform(0.7, 1.6) + rng.uniform(-1, 1, 3) * 0.006
+        ratio = float(lens_ratio(NUMPY, eye.lens, tip))
+        # a lens of such a size that this shaft is at the limit
+        size = ratio - eye.shaft_radius / eye.lens.semi_axes.min()
+        if size <= 0.05:
+            continue
+        grown = dataclasses.replace(eye.lens, semi_axes=frozen(eye.lens.semi_axes * size, (3,)))
+        at_limit = dataclasses.replace(eye, lens=grown)
+        value, least = eye_limits(NUMPY, at_limit, tip)["lens clearance"]
+        assert value == pytest.approx(least, rel=1e-12)
+        nearest = to_segment(surface(grown, 1.0), tip).min()
+        assert nearest >= eye.shaft_radius - 1e-6
+        # and enlarged by the ratio the lens just touches
+        assert to_segment(surface(grown, float(value)), tip).min() < 2e-4
+
+
+def test_everything_turns_with_the_eye() -> None:
+    rng = np.random.default_rng(4)
+    eye = random_eye(rng)
+    tips = tips_in(rng, eye)
+    turned = random_rotation(rng)
+    lens = Lens(frozen(turned @ eye.lens.centre, (3,)), eye.lens.semi_axes, frozen(turned @ eye.lens.frame, (3, 3)))
+    other = dataclasses.replace(eye, centre=frozen(turned @ eye.centre, (3,)), lens=lens)
+    for evaluate in (
+        lambda e, p: [v for v, _ in eye_limits(NUMPY, e, p).values()],
+        lambda e, p: list(eye_rows(NUMPY, e, p).values()),
+    ):
+        for a, b in zip(evaluate(eye, tips.T), evaluate(other, turned @ tips.T), strict=True):
+            assert np.abs(a - b).max() < 1e-12
+
+
+@pytest.mark.parametrize("kind", [casadi.SX, casadi.MX])
+def test_symbolic_equals_numeric(kind) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        eye = random_eye(rng)
+        symbol = kind.sym("p", 3)
+        xp = casadi_namespace()
+        values = [value for value, _ in eye_limits(xp, eye, symbol).values()] + list(eye_rows(xp, eye, symbol).values())
+        function = casadi.Function("eye", [symbol], [casadi.vertcat(*values)])
+        tips = np.vstack((tips_in(rng, eye, 100), np.zeros((1, 3)), 1e-3 * rng.uniform(-1, 1, (50, 3))))
+        numeric = [value for value, _ in eye_limits(NUMPY, eye, tips.T).values()] + list(
+            eye_rows(NUMPY, eye, tips.T).values()
+        )
+        assert np.abs(function(tips.T).full() - np.stack(numeric)).max() < 1e-13
+
+
+def test_the_retina_row_is_exact_outside_the_port_and_safe_inside() -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        eye = random_eye(rng)
+        tips = np.vstack((tips_in(rng, eye), rng.uniform(-1, 1, (300, 3)) * 1.2 * eye.port))
+        allowed = retina_distance(NUMPY, eye, tips.T) >= eye.clearance
+        row = retina_row(NUMPY, eye, tips.T) <= 0
+        outside = np.linalg.norm(tips, axis=1) >= eye.port
+        assert np.array_equal(row[outside], allowed[outside])
+        assert not np.any(row & ~allowed)
+        assert retina_row(NUMPY, eye, eye.centre) == pytest.approx(-1.0)
+
+
+def test_a_shaft_that_leaves_the_port_within_the_clearance_may_be_inserted_all_the_way() -> None:
+    """From the remote centre inwards along any line on which the row is kept by a little where it leaves the port."""
+    rng = np.random.default_rng(7)
+    inserted = 0
+    for _ in range(200):
+        eye = random_eye(rng)
+        along = eye.centre / np.linalg.norm(eye.centre) + rng.uniform(-1, 1, 3)
+        along /= np.linalg.norm(along)
+        if retina_row(NUMPY, eye, along * eye.port) > -0.02:
+            continue
+        inserted += 1
+        path = np.linspace(0.0, eye.port, 2000)[:, None] * along
+        assert retina_row(NUMPY, eye, path.T).max() <= 0
+    assert inserted > 50
+
+
+def test_rows_are_once_continuously_differentiable() -> None:
+    """Gradients just on both sides of the port's edge, and of where the foot on the shaft leaves its ends, agree."""
+    rng = np.random.default_rng(8)
+    symbol = casadi.SX.sym("p", 3)
+    for _ in range(20):
+        eye = random_eye(rng)
+        rows = casadi.vertcat(*eye_rows(casadi_namespace(), eye, symbol).values())
+        gradient = casadi.Function("gradient", [symbol], [casadi.jacobian(rows, symbol)])
+        edge = rng.standard_normal(3)
+        edge *= eye.port / np.linalg.norm(edge)
+        across = rng.standard_normal(3)
+        # the foot is at the tip where scaled shaft and scaled way from tip to lens are at right angles
+        scale = eye.lens.frame / eye.lens.semi_axes @ eye.lens.frame.T
+        at_tip = np.linalg.solve(scale, (scale @ eye.lens.centre + 0.3 * across)) * 0.5
+        way = scale @ at_tip
+        at_tip *= float(way @ (scale @ eye.lens.centre)) / float(way @ way)
+        for place in (edge, at_tip):
+            inner, outer = (gradient(place * (1 + step)).full() for step in (-1e-9, 1e-9))
+            assert np.abs(inner - outer).max() < 1e-4 * max(1.0, np.abs(inner).max())
+
+
+def test_derivatives_are_finite_with_the_tip_in_the_remote_centre() -> None:
+    rng = np.random.default_rng(9)
+    symbol = casadi.SX.sym("p", 3)
+    for _ in range(10):
+        eye = random_eye(rng)
+        row = lens_row(casadi_namespace(), eye, eye.lens, symbol)
+        function = casadi.Function("row", [symbol], [row, *casadi.hessian(row, symbol)])
+        for size in (0.0, 1e-15, 1e-9, 1e-6):
+            for value in function(size * rng.standard_normal(3)):
+                assert np.isfinite(value.full()).all()
+                assert np.abs(value.full()).max() < 1e10
+
+
+def test_without_a_lens_only_the_retina_counts() -> None:
+    eye = dataclasses.replace(random_eye(np.random.default_rng(10)), lens=None)
+    assert list(eye_limits(NUMPY, eye, np.ones(3))) == list(eye_rows(NUMPY, eye, np.ones(3))) == ["retina clearance"]
+    assert lens_limit(eye) == 1.0
