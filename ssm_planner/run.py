@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.export.folder import write_folder
+from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.plan import Plan
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import Array, Problem
+from ssm_planner.report.figure_process import FigureProcess
 from ssm_planner.sizing.requirements import motor_requirements
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
@@ -24,11 +26,14 @@ TIGHTENED = ("velocity", "acceleration", "jerk", "motor torque")
 Progress = Callable[[str], None]
 
 
-def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
+def plan(
+    problem: Problem, progress: Progress = lambda _: None, found: Callable[[Trajectory], None] = lambda _: None
+) -> Plan:
     """Plan a problem, check the plan by code that did not make it, and say what it requires of the motors.
 
     Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
-    planned again. Never raises for an infeasible problem: the plan then holds the reason.
+    planned again. found: called with each motion before it is checked. Never raises for an infeasible problem: the plan
+    then holds the reason.
     """
     begin = time.perf_counter()
     tighten = np.ones((len(TIGHTENED), len(problem.robot.joints)))
@@ -39,6 +44,7 @@ def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
         if trajectory is None:
             seconds = time.perf_counter() - begin
             return Plan(problem, planned.status, None, planned.legs, None, (), planned.reason, seconds)
+        found(trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(trajectory, problem.robot, problem.task_limits)
         if certificate.passed or attempt == ATTEMPTS or not _tighten(tighten, certificate, problem):
@@ -50,16 +56,21 @@ def plan(problem: Problem, progress: Progress = lambda _: None) -> Plan:
         attempt += 1
 
 
-def plan_to_folder(problem: Problem, folder: Path, progress: Progress = lambda _: None) -> tuple[Plan, dict[str, Path]]:
-    """Plan and write plan.json, trajectory.csv and the figures.
+def plan_to_folder(
+    problem: Problem, folder: Path, progress: Progress = lambda _: None, drawer: FigureProcess | None = None
+) -> tuple[Plan, dict[str, Path]]:
+    """Plan and write plan.json, trajectory.csv and the figures; drawer as in `write_folder`.
 
     Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program.
     """
-    result = plan(problem, progress)
+    if drawer is None:
+        result = plan(problem, progress)
+    else:
+        result = plan(problem, progress, lambda trajectory: drawer.draw_motion(trajectory, problem.robot))
     if not result.passed:
         return result, {}
     progress("writing results")
-    return result, write_folder(result, folder)
+    return result, write_folder(result, folder, drawer)
 
 
 def _tighten(table: Array, certificate: Certificate, problem: Problem) -> bool:

@@ -17,15 +17,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from ssm_planner.report.figure_process import FigureProcess
+
     progress = progress_reporter()
     progress(f"reading {options.problem}")
-    from ssm_planner.problem.load import load_problem
-    from ssm_planner.report.summary import summary_lines
-    from ssm_planner.run import plan_to_folder
+    with FigureProcess() as drawer:  # first of all, so that it is ready when the plan is
+        from ssm_planner.problem.load import load_problem
+        from ssm_planner.report.summary import summary_lines
+        from ssm_planner.run import plan_to_folder
 
-    problem = load_problem(options.problem)
-    folder = options.output or Path("results") / problem.name
-    result, files = plan_to_folder(problem, folder, progress)
+        problem = load_problem(options.problem)
+        folder = options.output or Path("results") / problem.name
+        result, files = plan_to_folder(problem, folder, progress, drawer)
     progress("done")
     if options.json:
         print_json({**result.summary(), "files": {name: str(path) for name, path in files.items()}})

@@ -5,8 +5,9 @@ One recursion (Newton–Euler about the RCM) written in CasADi; every number in 
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -21,48 +22,37 @@ def inverse_dynamics_symbolic(
     """Joint efforts that produce qdd at (q, qd); (4,) each, rad, m, N·m, N.
 
     All three revolute axes pass through the origin, so body 1 to 3 never translate; body 4 slides along ω3.
-    Newton–Euler in base coordinates with moments about the RCM (Murray, Li, Sastry, ch. 4); gravity enters as an
-    acceleration −g of the base.
+    Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4), each body in the frame that moves with it and is the
+    base frame at q = 0: there axes, centres of mass and inertias are constants. Gravity enters as an acceleration −g of
+    the base.
     """
-    axes = [ca.DM(geometry.omega1), ca.DM(geometry.omega2), ca.DM(geometry.omega3)]
-    rotation = ca.SX.eye(3)
-    omega = ca.SX.zeros(3)
-    omega_dot = ca.SX.zeros(3)
-    base_acceleration = -ca.DM(gravity)
-    world_axes = []
-    forces = []
-    moments = []
+    axes = [_constant(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)]
+    omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(-ca.DM(gravity))
+    moments, turns = [], []
     for i, body in enumerate(bodies):
-        offset = ca.SX.zeros(3)
-        offset_acceleration = ca.SX.zeros(3)
+        com = _constant(body.frame @ body.com)
+        inertia = _constant(body.frame @ inertia_about_com(body) @ body.frame.T)
         if i < 3:
-            axis = rotation @ axes[i]
-            # ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
-            omega_dot = omega_dot + axis * qdd[i] + ca.cross(omega, axis) * qd[i]
-            omega = omega + axis * qd[i]
-            rotation = rotation @ _rotation(axes[i], q[i])
+            # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
+            back = _rotation(axes[i], q[i]).T
+            omega, omega_dot, base_acceleration = back @ omega, back @ omega_dot, back @ base_acceleration
+            omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
+            omega = omega + axes[i] * qd[i]
+            turns.append(back.T)
+            place, sliding = com, ca.SX.zeros(3)
         else:
-            axis = rotation @ axes[2]
-            offset = axis * q[3]
-            offset_acceleration = (
-                axis * qdd[3]
-                + 2 * ca.cross(omega, axis) * qd[3]
-                + ca.cross(omega_dot, offset)
-                + ca.cross(omega, ca.cross(omega, offset))
-            )
-        world_axes.append(axis)
-        to_base = rotation @ ca.DM(body.frame)
-        com = to_base @ ca.DM(body.com)
-        acceleration = (
-            base_acceleration + offset_acceleration + ca.cross(omega_dot, com) + ca.cross(omega, ca.cross(omega, com))
+            place, sliding = com + axes[2] * q[3], axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
+        force = body.mass * (
+            base_acceleration + sliding + ca.cross(omega_dot, place) + ca.cross(omega, ca.cross(omega, place))
         )
-        inertia = to_base @ ca.DM(inertia_about_com(body)) @ to_base.T
-        force = body.mass * acceleration
-        forces.append(force)
-        moments.append(inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(offset + com, force))
-    tau = [ca.dot(world_axes[i], _total(moments[i:])) for i in range(3)]
-    tau.append(ca.dot(world_axes[3], forces[3]))
-    return ca.vertcat(*tau)
+        moments.append(inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(place, force))
+    tau = [ca.dot(axes[2], force)]
+    total = moments[2] + moments[3]  # body 4 turns with body 3
+    tau.append(ca.dot(axes[2], total))
+    for i in (1, 0):
+        total = moments[i] + turns[i + 1] @ total
+        tau.append(ca.dot(axes[i], total))
+    return ca.vertcat(*reversed(tau))
 
 
 def inertia_about_com(body: Body) -> Array:
@@ -81,7 +71,8 @@ class RigidBody:
 
     @classmethod
     def from_robot(cls, robot: Robot) -> RigidBody:
-        return cls(robot.geometry, robot.bodies, robot.gravity)
+        """The same object for the same geometry, bodies and gravity, so that its Functions are built once."""
+        return _rigid_body(pickle.dumps((robot.geometry, robot.bodies, robot.gravity)))
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Joint efforts (n, 4) at q, qd, qdd (n, 4)."""
@@ -136,14 +127,18 @@ class RigidBody:
         return potential
 
 
+@lru_cache(maxsize=16)
+def _rigid_body(content: bytes) -> RigidBody:
+    return RigidBody(*pickle.loads(content))
+
+
+def _constant(value: Array) -> ca.DM:
+    """A constant without the rounding that stands for zeros, so that expressions stay small."""
+    return ca.DM(np.where(np.abs(value) < 1e-15 * np.abs(value).max(initial=0.0), 0.0, value))
+
+
 def _rotation(axis: ca.DM, angle: ca.SX) -> ca.SX:
     """e^{ω̂θ} for a unit axis (Rodrigues; Murray, Li, Sastry eq. 2.14)."""
     hat = ca.skew(axis)
     return ca.SX.eye(3) + hat * ca.sin(angle) + (hat @ hat) * (1 - ca.cos(angle))
 
-
-def _total(terms: list[ca.SX]) -> ca.SX:
-    total = ca.SX.zeros(3)
-    for term in terms:
-        total += term
-    return total

@@ -8,28 +8,33 @@ from pathlib import Path
 
 from ssm_planner.export.atomic import staging
 from ssm_planner.paper.departures import departures_section
+from ssm_planner.paper.design import design_section
 from ssm_planner.paper.friction_maps import friction_section
 from ssm_planner.paper.inputs import Inputs
-from ssm_planner.paper.motions import SpeedRun, motions_section, speed_runs
+from ssm_planner.paper.motions import SpeedRun, speed_runs
+from ssm_planner.paper.motions_section import motions_section
 from ssm_planner.paper.payload import payload_section, payloads
 from ssm_planner.paper.published import RIGS
-from ssm_planner.paper.rigs import RigResult, rig_result, rigs_section
-from ssm_planner.paper.section import Section, table
-from ssm_planner.paper.workspace import design_section, workspace_section
+from ssm_planner.paper.rigs import RigResult, rig_result
+from ssm_planner.paper.rigs_section import rigs_section
+from ssm_planner.paper.section import COMMAND, Section, table
+from ssm_planner.paper.workspace import workspace_section
 from ssm_planner.report.style import save_figure
 
 FILE = "README.md"
-HEAD = """# The paper, recomputed
+HEAD = f"""# The paper, recomputed
 
 A. Mablekos-Alexiou, L. da Cruz, C. Bergeles, "Geometric Workspace Analysis and Transmission-Aware Dynamics of a Serial
 Spherical Tool for Microsurgery": every table and figure of it that can be recomputed, ours beside the published value,
-and why they differ where they do. From the project's folder, all of this page and its pictures come from
+and why they differ where they do. This page and its pictures come from
 
 ```
-ssm-planner reproduce
+{COMMAND}
 ```
 
-Pictures link to their PDF. Torques are at the motor.
+run in the project's folder; `--recordings DIR` names the recordings of the rigs, without which their predictions are left
+out. "The package" is the software that the paper cites, RViMLab/TRO2021-Dynamic-Modelling. Torques are at the motor;
+pictures link to their PDF.
 """
 NOT_HERE = (
     ("photograph of the tool, CAD drawings, eye sections, video snapshots", "pictures of things, nothing to compute"),
@@ -63,7 +68,7 @@ class Document:
         """The same for the same inputs: no time, no date, no folder of this machine."""
         contents = [f"* [{section.title}](#{_anchor(section.title)})" for section in self.sections]
         body = [line for section in self.sections for line in section.markdown()]
-        rest = ["## What is not here", "", *table(("of the paper", "why"), NOT_HERE)]
+        rest = ["## What is not here", "", *table(("of the paper", "why not"), NOT_HERE, words=(1,))]
         return "\n".join([HEAD, *contents, "", *body, *rest]).rstrip() + "\n"
 
 

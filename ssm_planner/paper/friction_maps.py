@@ -14,7 +14,8 @@ from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.transmission import breakaway_torque
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, NUMBER, FrictionRow
-from ssm_planner.paper.section import Section, number, picture, table
+from ssm_planner.paper.section import Section, number, picture, table, text
+from ssm_planner.paper.workspace import degrees
 from ssm_planner.problem.values import JOINTS, Array, Drive, Friction, Robot
 from ssm_planner.report.style import COLOURS, RPM, SIZE, finish, new_figure
 
@@ -45,6 +46,18 @@ class FrictionMap:
     """Range of the effort of gravity in the working range, N·m or N."""
     start: float
     """Breakaway torque without load."""
+
+    @property
+    def mesh(self) -> float:
+        """Torque of the mesh without load, at the top speed."""
+        row = published.TABLE_II[self.joint]
+        return float(self.unloaded[0][-1] - row.b_c - row.b_v * self.w[-1])
+
+    @property
+    def largest(self) -> float:
+        """Largest |torque| under the arm's weight, either way."""
+        forwards, backwards = self.loaded
+        return float(max(forwards[1].max(), -backwards[0].min()))
 
 
 def driven(robot: Robot, joint: str) -> Drive:
@@ -106,7 +119,8 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
 def friction_section(robot: Robot) -> Section:
     """Table II with the maps."""
     maps = friction_maps(robot)
-    head = ("Table II", *(f"joint {NUMBER[m.joint]}" for m in maps), "ours, same joints", "the package, same joints")
+    low, high = robot.limits["tilt"]
+    joints = tuple(f"joint {NUMBER[m.joint]}" for m in maps)
     rows = [
         _parameter(robot, name, symbol, scale)
         for name, symbol, scale in (
@@ -117,64 +131,54 @@ def friction_section(robot: Robot) -> Section:
         )
     ]
     lines = [
-        *table(head, rows),
-        "Ours are the published values: the robot's drive files hold them, and the recordings behind them are not public, "
-        "so that a fit of our own cannot be set beside them. The package simulates the arm with other figures (before "
-        "identification): its b_c is that of its worm rig in all three joints, " + _ratios() + " that of Table II.",
-        "",
+        *table(("Table II: joints 1 / 2 / 4", "published", "ours", "difference", "the package"), rows),
+        *text(
+            "Ours are the published values: the robot's drive files hold them. The recordings behind them are not public, so "
+            "that no fit of our own can be set beside them. The package simulates the arm with other figures, from before "
+            f"identification: its b_c is that of its worm rig in all three joints, {_ratios()} that of Table II."
+        ),
         *table(
-            ("motor torque by Table II, mN·m", *(f"joint {NUMBER[m.joint]}" for m in maps)),
+            ("motor torque by Table II, mN·m", *joints),
             [
-                ("top of the map (rpm)", *(f"{RPM * m.w[-1]:.0f}" for m in maps)),
+                ("top speed of the map (rpm)", *(f"{RPM * m.w[-1]:.0f}" for m in maps)),
                 ("no load, slow", *(number(1e3 * m.unloaded[0][0]) for m in maps)),
-                ("no load, at the top", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
-                ("of it bearing Coulomb", *(number(1e3 * published.TABLE_II[m.joint].b_c) for m in maps)),
-                ("of it bearing viscous", *(number(1e3 * published.TABLE_II[m.joint].b_v * m.w[-1]) for m in maps)),
-                ("of it mesh, through μ_c", *(number(1e3 * _mesh(m)) for m in maps)),
-                ("breakaway, no load (μ_s)", *(number(1e3 * m.start) for m in maps)),
-                ("arm's weight at the joint (N·m; N)", *(f"{m.gravity[0]:.3f} … {m.gravity[1]:.3f}" for m in maps)),
-                (
-                    "largest under the arm's weight, at the top",
-                    *(number(1e3 * max(m.loaded[0][1][-1], -m.loaded[1][0][-1])) for m in maps),
-                ),
-                ("the package's parameters, no load, at the top", *(number(1e3 * m.package[0][-1]) for m in maps)),
+                ("no load, top speed", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
+                ("of which bearing, Coulomb", *(number(1e3 * published.TABLE_II[m.joint].b_c) for m in maps)),
+                ("of which bearing, viscous", *(number(1e3 * published.TABLE_II[m.joint].b_v * m.w[-1]) for m in maps)),
+                ("of which mesh, by μ_c", *(number(1e3 * m.mesh) for m in maps)),
+                ("no load, breakaway, by μ_s", *(number(1e3 * m.start) for m in maps)),
+                ("the package's parameters, no load, top speed", *(number(1e3 * m.package[0][-1]) for m in maps)),
+                ("effort of the arm's weight (N·m, N·m, N)", *(" … ".join(map(number, m.gravity)) for m in maps)),
+                ("under the arm's weight, largest", *(number(1e3 * m.largest) for m in maps)),
             ],
         ),
-        "The paper tests each joint without external load. Without any load the mesh carries only the output's own "
-        "friction, and μ_c changes the map by the small row above: what identified μ_c was the weight of the arm itself. "
-        "The paper's figure of the maps is not in its source, so its circles cannot be set beside these curves.",
-        "",
+        *text(
+            "The paper tests each joint without external load. With no load at all the mesh would carry only the output's "
+            "own friction, and μ_c would decide no more of the map than the row of the mesh says: only the weight of the arm "
+            "itself can have identified it. The figure of the maps is not in the paper's source, so its circles cannot be "
+            "set beside these curves."
+        ),
         *picture(
             "friction_maps",
-            "Torque–velocity maps of joints 1, 2 and 4 by Table II; grey: under the arm's weight in its working range",
+            "Torque–velocity maps of joints 1, 2 and 4 by Table II; grey: under the arm's weight, at tilts of "
+            f"{degrees(low, 0)} to {degrees(high, 0)} and rolls of ±30°",
         ),
     ]
-    return Section(
-        "Table II: friction, and its torque–velocity maps",
-        "ssm-planner reproduce",
-        lines,
-        {"friction_maps": _figure(maps)},
-    )
+    return Section("Table II: friction, and its torque–velocity maps", lines, {"friction_maps": _figure(maps)})
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
-    def show(values: list[float]) -> str:
-        return " / ".join(number(scale * value) for value in values)
-
-    ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
     printed = [getattr(published.TABLE_II[joint], name) for joint in DRIVEN]
+    ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
     package = [getattr(published.PACKAGE_FRICTION[joint], name) for joint in DRIVEN]
-    return (symbol, *(number(scale * value) for value in printed), show(ours), show(package))
+    difference = [mine - theirs for mine, theirs in zip(ours, printed, strict=True)]
+    columns = (printed, ours, difference, package)
+    return (symbol, *(" / ".join(number(scale * value) for value in values) for values in columns))
 
 
 def _ratios() -> str:
     ratios = [published.PACKAGE_FRICTION[joint].b_c / published.TABLE_II[joint].b_c for joint in DRIVEN]
     return ", ".join(f"{ratio:.2f}" for ratio in ratios[:-1]) + f" and {ratios[-1]:.2f} times"
-
-
-def _mesh(m: FrictionMap) -> float:
-    row = published.TABLE_II[m.joint]
-    return float(m.unloaded[0][-1] - row.b_c - row.b_v * m.w[-1])
 
 
 def _figure(maps: tuple[FrictionMap, ...]) -> Figure:
@@ -198,5 +202,5 @@ def _figure(maps: tuple[FrictionMap, ...]) -> Figure:
         axes.locator_params(axis="x", nbins=5)
         axes.set_title(f"joint {NUMBER[m.joint]} ({m.joint})", fontsize=SIZE)
         finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if m is maps[0] else "")
-        axes.legend(fontsize=SIZE - 2, frameon=False, loc="upper left")
+        axes.legend(fontsize=SIZE - 2, frameon=False, loc="lower right")
     return figure

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.paper.published import RIGS
+from ssm_planner.paper.published import DRIVEN, RIGS
 from ssm_planner.problem.load import load_drive, load_problem
 from ssm_planner.problem.motorisation import Motorisation, load_motorisation
 from ssm_planner.problem.values import Drive, Problem, Robot
@@ -37,10 +37,26 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
             allowed="the project's folder problems/",
         )
     names = ("paper", "package")
+    problem = load_problem(problems / "tilt_insert.yaml")
+    _check(problem)
     return Inputs(
         problems,
-        load_problem(problems / "tilt_insert.yaml"),
+        problem,
         {name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
         {name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
         recordings,
     )
+
+
+def _check(problem: Problem) -> None:
+    """The tables speak of the paper's robot: joints 1, 2 and 4 driven, a tilt range declared."""
+    robot = problem.robot
+    for joint in robot.joints:
+        if joint.name in DRIVEN and joint.drive is None:
+            raise ProblemError(
+                "missing: Tables II and III need its friction", file=robot.file, key=f"joints.{joint.name}.drive"
+            )
+    if "tilt" not in robot.limits:
+        raise ProblemError("missing: the range in which the arm works", file=robot.file, key="limits.tilt")
+    if problem.start.task is None or not all(name in problem.start.task for name in ("tilt", "depth")):
+        raise ProblemError("Table III's motion starts from task coordinates", file=problem.file, key="start")

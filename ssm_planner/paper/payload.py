@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ssm_planner.paper.friction_maps import with_friction
 from ssm_planner.paper.inputs import Inputs
 from ssm_planner.paper.published import NUMBER, PACKAGE_FRICTION, TABLE_II, FrictionRow
-from ssm_planner.paper.section import Section, number, picture, table
-from ssm_planner.problem.motorisation import Motorisation
+from ssm_planner.paper.section import Section, number, picture, table, text
+from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.values import Joint, Robot
 from ssm_planner.report.sizing_figures import payload_curves
 from ssm_planner.report.style import RPM
@@ -21,15 +22,15 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-SPEEDS = {"paper": "65 °/s, 200 °/s²; 20 mm/s, 100 mm/s²", "package": "2 rad/s, 10 rad/s²; 30 mm/s, 100 mm/s²"}
-"""Speeds and accelerations of the runs by file name."""
+SPEEDS = {"paper": "the paper's speeds", "package": "the package's speeds"}
+"""What the runs are called, by file name."""
 
 
 @dataclass(frozen=True, eq=False)
 class Payload:
     """One run at the friction of Table II and at the package's."""
 
-    run: str
+    run: Motorisation
     identified: Sizing
     package: Sizing
 
@@ -37,8 +38,7 @@ class Payload:
 def payloads(inputs: Inputs) -> tuple[Payload, ...]:
     """Both motorisation runs with both sets of friction."""
     return tuple(
-        Payload(name, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION))
-        for name, run in inputs.motorisations.items()
+        Payload(run, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION)) for run in inputs.motorisations.values()
     )
 
 
@@ -46,37 +46,39 @@ def payload_section(results: tuple[Payload, ...]) -> Section:
     """Peaks of the payload curves, and the curves at the paper's speeds."""
     rows = []
     for result in results:
-        for mine, theirs in zip(result.identified.joints, result.package.joints, strict=True):
+        for stroke, mine, theirs in zip(
+            result.run.strokes, result.identified.joints, result.package.joints, strict=True
+        ):
+            ratio = mine.requirement.peak_torque / theirs.requirement.peak_torque
             rows.append(
                 (
-                    SPEEDS[result.run],
-                    f"{NUMBER[mine.load.joint]}",
+                    _speeds(stroke),
                     "figure only",
                     f"{RPM * mine.requirement.peak_speed:.0f}",
                     *_torques(theirs),
                     *_torques(mine),
-                    f"{mine.requirement.peak_torque / theirs.requirement.peak_torque:.2f}",
+                    f"{ratio:.2f}",
                 )
             )
     head = (
-        "run, one joint at a time",
-        "joint",
+        "one joint at a time",
         "published",
-        "speed (rpm)",
-        "peak, the package's friction (mN·m)",
+        "motor speed (rpm)",
+        "ours, package's friction: peak (mN·m)",
         "RMS",
-        "peak, Table II (mN·m)",
+        "ours, Table II: peak (mN·m)",
         "RMS",
         "ratio of the peaks",
     )
     first = results[0]
     lines = [
         *table(head, rows),
-        "The paper prints its payload curves as a figure without numbers, drawn before identification with the "
-        "manufacturers' friction (§IV-C); the package's is what is known of that. Both are drawn here at the paper's speeds. "
-        "With the friction identified later the motors must deliver more, by the last column. Static friction at every "
-        "start counts here; the package sets the torque to zero at standstill.",
-        "",
+        *text(
+            "The paper prints its payload curves as a figure without numbers, so there is no published value to subtract. It "
+            "drew them before identification, with manufacturers' friction (§IV-C); of that, the package's parameters are "
+            "what is known. With those of Table II, identified later, the peaks are the last column times as large. The "
+            "first three rows are the speeds that the paper requires, the others those of the package's script."
+        ),
         *picture(
             "payload_curves_package", "Payload curves with the package's friction, as for the paper's motor selection"
         ),
@@ -86,12 +88,15 @@ def payload_section(results: tuple[Payload, ...]) -> Section:
         "payload_curves_package": payload_curves(first.package),
         "payload_curves_table_ii": payload_curves(first.identified),
     }
-    return Section(
-        "Payload curves",
-        "ssm-planner reproduce",
-        lines,
-        figures,
-    )
+    also = [f"ssm-planner size problems/motorisation/{name}.yaml" for name in SPEEDS]
+    return Section("Payload curves", lines, figures, also)
+
+
+def _speeds(stroke: Stroke) -> str:
+    """Such as `joint 1, 65°/s, 200°/s²`."""
+    scale, unit = (1e3, " mm") if stroke.joint == "insertion" else (180.0 / math.pi, "°")
+    speed, bend = (f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration))
+    return f"joint {NUMBER[stroke.joint]}, {speed}/s, {bend}/s²"
 
 
 def _torques(joint: JointSizing) -> tuple[str, str]:

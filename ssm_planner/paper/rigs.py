@@ -1,13 +1,10 @@
-"""The three rigs: friction identified from the shipped figures beside the authors' parameters, and torque predicted."""
+"""The three rigs: friction identified from the shipped figures, and torque predicted for the recordings that exist."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.identify.fit import MapFit, fit_map
@@ -19,24 +16,11 @@ from ssm_planner.identify.torque_map import TorqueMap, read_figures
 from ssm_planner.model.friction import friction_of
 from ssm_planner.paper.inputs import Inputs
 from ssm_planner.paper.published import RIGS
-from ssm_planner.paper.section import NOTHING, Section, number, percent, picture, table
 from ssm_planner.problem.rig import Rig
 from ssm_planner.problem.values import Drive, FrictionLawName
-from ssm_planner.report.style import COLOURS, FIFTH, RPM, SIZE, finish, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LAWS = ("coulomb", "stribeck_exponential")
 """The two that the package fits."""
-SHOWN = {
-    "b_c": ("10³ b_c (N·m)", 1e3),
-    "b_v": ("10⁵ b_v (N·m·s/rad)", 1e5),
-    "b_oc": ("10³ b_oc (N·m; N)", 1e3),
-    "mu": ("μ_c", 1.0),
-    "mu_stribeck": ("μ, Stribeck's part", 1.0),
-    "stribeck_speed": ("w_s (rad/s)", 1.0),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,89 +93,6 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
         return replace(result, left_out=_plain(error, folder))
 
 
-def rigs_section(results: tuple[RigResult, ...]) -> Section:
-    """Parameters, maps and predictions of the three rigs."""
-    lines = [
-        "The torque–velocity maps of the paper's joints come from recordings that are not public. Those of the three rigs "
-        "of the package are; their mean speeds and torques ship as `problems/drives/rig_figures.csv`, and are identified "
-        "here by the package's two laws: constant μ (Coulomb), and μ + μ_str·exp(−2|w|/w_s) as its code computes it.",
-        "",
-    ]
-    for result in results:
-        lines += [f"### {result.title}", "", *_parameters(result)]
-    lines += [
-        *picture("rig_maps", "Maps of the three rigs: figures of the recordings, the authors' parameters, our fits")
-    ]
-    lines += ["### Predicted against measured torque", "", *_predictions(results)]
-    return Section(
-        "The rigs: identification and prediction",
-        "ssm-planner reproduce",
-        lines,
-        {"rig_maps": _figure(results)},
-    )
-
-
-def _parameters(result: RigResult) -> list[str]:
-    coulomb, stribeck = (result.fits[law] for law in LAWS)
-    printed = result.rig.published
-    rows = []
-    for name, (symbol, scale) in SHOWN.items():
-        value = printed.get(name)
-        cells = [symbol, NOTHING if value is None else number(scale * value)]
-        for fit in (coulomb, stribeck):
-            estimate = fit.estimates.get(name)
-            if estimate is None:
-                cells += [NOTHING, NOTHING]
-                continue
-            low, high = estimate.low, estimate.high
-            cells.append(f"{number(scale * estimate.value)} ({number(scale * low)} … {number(scale * high)})")
-            cells.append(NOTHING if value is None else _verdict(value, estimate.value, low, high))
-        rows.append(cells)
-    why = []
-    for law, fit in zip(("Coulomb", "Stribeck"), (coulomb, stribeck), strict=True):
-        if fit.inseparable:
-            groups = "; ".join(", ".join(group) for group in fit.inseparable)
-            why.append(f"with the {law} law the map gives {groups} only in combination")
-    head = ("parameter", "published", "ours, Coulomb (95 %)", "difference", "ours, Stribeck (95 %)", "difference")
-    chosen = "Coulomb" if result.chosen == "coulomb" else "Stribeck"
-    values = [f"{result.map_nrmsd(drive):.4f}" for drive in (result.published, coulomb.drive, stribeck.drive)]
-    text = (
-        f"NRMSD of the map: {values[0]} with the published parameters, {values[1]} Coulomb, {values[2]} Stribeck. AICc "
-        f"prefers {chosen} ({coulomb.criterion['coulomb']:.1f} Coulomb, {stribeck.criterion[LAWS[1]]:.1f} Stribeck)."
-    )
-    if why:
-        text += f" Why they differ: {'; '.join(why)}, so that values far apart fit alike."
-    return [*table(head, rows), text, ""]
-
-
-def _verdict(value: float, ours: float, low: float, high: float) -> str:
-    return f"{percent(ours / value - 1.0, 0)}, {'inside' if low <= value <= high else 'outside'}"
-
-
-def _predictions(results: tuple[RigResult, ...]) -> list[str]:
-    rows = []
-    for result in results:
-        if result.left_out:
-            rows.append((result.title, NOTHING, NOTHING, NOTHING, f"left out: {result.left_out}"))
-        rows += [
-            (
-                result.title,
-                tested.recording,
-                f"{tested.published:.3f}",
-                f"{tested.ours:.3f}",
-                "; ".join(tested.repairs) or "none",
-            )
-            for tested in result.tested
-        ]
-    head = ("rig", "start–stop recording", "NRMSD, published parameters", "NRMSD, ours", "repairs to the recording")
-    return [
-        *table(head, rows),
-        "Measured speed in, motor torque out, as for Table III; ours is the fit preferred above, from the map alone, so "
-        "that none of these recordings was used for it. The paper prints 0.08 to 0.13 for its prototype (Table III).",
-        "",
-    ]
-
-
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
     rig, ours = result.rig, result.fits[result.chosen].drive
     found = read_recordings([folder], nominal_torque=rig.motor_nominal_torque, direction=rig.direction)
@@ -215,26 +116,3 @@ def _plain(error: RecordingError, folder: Path) -> str:
 def _rig(drive: Drive) -> Rig:
     assert drive.rig is not None, drive.name
     return drive.rig
-
-
-def _figure(results: tuple[RigResult, ...]) -> Figure:
-    figure = new_figure(9.6, 3.6)
-    for axes, result in zip(figure.subplots(1, len(results)), results, strict=True):
-        data, load = result.data, result.rig.F_payload
-        axes.plot(RPM * data.w, 1e3 * data.tau, "o", color="black", fillstyle="none", markersize=4, label="recordings")
-        drives = (
-            ("published", result.published, ":", FIFTH),
-            ("ours, Coulomb", result.fits[LAWS[0]].drive, "--", COLOURS[1]),
-            ("ours, Stribeck", result.fits[LAWS[1]].drive, "-", COLOURS[0]),
-        )
-        for label, drive, dash, colour in drives:
-            for sign in (1.0, -1.0):
-                side = np.abs(data.w[np.sign(data.w) == sign])
-                w = sign * np.geomspace(side.min(), side.max(), 200)
-                torque = 1e3 * map_torque(drive, w, load)
-                axes.plot(RPM * w, torque, dash, color=colour, linewidth=1.4, label=label if sign > 0 else None)
-        axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
-        axes.set_title(result.title, fontsize=SIZE)
-        finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if result is results[0] else "")
-        axes.legend(fontsize=SIZE - 2, frameon=False, loc="upper left")
-    return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,13 +28,15 @@ class Section:
 
     def markdown(self) -> list[str]:
         alone = "".join(f", `{command}`" for command in self.also)
-        made = f"Tables and pictures: `{COMMAND}`" + (f"; parts of it alone: {alone[2:]}." if alone else ".")
+        made = f"Made by `{COMMAND}`." + (f" Parts of it alone: {alone[2:]}." if alone else "")
         return [f"## {self.title}", "", *text(made), *self.lines]
 
 
 def text(paragraph: str) -> list[str]:
-    """A paragraph in lines of WIDTH, and an empty one."""
-    return [*textwrap.wrap(paragraph, WIDTH, break_long_words=False, break_on_hyphens=False), ""]
+    """A paragraph in lines of WIDTH, commands unbroken, and an empty line."""
+    joined = re.sub("`[^`]*`", lambda code: code.group().replace(" ", "\0"), paragraph)
+    lines = textwrap.wrap(joined, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return [*(line.replace("\0", " ") for line in lines), ""]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[int] = ()) -> list[str]:

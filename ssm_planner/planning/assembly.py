@@ -11,7 +11,7 @@ faster than differentiating the mapped element, and gives the same numbers.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 
@@ -34,6 +34,35 @@ WARM: dict[str, Any] = {
     "warm_start_slack_bound_frac": 1e-9,
     "warm_start_mult_bound_push": 1e-9,
 }
+
+
+COLLOCATION = (0.0, 0.5, 1.0)
+"""Where in an element the limits are kept; both ends, because the acceleration may jump there."""
+SIMPSON = (1 / 6, 4 / 6, 1 / 6)
+"""Shares of the element's length that the points stand for in integrals."""
+
+
+class Stage(Protocol):
+    """One element of a motion: z = (u, u̇, ü at its start, ü at its end of m coordinates, length), scaled time."""
+
+    @property
+    def size(self) -> int:
+        """Length of z."""
+
+    @property
+    def arguments(self) -> tuple[tuple[int, bool], ...]:
+        """Length of each further argument, and whether every element has its own. The first are the directions."""
+
+    def states(self, z: ca.SX) -> list[ca.SX]:
+        """What the limits depend on, at the points COLLOCATION."""
+
+    @property
+    def point(self) -> ca.Function:
+        """(state, *arguments) → rows ≤ 1."""
+
+    @property
+    def heat(self) -> ca.Function | None:
+        """(state, *arguments) → Σ (τ/τ_nominal)², where heat counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,36 +90,32 @@ def assemble(
     p: ca.MX,
     objective: ca.MX,
     plain: ca.MX,
-    element: ca.Function,
+    stage: Stage,
     mesh: Mesh,
-    cost: ca.Function | None = None,
-    weight: ca.MX | None = None,
+    weight: ca.MX,
 ) -> tuple[ca.Function, ca.Function, int]:
     """Ipopt for min objective(x) + weight Σ cost(z_i) subject to bounds on g = [plain(x, p); element rows of every z_i].
 
     x (n, 1) variables, p parameters. Returns two solvers, the second for warm starts, and the number of rows.
     """
     count = mesh.count
-    jacobian, hessian = element_derivatives(element, cost)
-    rows = ca.vec(mesh.map(element))
+    element = element_functions(stage)
+    rows = ca.vec(mesh.map(element.rows))
     g = ca.vertcat(plain, rows)
     of_x = ca.jacobian(ca.vec(mesh.z), x)
-    blocks = block_diagonal(mesh.map(jacobian), jacobian.sparsity_out(0), count)
+    blocks = block_diagonal(mesh.map(element.jacobian), element.jacobian.sparsity_out(0), count)
     jac_g = ca.vertcat(ca.jacobian(plain, x), blocks @ of_x)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     lam_plain, lam_rows = lam_g[: plain.numel()], lam_g[plain.numel() :]
     multipliers = ca.reshape(lam_rows, -1, count)
-    gradient = ca.gradient(objective, x)
-    if cost is not None and weight is not None:
+    total, gradient = objective, ca.gradient(objective, x)
+    if element.cost is not None and element.gradient is not None:
+        total += weight * ca.sum2(mesh.map(element.cost))
+        gradient += weight * (of_x.T @ ca.vec(mesh.map(element.gradient)))
         multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * weight, 1, count))
-        slope, _ = element_derivatives(cost)
-        gradient += weight * (of_x.T @ ca.vec(ca.densify(mesh.map(slope))))
-        total = objective + weight * ca.sum2(mesh.map(cost))
-    else:
-        total = objective
-    curvature = mesh.map(hessian, multipliers)
+    curvature = mesh.map(element.hessian, multipliers)
     hess = ca.hessian(lam_f * objective + ca.dot(lam_plain, plain), x)[0]
-    hess += of_x.T @ block_diagonal(curvature, hessian.sparsity_out(0), count) @ of_x
+    hess += of_x.T @ block_diagonal(curvature, element.hessian.sparsity_out(0), count) @ of_x
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
@@ -103,15 +128,92 @@ def assemble(
     return cold, warm, g.numel()
 
 
-def element_derivatives(element: ca.Function, cost: ca.Function | None = None) -> tuple[ca.Function, ca.Function]:
-    """(z, parameters…) → dense Jacobian of the rows; (z, parameters…, λ) → Hessian of λᵀ [rows; cost] by z."""
-    inputs = [ca.SX.sym(element.name_in(i), element.sparsity_in(i)) for i in range(element.n_in())]
-    rows = element(*inputs)
-    jacobian = ca.Function("element_jacobian", inputs, [ca.jacobian(rows, inputs[0])])
-    weighed = rows if cost is None else ca.vertcat(rows, cost(*inputs))
-    multipliers = ca.SX.sym("multipliers", weighed.numel())
-    hessian, _ = ca.hessian(ca.dot(multipliers, weighed), inputs[0])
-    return jacobian, ca.Function("element_hessian", [*inputs, multipliers], [hessian])
+@dataclass(frozen=True, eq=False)
+class ElementFunctions:
+    """Functions of (z, *arguments): rows at all points, their Jacobian by z; cost ∫ heat and its gradient, where there is one.
+
+    hessian takes the rows' multipliers and the cost's too.
+    """
+
+    rows: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+    cost: ca.Function | None
+    gradient: ca.Function | None
+
+
+def element_functions(stage: Stage) -> ElementFunctions:
+    """Exact derivatives of an element by the chain rule through the state at each point.
+
+    The derivatives of the state's functions are taken once, by few variables; those of the state by z are those of a
+    polynomial. Differentiating the whole element by z instead makes expressions several times as large.
+    """
+    z = ca.SX.sym("z", stage.size)
+    arguments = [ca.SX.sym(f"argument{i}", size) for i, (size, _) in enumerate(stage.arguments)]
+    states = stage.states(z)
+    size = states[0].numel()
+    count = stage.point.size1_out(0)
+    point = _PointDerivatives.of(stage, size)
+    lam, lam_cost = ca.SX.sym("multipliers", count * len(states)), ca.SX.sym("cost_multiplier")
+    of_cost = ca.gradient(z[-1], z)
+    rows, jacobian = [], []
+    cost, gradient, hessian = ca.SX(0), ca.SX.zeros(stage.size), ca.SX(stage.size, stage.size)
+    for c, (state, share) in enumerate(zip(states, SIMPSON, strict=True)):
+        slope = ca.jacobian(state, z)
+        rows.append(stage.point(state, *arguments))
+        jacobian.append(point.jacobian(state, *arguments) @ slope)
+        weight = share * z[-1]
+        own = lam[c * count : (c + 1) * count]
+        curvature, pull = point.hessian(state, *arguments, own, weight * lam_cost)
+        hessian += slope.T @ curvature @ slope + _bend(state, z, pull)
+        if stage.heat is not None:
+            value, value_slope = stage.heat(state, *arguments), point.heat_gradient(state, *arguments)
+            along = slope.T @ value_slope
+            cost += weight * value
+            gradient += weight * along + share * value * of_cost
+            cross = share * lam_cost * (of_cost @ along.T)
+            hessian += cross + cross.T
+    inputs = [z, *arguments]
+    heats = stage.heat is not None
+    multipliers = [ca.vertcat(lam, lam_cost)] if heats else [lam]
+    if not heats:
+        hessian = ca.substitute(hessian, lam_cost, 0)
+    return ElementFunctions(
+        ca.Function("rows", inputs, [ca.vertcat(*rows)]),
+        ca.Function("jacobian", inputs, [ca.vertcat(*jacobian)]),
+        ca.Function("hessian", [*inputs, *multipliers], [hessian]),
+        ca.Function("cost", inputs, [cost]) if heats else None,
+        ca.Function("gradient", inputs, [ca.densify(gradient)]) if heats else None,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _PointDerivatives:
+    """Functions of (state, *arguments): Jacobian of the rows; Hessian and gradient of λᵀ rows + κ heat; gradient of heat."""
+
+    jacobian: ca.Function
+    hessian: ca.Function
+    heat_gradient: ca.Function
+
+    @classmethod
+    def of(cls, stage: Stage, size: int) -> _PointDerivatives:
+        state = ca.SX.sym("state", size)
+        inputs = [state, *(ca.SX.sym(f"argument{i}", n) for i, (n, _) in enumerate(stage.arguments))]
+        rows = stage.point(*inputs)
+        heat = ca.SX(0) if stage.heat is None else stage.heat(*inputs)
+        lam, kappa = ca.SX.sym("lam", rows.numel()), ca.SX.sym("kappa")
+        hessian, gradient = ca.hessian(ca.dot(lam, rows) + kappa * heat, state)
+        return cls(
+            ca.Function("point_jacobian", inputs, [ca.jacobian(rows, state)]),
+            ca.Function("point_hessian", [*inputs, lam, kappa], [hessian, gradient]),
+            ca.Function("heat_gradient", inputs, [ca.gradient(heat, state)]),
+        )
+
+
+def _bend(state: ca.SX, z: ca.SX, pull: ca.SX) -> ca.SX:
+    """Σ pull_k ∇² state_k by z."""
+    held = ca.SX.sym("pull", state.numel())
+    return ca.substitute(ca.hessian(ca.dot(held, state), z)[0], held, pull)
 
 
 def block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:

@@ -22,7 +22,7 @@ from ssm_planner.planning.free_guess import FreeGuess, guess
 from ssm_planner.planning.free_stage import NUMBERS, RATED, WATCHED, FreeStage
 from ssm_planner.planning.limits import UNLIMITED, limit_table, limits_jerk
 from ssm_planner.planning.peaks import peaks
-from ssm_planner.planning.program import DENSE, RowName
+from ssm_planner.planning.program import DENSE, RowName, shared
 from ssm_planner.planning.solving import Start, optimise
 from ssm_planner.problem.values import TASK, Array, Indices, Problem
 
@@ -148,7 +148,7 @@ class _FreeTask:
 
     def stage(self, kept: frozenset[RowName], heats: bool) -> FreeStage:
         eye = self.problem.eye if any(name in (RETINA, LENS) for name, _ in kept) else None
-        return FreeStage(self.problem.robot, self.mechanism, tuple(self.moving.tolist()), kept, eye, heats)
+        return shared(FreeStage(self.problem.robot, self.mechanism, tuple(self.moving.tolist()), kept, eye, heats))
 
     def question(self, elements: Array, slack: Array) -> Question:
         points = self._scaled(self.points - self.points[0], 0)
@@ -190,7 +190,8 @@ class _FreeTask:
             joint = problem.robot.joints[i]
             if joint.drive is not None and joint.motor is not None:
                 rows.add(("motor torque", int(i)))
-        return FreeStage(problem.robot, self.mechanism, tuple(self.moving.tolist()), frozenset(rows), problem.eye)
+        moving = tuple(self.moving.tolist())
+        return shared(FreeStage(problem.robot, self.mechanism, moving, frozenset(rows), problem.eye))
 
     @cached_property
     def _sigma(self) -> Array:

@@ -18,8 +18,9 @@ from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import casadi_namespace
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
+from ssm_planner.planning.assembly import COLLOCATION
 from ssm_planner.planning.keys import robot_key
-from ssm_planner.planning.program import COLLOCATION, DENSE, RowName, simpson
+from ssm_planner.planning.program import DENSE, RowName
 from ssm_planner.planning.rows import Bounds, Instant, Row, heat, torque_rows
 from ssm_planner.planning.stage import breakaway_joints
 from ssm_planner.problem.values import TASK, Eye, Robot
@@ -63,12 +64,25 @@ class FreeStage:
         """Name and joint of every kept row, in order."""
         return [(row.name, row.joint) for row in self._kept(self._rows(*self._symbols()))]
 
+    def states(self, z: ca.SX) -> list[ca.SX]:
+        """`state` at the collocation points."""
+        return [self.state(z, c) for c in COLLOCATION]
+
     @cached_property
-    def element(self) -> ca.Function:
-        """Kept rows ≤ 1 at all collocation points; where none is kept, one that always holds."""
-        x, *parameters = self._inputs()
-        values = [self._point(self.state(x, c), *parameters) for c in COLLOCATION]
-        return ca.Function("element", [x, *parameters], [ca.vertcat(*values) if self.names else x[-1] * 0])
+    def point(self) -> ca.Function:
+        """Kept rows ≤ 1 at one `state`."""
+        state, sigma, numbers = self._symbols()
+        values = [row.value for row in self._kept(self._rows(state, sigma, numbers))]
+        return ca.Function("point", [state, sigma, numbers], [ca.vertcat(ca.SX(0, 1), *values)])
+
+    @cached_property
+    def heat(self) -> ca.Function | None:
+        """Σ (τ/τ_nominal)² at one `state`."""
+        if not self.heats:
+            return None
+        state, sigma, numbers = self._symbols()
+        at, _, _ = self._instant(state, sigma, numbers)
+        return ca.Function("heat", [state, sigma, numbers], [heat(at, self.robot.joints)])
 
     @cached_property
     def breakaway(self) -> ca.Function:
@@ -87,17 +101,8 @@ class FreeStage:
     def between(self) -> ca.Function:
         """The rows of `element` at the points DENSE, one after the other."""
         x, *parameters = self._inputs()
-        values = [self._point(self.state(x, c), *parameters) for c in DENSE]
-        return ca.Function("between", [x, *parameters], [ca.vertcat(*values)])
-
-    @cached_property
-    def cost(self) -> ca.Function | None:
-        """∫ heat over the element, in scaled time."""
-        if not self.heats:
-            return None
-        x, *parameters = self._inputs()
-        values = [heat(self._instant(self.state(x, c), *parameters)[0], self.robot.joints) for c in COLLOCATION]
-        return ca.Function("cost", [x, *parameters], [simpson(values, x[-1])])
+        values = [self.point(self.state(x, c), *parameters) for c in DENSE]
+        return ca.Function("between", [x, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
 
     def state(self, x: ca.SX, c: float) -> ca.SX:
         """u, u̇, ü of all joints at the share c of an element's length, (12,); ü is linear, u cubic."""
@@ -111,12 +116,6 @@ class FreeStage:
             values[4 + joint] = speed[k] + t * (a0 + slope / 2)
             values[8 + joint] = a0 + slope
         return values
-
-    @cached_property
-    def _point(self) -> ca.Function:
-        state, sigma, numbers = self._symbols()
-        rows = self._kept(self._rows(state, sigma, numbers))
-        return ca.Function("point", [state, sigma, numbers], [ca.vertcat(*(row.value for row in rows))])
 
     def _kept(self, rows: list[Row]) -> list[Row]:
         return [row for row in rows if (row.name, row.joint) in self.kept]

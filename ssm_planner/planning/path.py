@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -49,22 +50,10 @@ class StraightPath:
     def task(self, s: Array) -> Array:
         return self.start + np.asarray(s)[:, None] * (self.end - self.start)
 
-    def joints_symbolic(self, s: ca.SX) -> ca.SX:
-        """q(s), (4,), revolute joints up to whole turns."""
-        task = ca.DM(self.start) + s * ca.DM(self.end - self.start)
-        return joints_from_task_symbolic(self.mechanism, task, self.branch)
-
-    def derivatives_symbolic(self, s: ca.SX, order: int = 2) -> list[ca.SX]:
-        """[q, q', …] up to the given order, each (4,)."""
-        values = [self.joints_symbolic(s)]
-        for _ in range(order):
-            values.append(ca.jacobian(values[-1], s))
-        return values
-
     def sample(self, s: Array) -> PathSamples:
         """Path and derivatives at s (n,), revolute joints continuous from `first`."""
         s = np.asarray(s, dtype=float)
-        q, dq, ddq, dddq = call(self._function, s[:, None])
+        q, dq, ddq, dddq = self._derivatives(s)
         return PathSamples(s, q + self._turns, dq, ddq, dddq)
 
     def speed_at(self, s: float, qd: Array) -> float:
@@ -104,12 +93,23 @@ class StraightPath:
     @cached_property
     def _turns(self) -> Array:
         """Whole turns from the closed form, which is continuous along the path, to the joints at its start."""
-        q = call(self._function, np.zeros((1, 1)))[0]
+        q = self._derivatives(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
         turns[:, 3] = 0.0
         return turns
 
-    @cached_property
-    def _function(self) -> ca.Function:
-        s = ca.SX.sym("s")
-        return ca.Function("path", [s], self.derivatives_symbolic(s, order=3))
+    def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        """The joints at s (n,) and their first three derivatives by s; revolute joints up to whole turns."""
+        function = _line(pickle.dumps(self.mechanism), self.branch)
+        ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
+        return call(function, s[:, None], *ends)
+
+
+@lru_cache(maxsize=16)
+def _line(mechanism: bytes, branch: int) -> ca.Function:
+    """(s, start, way): the joints and three derivatives by s along a line in task coordinates."""
+    s, start, way = ca.SX.sym("s"), ca.SX.sym("start", 4), ca.SX.sym("way", 4)
+    values = [joints_from_task_symbolic(pickle.loads(mechanism), start + s * way, branch)]
+    for _ in range(3):
+        values.append(ca.jacobian(values[-1], s))
+    return ca.Function("path", [s, start, way], values)

@@ -13,14 +13,15 @@ motion has one coordinate, its path parameter s; a free motion has its moving jo
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
-from ssm_planner.planning.assembly import Mesh, assemble, ipopt
+from ssm_planner.planning import assembly
+from ssm_planner.planning.assembly import COLLOCATION, Mesh, assemble, ipopt
 from ssm_planner.planning.course import Answer, Question, Shape
 from ssm_planner.problem.values import Array
 
@@ -28,18 +29,14 @@ SMOOTHING = 1e-6
 SHORTEST = 1e-3
 """Least time of a segment, in scaled time."""
 KEPT_PROGRAMS = 24
+KEPT_STAGES = 64
 RowName = tuple[str, int | None]
-COLLOCATION = (0.0, 0.5, 1.0)
-"""Where in an element the limits are kept; both ends, because the acceleration may jump there."""
 DENSE = tuple(k / 8 for k in range(9))
 """Where the planner looks for limits exceeded between the collocation points."""
 
 
-class Stage(Protocol):
-    """One element of a motion as CasADi Functions of (element (4 m + 1), *arguments).
-
-    An element is u, u̇, ü at its start, ü at its end (m each) and its length, in scaled time.
-    """
+class Stage(assembly.Stage, Protocol):
+    """One element of a motion as CasADi Functions."""
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -50,28 +47,12 @@ class Stage(Protocol):
         """Limit and joint of every row."""
 
     @property
-    def arguments(self) -> tuple[tuple[int, bool], ...]:
-        """Length of each further argument, and whether every element has its own. The first are the directions."""
-
-    @property
-    def element(self) -> ca.Function:
-        """Rows ≤ 1 at all collocation points."""
-
-    @property
-    def between(self) -> ca.Function:
-        """The same rows at the points DENSE."""
-
-    @property
     def breakaway(self) -> ca.Function:
-        """Rows ≤ 1 at the element's start with static friction."""
+        """(z, *arguments) → rows ≤ 1 at the element's start with static friction."""
 
     @property
     def breakaway_joints(self) -> Sequence[int]:
         """Joint of every breakaway row."""
-
-    @property
-    def cost(self) -> ca.Function | None:
-        """∫ Σ (τ/τ_nominal)² over the element, where heat counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +72,8 @@ class Program:
     @classmethod
     def of(cls, shape: Shape, stage: Stage) -> Program:
         """The program, built once for each shape and key of a stage."""
-        key = (shape, stage.key)
-        if key in _programs:
-            _programs.move_to_end(key)
-        else:
-            _programs[key] = cls._build(shape, stage)
-            while len(_programs) > KEPT_PROGRAMS:
-                _programs.popitem(last=False)
-        return _programs[key]
+        found: Program = _recent(_programs, (shape, stage.key), lambda: cls._build(shape, stage), KEPT_PROGRAMS)
+        return found
 
     @classmethod
     def _build(cls, shape: Shape, stage: Stage) -> Program:
@@ -135,9 +110,8 @@ class Program:
             ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, weights),
             weights[0] * total + SMOOTHING * energy,
             ca.vertcat(equations, hull, slopes, starting, total),
-            stage.element,
+            stage,
             Mesh(z, tuple(arguments)),
-            stage.cost,
             weights[1],
         )
         sizes = (part.numel() for part in (equations, hull, slopes, starting))
@@ -147,9 +121,9 @@ class Program:
         """Ipopt's answer from elements (n, 4 m) and times (k,), or warm from an earlier answer."""
         shape, n, m = self.shape, self.shape.elements, self.shape.coordinates
         fast = [speed[shape.moving & shape.hull] for speed in question.speed]
-        allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel() if question.allowed.size else np.ones(n)
+        allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel()
         free = np.full(self.slope + self.start + allowed.size, -np.inf)
-        low = (np.zeros(self.equal), fast[0], free[: self.slope + self.start], question.time[:1], free[-allowed.size :])
+        low = (np.zeros(self.equal), fast[0], free[: self.slope + self.start], question.time[:1], free[self.slope + self.start :])
         high = (
             *(np.zeros(self.equal), fast[1], np.zeros(self.slope)),
             *(question.starting.ravel(), question.time[1:], allowed),
@@ -176,12 +150,24 @@ class Program:
         return Answer(str(stats["return_status"]), elements, found, int(stats["iter_count"]), again)
 
 
-def simpson(values: Sequence[ca.SX], length: ca.SX) -> ca.SX:
-    """∫ over an element of what has these values at COLLOCATION."""
-    return length * (values[0] + 4 * values[1] + values[2]) / 6
-
-
 _programs: OrderedDict[tuple[Shape, tuple[Any, ...]], Program] = OrderedDict()
+_stages: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+S = TypeVar("S", bound=Stage)
+
+
+def shared(stage: S) -> S:
+    """The stage with the same key that was used last, so that its Functions are built once."""
+    return cast(S, _recent(_stages, stage.key, lambda: stage, KEPT_STAGES))
+
+
+def _recent(store: OrderedDict[Any, Any], key: Any, make: Callable[[], Any], most: int) -> Any:
+    """What the store holds for a key, made where it holds nothing; the store keeps what was used most recently."""
+    if key not in store:
+        store[key] = make()
+        while len(store) > most:
+            store.popitem(last=False)
+    store.move_to_end(key)
+    return store[key]
 
 
 def _where(values: ca.MX, chosen: Any) -> ca.MX:

@@ -18,6 +18,7 @@ from ssm_planner.model.task import task_rates
 from ssm_planner.model.transmission import motor_torque_rows
 from ssm_planner.planning.joint_path import JointPath
 from ssm_planner.planning.path import PathSamples
+from ssm_planner.planning.toppra_import import load_toppra
 from ssm_planner.problem.values import TASK, Array, Drive, Robot, TaskLimits
 
 PASSES = 12
@@ -256,12 +257,11 @@ def _grid(knots: Array, points: int) -> Array:
 
 def _solve(grid: Array, rows: PathRows, tangent: Array, speeds: tuple[float, float]) -> Array | None:
     """One TOPP-RA pass; ṡ² at the grid points or None where there is no motion."""
-    import toppra
+    load_toppra()
     from toppra.algorithm import TOPPRA
     from toppra.constraint import DiscretizationType, LinearConstraint
     from toppra.interpolator import AbstractGeometricPath
 
-    toppra.setup_logging("CRITICAL")
     # TOPP-RA has absolute tolerances: choose the unit of time in which ṡ² is of order one
     unit = 1 / max(float(np.abs(rows.a).max()), 1 / float(rows.ceiling.max()))
     rows = PathRows(rows.a * unit, rows.b * unit, rows.c, rows.k * np.sqrt(unit), rows.ceiling / unit)

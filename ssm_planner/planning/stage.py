@@ -14,7 +14,8 @@ import casadi as ca
 
 from ssm_planner.planning.keys import robot_key
 from ssm_planner.planning.local_path import LOCAL, LocalPath
-from ssm_planner.planning.program import COLLOCATION, DENSE, RowName, simpson
+from ssm_planner.planning.assembly import COLLOCATION
+from ssm_planner.planning.program import DENSE, RowName
 from ssm_planner.planning.rows import Bounds, Instant, Row, heat, kinematic_rows, torque_rows
 from ssm_planner.problem.values import Robot
 
@@ -35,6 +36,7 @@ class StraightStage:
     """None: all."""
     heats: bool = False
 
+    size = 5
     arguments = ((4, True), (LOCAL, True), (NUMBERS, False))
 
     @cached_property
@@ -47,12 +49,26 @@ class StraightStage:
         state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
         return [(row.name, row.joint) for row in self._rows(state, *parameters)]
 
+    def states(self, z: ca.SX) -> list[ca.SX]:
+        """`element_state` at the collocation points."""
+        return [element_state(z, c) for c in COLLOCATION]
+
     @cached_property
-    def element(self) -> ca.Function:
-        """Rows ≤ 1 at all collocation points."""
-        x, *parameters = self._inputs()
-        values = [self._point(element_state(x, c), *parameters) for c in COLLOCATION]
-        return ca.Function("element", [x, *parameters], [ca.vertcat(*values) if self.names else x[0] - 1])
+    def point(self) -> ca.Function:
+        """Rows ≤ 1 at one `element_state`."""
+        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
+        rows = self._rows(state, *parameters)
+        values = [row.value for row in rows]
+        return ca.Function("point", [state, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
+
+    @cached_property
+    def heat(self) -> ca.Function | None:
+        """Σ (τ/τ_nominal)² at one `element_state`."""
+        if not self.heats:
+            return None
+        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
+        at, _ = self._instant(state, *parameters)
+        return ca.Function("heat", [state, *parameters], [heat(at, self.robot.joints)])
 
     @cached_property
     def between(self) -> ca.Function:
@@ -62,8 +78,8 @@ class StraightStage:
         for c in DENSE:
             state = element_state(x, c)
             state[4] = state[1]
-            values.append(self._point(state, *parameters))
-        return ca.Function("between", [x, *parameters], [ca.vertcat(*values)])
+            values.append(self.point(state, *parameters))
+        return ca.Function("between", [x, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
 
     @cached_property
     def breakaway(self) -> ca.Function:
@@ -77,22 +93,6 @@ class StraightStage:
     def breakaway_joints(self) -> list[int]:
         """Joint of every breakaway row."""
         return breakaway_joints(self.robot)
-
-    @cached_property
-    def cost(self) -> ca.Function | None:
-        """∫ heat over the element, in scaled time."""
-        if not self.heats:
-            return None
-        x, *parameters = self._inputs()
-        values = [heat(self._instant(element_state(x, c), *parameters)[0], self.robot.joints) for c in COLLOCATION]
-        return ca.Function("cost", [x, *parameters], [simpson(values, x[4])])
-
-    @cached_property
-    def _point(self) -> ca.Function:
-        """Rows ≤ 1 at one `element_state`."""
-        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
-        rows = self._rows(state, *parameters)
-        return ca.Function("point", [state, *parameters], [ca.vertcat(*(row.value for row in rows))])
 
     def _rows(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> list[Row]:
         """The named limits at one instant of the path."""

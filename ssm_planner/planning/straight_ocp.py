@@ -21,7 +21,7 @@ from ssm_planner.planning.local_path import fit
 from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.peaks import peaks
-from ssm_planner.planning.program import DENSE, RowName
+from ssm_planner.planning.program import DENSE, RowName, shared
 from ssm_planner.planning.retiming import Retiming
 from ssm_planner.planning.solving import Start, optimise
 from ssm_planner.planning.stage import StraightStage
@@ -106,7 +106,7 @@ class _StraightTask:
         return frozenset(name for name in self.names if name[0] == "jerk")
 
     def stage(self, kept: frozenset[RowName], heats: bool) -> StraightStage:
-        return StraightStage(self.robot, limits_jerk(self.robot), kept, heats)
+        return shared(StraightStage(self.robot, limits_jerk(self.robot), kept, heats))
 
     def question(self, elements: Array, slack: Array) -> Question:
         knots, _ = self.path.directions
@@ -148,7 +148,7 @@ class _StraightTask:
                 names.add(("jerk", int(i)))
         if self.limits.tip_speed is not None:
             names.add(("tip speed", None))
-        return StraightStage(self.robot, limits_jerk(self.robot), frozenset(names))
+        return shared(StraightStage(self.robot, limits_jerk(self.robot), frozenset(names)))
 
     @cached_property
     def _sigma(self) -> Array:
@@ -174,7 +174,7 @@ class _StraightTask:
     @cached_property
     def _starting(self) -> Array:
         """1 for the joints that start or turn back at the beginning of an interval."""
-        joints = StraightStage(self.robot, False).breakaway_joints
+        joints = self._everything.breakaway_joints
         rows = []
         for k, side in self.shape.starts:
             turning = self._sigma[k] != self._sigma[k - 1] if k else np.full(4, self.speeds[0] == 0.0)

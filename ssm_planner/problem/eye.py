@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,26 @@ def eye_from(section: Section, model: EyeModel) -> Eye:
         shaft_radius=model.shaft_radius,
         lens=lens,
     )
+
+
+def as_written(eye: Eye) -> dict[str, Any]:
+    """What a problem file says of an eye, exactly: eye_from gives it back."""
+    written: dict[str, Any] = {
+        "centre": _lengths(eye.centre),
+        **{name: f"{getattr(eye, name)!r} m" for name in ("radius", "clearance", "port", "shaft_radius")},
+    }
+    if eye.lens is not None:
+        written["lens"] = {
+            "centre": _lengths(eye.lens.centre),
+            "semi_axes": _lengths(eye.lens.semi_axes),
+            "axis": eye.lens.frame[:, 2].tolist(),
+            "first_axis": eye.lens.frame[:, 0].tolist(),
+        }
+    return written
+
+
+def _lengths(vector: Array) -> list[str]:
+    return [f"{length!r} m" for length in vector.tolist()]
 
 
 def _lens(section: Section, model: LensModel, eye: EyeModel) -> Lens:

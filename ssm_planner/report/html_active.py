@@ -15,11 +15,18 @@ GAP = 0.01
 """Stretches nearer to each other than this, s, are one."""
 
 
-def active_stretches(t: Array, values: Array, low: float, high: float) -> Iterator[tuple[float, float, int]]:
-    """(start, end, side) of each stretch of values (n,) at a limit; t (n,) in s, side +1 at high and −1 at low."""
+def active_stretches(
+    t: Array, values: Array, low: float, high: float, size: float | None = None
+) -> Iterator[tuple[float, float, int]]:
+    """(start, end, side) of each stretch of values (n,) at a limit; t (n,) in s, side +1 at high and −1 at low.
+
+    size: of the limit, where it is not its value.
+    """
     for side, end in ((1, high), (-1, low)):
         if np.isfinite(end):
-            near = NEAR / 2 * (high - low) if np.isfinite(low) and np.isfinite(high) else NEAR * abs(end)
+            near = NEAR * (abs(end) if size is None else size)
+            if np.isfinite(low) and np.isfinite(high):
+                near = NEAR / 2 * (high - low)
             with np.errstate(invalid="ignore"):
                 at = side * (end - values) <= near
             for start, stop in _runs(t, at):

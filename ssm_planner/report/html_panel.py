@@ -26,9 +26,14 @@ def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, 
     }
 
 
-def new_limit(name: str, joint: str, index: int, low: float, high: float, channel: str | None) -> dict[str, Any]:
-    """of: joint or coordinate; channel: the one whose active stretches are marked; None for a line that only orients."""
-    return {"name": name, "of": joint, "joint": index, "low": low, "high": high, "channel": channel}
+def new_limit(
+    name: str, joint: str, index: int, low: float, high: float, channel: str | None, size: float | None = None
+) -> dict[str, Any]:
+    """of: joint or coordinate; channel: the one whose active stretches are marked; None for a line that only orients.
+
+    size: what margins are relative to, where that is not the limit itself or the width of the range.
+    """
+    return {"name": name, "of": joint, "joint": index, "low": low, "high": high, "channel": channel, "size": size}
 
 
 def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
@@ -39,7 +44,7 @@ def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
         own = limit["name"].removesuffix(" range") == limit["of"]
         label = limit["name"] if own or not limit["of"] else f"{limit['name']}, {limit['of']}"
         for start, end, side in active_stretches(
-            channels["t"], channels[limit["channel"]], limit["low"], limit["high"]
+            channels["t"], channels[limit["channel"]], limit["low"], limit["high"], limit["size"]
         ):
             value = limit["high"] if side > 0 else limit["low"]
             stretch = {

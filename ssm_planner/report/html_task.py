@@ -87,9 +87,12 @@ def _rate(i: int, largest: float) -> dict[str, object]:
 
 def _eye_panels(eye: Eye) -> list[Panel]:
     panels = [new_panel("Tool tip", "Tip to retina", "m", [("retina", "tip", 3)])]
-    panels[0]["limits"] = [new_limit(RETINA, "", 3, eye.clearance, np.inf, "retina")]
-    panels[0]["missing"].append(f"within {1e3 * eye.port:g} mm of the remote centre: clearance and distance to there")
+    size = eye.radius - eye.clearance
+    panels[0]["limits"] = [new_limit(RETINA, "", 3, eye.clearance, np.inf, "retina", size)]
+    panels[0]["missing"].append(
+        f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus the distance to its edge"
+    )
     if eye.lens is not None:
-        panels.append(new_panel("Tool tip", "Shaft to lens, sizes of the lens", "", [("lens", "shaft", 3)]))
+        panels.append(new_panel("Tool tip", "Shaft to lens", "lens sizes", [("lens", "shaft", 3)]))
         panels[1]["limits"] = [new_limit(LENS, "", 3, lens_limit(eye), np.inf, "lens")]
     return panels

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,19 @@ import numpy as np
 from ssm_planner.errors import ExportError
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.values import Motor, Robot
-from ssm_planner.report.style import COLOURS, DASHES, LIMIT, RPM, SIZE, finish, new_figure, save_figure, unit_of
+from ssm_planner.report.style import (
+    COLOURS,
+    DASHES,
+    LIMIT,
+    RPM,
+    SIZE,
+    drawn,
+    finish,
+    new_panels,
+    save_drawn,
+    save_figure,
+    unit_of,
+)
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirements
 
 if TYPE_CHECKING:
@@ -20,35 +32,41 @@ if TYPE_CHECKING:
 
     from ssm_planner.export.plan_file import PlanFile
     from ssm_planner.plan import Plan
+    from ssm_planner.report.figure_process import FigureProcess
 
 SAMPLES = 1200
 
 
-def write_figures(plan: Plan, folder: Path) -> dict[str, Path]:
-    """motion and motors as PNG; returns their paths by name. Raises ExportError."""
-    if plan.trajectory is None:
+def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
+    """motion and motors as PNG, drawn here or by a process that has begun to; paths by name. Raises ExportError."""
+    trajectory, robot = plan.trajectory, plan.problem.robot
+    if trajectory is None:
         raise ExportError("there is no trajectory to draw: the problem has no plan")
-    return _write(plan.trajectory, plan.problem.robot, plan.requirements, folder, pdf=False)
+    files = None if drawer is None else drawer.result()
+    if files is None:
+        files = {
+            "motion": drawn(motion_figure(trajectory, robot), pdf=False),
+            "motors": drawn(motors_figure(trajectory, robot, plan.requirements), pdf=False),
+        }
+    paths: dict[str, Path] = {}
+    for name, endings in files.items():
+        paths |= save_drawn(endings, folder / name)
+    return paths
 
 
 def write_figures_of_file(plan: PlanFile, folder: Path) -> dict[str, Path]:
-    """The same figures from a plan.json that has been read, as PNG and PDF."""
-    return _write(plan.trajectory, plan.robot, motor_requirements(plan.trajectory, plan.robot), folder, pdf=True)
-
-
-def _write(
-    trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement], folder: Path, pdf: bool
-) -> dict[str, Path]:
-    paths = save_figure(motion_figure(trajectory, robot), folder / "motion", pdf)
-    return paths | save_figure(motors_figure(trajectory, robot, requirements), folder / "motors", pdf)
+    """The same figures from a plan.json that has been read, as PNG and PDF. Raises ExportError."""
+    trajectory, robot = plan.trajectory, plan.robot
+    paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
+    motors = motors_figure(trajectory, robot, motor_requirements(trajectory, robot))
+    return paths | save_figure(motors, folder / "motors")
 
 
 def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
     """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed."""
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
-    figure = new_figure(9.0, 6.4)
-    panels = figure.subplots(3, 2, sharex=True)
+    figure, panels = new_panels(9.0, 6.4, 3, 2, (0.75, 0.1, 0.5, 0.6), (0.85, 0.2), sharex=True)
     rows = (
         ("q", "position", "", None),
         ("qd", "velocity", "/s", "velocity"),
@@ -68,14 +86,14 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
             finish(axes, "time (s)" if row == 2 else "", f"{name} ({unit}{per})")
     lines = [line for axes in panels[0] for line in axes.get_lines()]
     (limit_line,) = panels[1, 0].plot([], [], **LIMIT, label="limit")
-    figure.legend(handles=[*lines, limit_line], loc="outside upper center", ncols=5, fontsize=SIZE, frameon=False)
+    figure.legend(handles=[*lines, limit_line], loc="upper center", ncols=5, fontsize=SIZE, frameon=False)
     return figure
 
 
 def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:
     """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures."""
-    figure = new_figure(9.0, 2.3 * len(requirements) + 0.2)
-    panels = figure.subplots(len(requirements), 2, squeeze=False, sharey="row")
+    rows = len(requirements)
+    figure, panels = new_panels(9.0, 2.3 * rows + 0.2, rows, 2, (0.8, 0.1, 0.5, 0.45), (0.35, 0.5), sharey="row")
     names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
         i = names.index(requirement.joint)
@@ -93,6 +111,10 @@ def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[M
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
         against_speed.set_title(f"{text}\n{_limit_text(requirement.motor)}", fontsize=SIZE - 1, loc="right", pad=3)
     return figure
+
+
+DRAWN: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": motors_figure}
+"""The figures of a plan by file name."""
 
 
 def _limit_text(motor: Motor | None) -> str:

@@ -12,10 +12,13 @@ import dataclasses
 
 import numpy as np
 
+from ssm_planner.model.forward import tip_velocity
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import task_rates
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.values import Array, Robot
 from ssm_planner.verify.certificate import LimitCheck
-from ssm_planner.verify.quantities import INSERTION_SPEED
+from ssm_planner.verify.quantities import INSERTION_SPEED, RATES
 
 FINEST = 1e-12
 """rad or m: positions are never taken to be known better."""
@@ -56,14 +59,43 @@ def _within_rounding(
     limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array, length: Array
 ) -> LimitCheck:
     """Speed limits without the part of the speed that rounding of the points can explain."""
-    names = [joint.name for joint in robot.joints]
+    wrong = 2 * resolution / length[:, None]
+    speeds = trajectory.coefficients[:, 1]
+    if limit.name in (*RATES, "tip speed"):
+        return _of_tool(limit, trajectory, robot, speeds, wrong)
     if limit.name not in ("velocity", "motor speed", INSERTION_SPEED):
         return limit
-    i = 3 if limit.name == INSERTION_SPEED else names.index(str(limit.joint))
+    i = 3 if limit.name == INSERTION_SPEED else [joint.name for joint in robot.joints].index(str(limit.joint))
     drive = robot.joints[i].drive
     scale = drive.ratio if limit.name == "motor speed" and drive is not None else 1.0
-    speed = scale * np.maximum(np.abs(trajectory.coefficients[:, 1, i]) - 2 * resolution[i] / length, 0.0)
+    speed = scale * np.maximum(np.abs(speeds[:, i]) - wrong[:, i], 0.0)
     k = int(np.argmax(speed))
-    worst = float(speed[k])
+    return _replaced(limit, float(speed[k]), float(trajectory.breaks[k]))
+
+
+def _of_tool(limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: Array, wrong: Array) -> LimitCheck:
+    """A speed of the tool, at both ends of every piece and at the worst instant found.
+
+    wrong (pieces, 4): error of the joint speeds.
+    """
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    piece = np.arange(len(speeds))
+    there = np.array([limit.time])
+    piece = np.concatenate([piece, piece, trajectory.piece_of(there, "left"), trajectory.piece_of(there, "right")])
+    time = np.concatenate([trajectory.breaks[:-1], trajectory.breaks[1:], there, there])
+    q = trajectory.sample_pieces(piece, time - trajectory.breaks[piece]).q
+
+    def speed(qd: Array) -> Array:
+        if limit.name == "tip speed":
+            return np.asarray(np.linalg.norm(tip_velocity(mechanism, q, qd), axis=1))
+        return np.abs(task_rates(mechanism, q, qd)[:, RATES.index(limit.name)])
+
+    explained = sum(speed(np.eye(4)[i] * wrong[piece]) for i in range(4))
+    values = np.maximum(speed(speeds[piece]) - explained, 0.0)
+    k = int(np.argmax(values))
+    return _replaced(limit, float(values[k]), float(time[k]))
+
+
+def _replaced(limit: LimitCheck, worst: float, time: float) -> LimitCheck:
     margin = (limit.limit - worst) / limit.limit
-    return dataclasses.replace(limit, worst=worst, margin=margin, time=float(trajectory.breaks[k]))
+    return dataclasses.replace(limit, worst=worst, margin=margin, time=time)

@@ -34,6 +34,8 @@ class Quantity:
     scale: float = 1.0
     size: float = 1.0
     """What margins are relative to where only one end is given."""
+    kinked: bool = False
+    """It may turn back sharply between two instants, which a cubic does not foresee."""
 
     @property
     def half_width(self) -> float:
@@ -110,7 +112,7 @@ def _of_task(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
 
 def _of_eye(eye: Eye) -> Iterator[Quantity]:
     """Margins are relative to the radius that the retina leaves to the tip, and to the lens as enlarged by the shaft."""
-    yield Quantity(RETINA, None, eye.clearance, np.inf, "m", -1, size=eye.radius - eye.clearance)
+    yield Quantity(RETINA, None, eye.clearance, np.inf, "m", -1, size=eye.radius - eye.clearance, kinked=True)
     if eye.lens is not None:
         least = lens_limit(eye)
         yield Quantity(LENS, None, least, np.inf, "", -1, size=least)

@@ -1,7 +1,8 @@
 """Extremes of the quantities that are no polynomials: motor torques, nut contact, task coordinates and rates, the eye.
 
 Each piece is looked at in intervals of four instants. The cubic through the four values bounds what happens between
-them; intervals whose bound is worse than the worst value known are halved until none is left.
+them; intervals whose bound is worse than the worst value known are halved until none is left. A quantity with corners
+may besides go on as steeply as it goes between two instants.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ class Scan:
         self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
+        self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.instants = 0
         self.slopes: Array | None = None
         if self.quantities and len(trajectory.breaks) > screen.WORTHWHILE:
@@ -84,7 +86,8 @@ class Scan:
         highest, lowest = values.max(axis=1), values.min(axis=1)
         over = np.maximum(np.maximum(near_start, near_end) - highest, 0.0)
         under = np.maximum(lowest - np.minimum(near_start, near_end), 0.0)
-        gain = self._gain(lowest - CAUTION * under, highest + CAUTION * over)
+        corner = self.kinked[:, None] * np.abs(np.diff(values, axis=1)).max(axis=1)
+        gain = self._gain(lowest - CAUTION * under - corner, highest + CAUTION * over + corner)
         open_ = np.flatnonzero(gain > 0)
         return open_ if len(open_) <= MOST else open_[np.argsort(gain[open_])[-MOST:]]
 

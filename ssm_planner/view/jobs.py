@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
+from ssm_planner.problem.eye import as_written
+from ssm_planner.problem.problems import RATES
 from ssm_planner.problem.values import TASK, Problem
 from ssm_planner.view.study import SAME, Study, pose, tilt_range
 
@@ -136,11 +138,14 @@ def _text(problem: Problem, start: list[float], target: list[float], tilt: tuple
     limits["tilt"] = [f"{max(low, tilt[0])!r} rad", f"{min(high, tilt[1])!r} rad"]
     if problem.tip_speed is not None:
         limits["tip_speed"] = f"{problem.tip_speed!r} m/s"
+    for name, rate in problem.rates.items():
+        limits[RATES[name]] = f"{rate!r} {'m' if name == 'depth' else 'rad'}/s"
     document = {
         "name": f"{problem.name}, from the view",
         "robot": str(Path(str(problem.robot.file)).resolve()),
         "start": quantities(start),
         "motion": [{"straight": {"to": quantities(target)}}],
         "limits": limits,
+        **({} if problem.eye is None else {"eye": as_written(problem.eye)}),
     }
     return json.dumps(document)

@@ -7,11 +7,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-
-from ssm_planner.problem.values import Array, Robot
-
+from motions import of_joints
 from opti_straight import POINTS, ipopt
 from peer_rows import LIMITS, free_rows
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.values import Array, Robot
 
 SMOOTHING = 1e-6
 """Weight of the accelerations, relative to their limits: without it the joints that do not bind are undetermined."""
@@ -29,10 +30,11 @@ class OptiFree:
     a: Any
     time: Any
     parameters: tuple[Any, ...]
-    solved: ca.OptiSol | None = None
+    guess: float
+    solved: Any = None
 
     @classmethod
-    def build(cls, robot: Robot, count: int, options: dict[str, Any]) -> OptiFree:
+    def build(cls, robot: Robot, count: int, options: dict[str, Any], guess: float) -> OptiFree:
         rows = free_rows(robot)
         opti = ca.Opti()
         x, a, time = opti.variable(8, count + 1), opti.variable(8, count), opti.variable()
@@ -58,20 +60,24 @@ class OptiFree:
         opti.subject_to(rows(x[:4, 0], x[4:, 0], a[:4, 0], limits, sigma)[1] <= 1)
         opti.minimize(time + SMOOTHING * effort)
         opti.solver("ipopt", {"print_time": False, **options.get("casadi", {})}, ipopt(options.get("ipopt", {})))
-        return cls(opti, x, a, time, (first, last, limits, sigma))
+        return cls(opti, x, a, time, (first, last, limits, sigma), guess)
 
-    def solve(self, first: Array, last: Array, limits: Array, guess: float) -> tuple[float, int, str]:
-        """Duration, iterations and Ipopt's word; from the last solution, else from lines in time."""
+    def solve(self, first: Array, last: Array, limits: Array) -> tuple[float, int]:
+        """Duration and iterations; from the last solution, else from lines in time."""
         opti = self.opti
         for parameter, value in zip(self.parameters, (first, last, limits, np.sign(last - first)), strict=True):
             opti.set_value(parameter, value)
         if self.solved is None:
             share = np.linspace(0, 1, self.x.shape[1])
             opti.set_initial(self.x[:4, :], first[:, None] + share * (last - first)[:, None])
-            opti.set_initial(self.x[4:, :], np.tile((last - first)[:, None] / guess, len(share)))
-            opti.set_initial(self.time, guess)
+            opti.set_initial(self.x[4:, :], np.tile((last - first)[:, None] / self.guess, len(share)))
+            opti.set_initial(self.time, self.guess)
         else:
             opti.set_initial(self.solved.value_variables())
-        self.solved = opti.solve_limited()
-        stats = self.solved.stats()
-        return float(self.solved.value(self.time)), int(stats["iter_count"]), str(stats["return_status"])
+        self.solved = opti.solve()
+        return float(self.solved.value(self.time)), int(self.solved.stats()["iter_count"])
+
+    def trajectory(self) -> Trajectory:
+        """The last solution."""
+        x, a = (np.asarray(self.solved.value(v)).T for v in (self.x, self.a))
+        return of_joints(x[:, :4], x[:, 4:], a[:, :4], a[:, 4:], np.full(len(a), self.solved.value(self.time) / len(a)))

@@ -7,11 +7,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.problem.values import Array, Robot
-
+from motions import along_path
 from peer_rows import LIMITS, straight_rows
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.planning.path import StraightPath
+from ssm_planner.problem.values import Array, Robot
 
 POINTS = (0.0, 0.5, 1.0)
 TOLERANCE = 1e-8
@@ -28,19 +29,17 @@ class OptiStraight:
     x: Any
     a: Any
     time: Any
-    start: Any
-    end: Any
-    limits: Any
-    solved: ca.OptiSol | None = None
+    parameters: tuple[Any, ...]
+    guess: float
+    solved: Any = None
 
     @classmethod
-    def build(
-        cls, robot: Robot, mechanism: Mechanism, branch: int, sigma: Array, count: int, options: dict[str, Any]
-    ) -> OptiStraight:
-        rows = straight_rows(robot, mechanism, branch, sigma.tolist())
+    def build(cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float) -> OptiStraight:
+        """path: its branch and the directions of its joints hold for all targets."""
+        rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())
         opti = ca.Opti()
         x, a, time = opti.variable(2, count + 1), opti.variable(2, count), opti.variable()
-        start, end, limits = opti.parameter(4), opti.parameter(4), opti.parameter(LIMITS)
+        start, end, limits = (opti.parameter(n) for n in (4, 4, LIMITS))
         opti.minimize(time)
         h = time / count
         opti.subject_to(x[:, 0] == 0)
@@ -57,29 +56,27 @@ class OptiStraight:
                 opti.subject_to(rows(*here, start, end, limits)[0] <= 1)
         opti.subject_to(rows(0, 0, a[0, 0], start, end, limits)[1] <= 1)
         opti.solver("ipopt", {"print_time": False, **options.get("casadi", {})}, ipopt(options.get("ipopt", {})))
-        return cls(opti, x, a, time, start, end, limits)
+        return cls(opti, x, a, time, (start, end, limits), guess)
 
-    def solve(self, start: Array, end: Array, limits: Array, guess: float) -> tuple[float, int, str]:
-        """Duration, iterations and Ipopt's word; from the last solution, else from a line in time `guess` seconds long."""
+    def solve(self, start: Array, end: Array, limits: Array) -> tuple[float, int]:
+        """Duration and iterations; from the last solution, else from a line in time."""
         opti = self.opti
-        for parameter, value in ((self.start, start), (self.end, end), (self.limits, limits)):
+        for parameter, value in zip(self.parameters, (start, end, limits), strict=True):
             opti.set_value(parameter, value)
         if self.solved is None:
             opti.set_initial(self.x[0, :], np.linspace(0, 1, self.x.shape[1]))
-            opti.set_initial(self.x[1, :], 1 / guess)
-            opti.set_initial(self.time, guess)
+            opti.set_initial(self.x[1, :], 1 / self.guess)
+            opti.set_initial(self.time, self.guess)
         else:
             opti.set_initial(self.solved.value_variables())
-        self.solved = opti.solve_limited()
-        stats = self.solved.stats()
-        return float(self.solved.value(self.time)), int(stats["iter_count"]), str(stats["return_status"])
+        self.solved = opti.solve()
+        return float(self.solved.value(self.time)), int(self.solved.stats()["iter_count"])
 
-    def elements(self) -> Array:
-        """s, ṡ, s̈ at the start, s̈ at the end, length, of the elements of the last solution, (n, 5)."""
-        assert self.solved is not None
+    def trajectory(self, path: StraightPath) -> Trajectory:
+        """The last solution, along the path that it was solved for."""
         x, a, time = (np.asarray(self.solved.value(v)) for v in (self.x, self.a, self.time))
         n = a.shape[1]
-        return np.column_stack([x[0, :n], x[1, :n], a[0], a[1], np.full(n, float(time) / n)])
+        return along_path(path, np.column_stack([x[0, :n], x[1, :n], a[0], a[1], np.full(n, float(time) / n)]))
 
 
 def ipopt(more: dict[str, Any]) -> dict[str, Any]:

@@ -1,70 +1,67 @@
-"""The straight motion written in rockit: ṡ and s̈ as states and control, limits on the integrator's grid."""
+"""The straight motion written in rockit: s and ṡ as states, s̈ as a control of first order."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.problem.values import Array, Robot
-
+from motions import along_path
 from opti_straight import ipopt
 from peer_rows import LIMITS, straight_rows
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.planning.path import StraightPath
+from ssm_planner.problem.values import Array, Robot
 
 
 @dataclass
 class RockitStraight:
-    """One transcription by multiple shooting, all numbers being parameters. s̈ is constant in each interval."""
+    """One transcription by multiple shooting, all numbers being parameters; s̈ is continuous, linear in each interval."""
 
     ocp: Any
     signals: tuple[Any, Any, Any]
-    start: Any
-    end: Any
-    limits: Any
+    parameters: tuple[Any, ...]
     solved: Any = None
 
     @classmethod
     def build(
-        cls, robot: Robot, mechanism: Mechanism, branch: int, sigma: Array, count: int, options: dict[str, Any]
+        cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float
     ) -> RockitStraight:
+        """path: its branch and the directions of its joints hold for all targets."""
         import rockit
 
-        rows = straight_rows(robot, mechanism, branch, sigma.tolist())
-        ocp = rockit.Ocp(T=rockit.FreeTime(2.0))
-        s, speed = ocp.state(), ocp.state()
-        acceleration = ocp.control(order=options.get("order", 0))
+        rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())
+        ocp = rockit.Ocp(T=rockit.FreeTime(guess))
+        s, speed, acceleration = ocp.state(), ocp.state(), ocp.control(order=1)
         ocp.set_der(s, speed)
         ocp.set_der(speed, acceleration)
-        start, end, limits = ocp.parameter(4), ocp.parameter(4), ocp.parameter(LIMITS)
+        start, end, limits = (ocp.parameter(n) for n in (4, 4, LIMITS))
         ocp.add_objective(ocp.T)
-        ocp.subject_to(ocp.at_t0(s) == 0)
-        ocp.subject_to(ocp.at_t0(speed) == 0)
-        ocp.subject_to(ocp.at_tf(s) == 1)
-        ocp.subject_to(ocp.at_tf(speed) == 0)
+        for at, value in ((ocp.at_t0, 0), (ocp.at_tf, 1)):
+            ocp.subject_to(at(s) == value)
+            ocp.subject_to(at(speed) == 0)
         ocp.subject_to(speed >= 0)
         here, breakaway = rows(s, speed, acceleration, start, end, limits)
         ocp.subject_to(here <= 1, grid="integrator")
         ocp.subject_to(ocp.at_t0(breakaway) <= 1)
-        ocp.solver("ipopt", {"print_time": False, **options.get("casadi", {}), "ipopt": ipopt(options.get("ipopt", {}))})
+        ocp.solver(
+            "ipopt", {"print_time": False, **options.get("casadi", {}), "ipopt": ipopt(options.get("ipopt", {}))}
+        )
         ocp.method(rockit.MultipleShooting(N=count, M=2, intg="rk"))
         ocp.set_initial(s, ocp.t / ocp.T)
         ocp.set_initial(speed, 1 / ocp.T)
-        return cls(ocp, (s, speed, acceleration), start, end, limits)
+        return cls(ocp, (s, speed, acceleration), (start, end, limits))
 
-    def solve(self, start: Array, end: Array, limits: Array, guess: float) -> tuple[float, int, str]:
-        """Duration, iterations and Ipopt's word; from the last solution, else from a line in time."""
-        ocp = self.ocp
-        for parameter, value in ((self.start, start), (self.end, end), (self.limits, limits)):
-            ocp.set_value(parameter, value)
-        if self.solved is None:
-            ocp.set_initial(ocp.T, guess)
-        else:
-            for signal in self.signals:
-                ocp.set_initial(signal, self.solved.sample(signal, grid="control")[1])
-            ocp.set_initial(ocp.T, float(self.solved.value(ocp.T)))
-        self.solved = ocp.solve()
-        stats = self.solved.stats
-        return float(self.solved.value(ocp.T)), int(stats["iter_count"]), str(stats["return_status"])
+    def solve(self, start: Array, end: Array, limits: Array) -> tuple[float, int]:
+        """Duration and iterations; every solve starts from a line in time, as setting samples costs rockit more."""
+        for parameter, value in zip(self.parameters, (start, end, limits), strict=True):
+            self.ocp.set_value(parameter, value)
+        self.solved = self.ocp.solve()
+        return float(self.solved.value(self.ocp.T)), int(self.solved.stats["iter_count"])
+
+    def trajectory(self, path: StraightPath) -> Trajectory:
+        """The last solution, along the path that it was solved for."""
+        s, v, a = (np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals)
+        h = np.full(len(s) - 1, float(self.solved.value(self.ocp.T)) / (len(s) - 1))
+        return along_path(path, np.column_stack([s[:-1], v[:-1], a[:-1], a[1:], h]))

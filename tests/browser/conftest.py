@@ -94,6 +94,20 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped plan within an eye, and with limits on rates."""
+    from ssm_planner.problem.load import load_problem
+    from ssm_planner.problem.resolved import plain
+
+    document = json.loads(PLAN.read_text(encoding="utf-8"))
+    problem = load_problem(ROOT / "problems/eye_approach.yaml")
+    document["problem"] |= {"eye": plain(problem.eye), "rates": dict(problem.rates)}
+    path = tmp_path_factory.mktemp("in_eye") / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
 def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped plan in 1.25 times its time, with a name and a robot that are HTML."""
     document = copy.deepcopy(json.loads(PLAN.read_text(encoding="utf-8")))

@@ -183,6 +183,39 @@ def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> Non
     assert opened.said == []
 
 
+def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, report: Path, in_eye: Path, tmp_path: Path) -> None:
+    """Lens and retina as large, where and turned as the plan says, on both pages; without an eye no view of one."""
+    assert visit(report.as_uri()).page.get_by_role("button", name="eye", exact=True).count() == 0
+    eye = read_plan(in_eye).limits.eye
+    for page_file in (
+        write_report(in_eye, tmp_path / "report.html"),
+        write_comparison(in_eye, PLAN, tmp_path / "comparison.html"),
+    ):
+        opened = visit(page_file.as_uri())
+        page, canvas = opened.page, opened.page.locator("#scene canvas")
+        page.wait_for_timeout(200)
+        before = canvas.screenshot()
+        page.get_by_role("button", name="eye", exact=True).click()
+        page.wait_for_timeout(300)
+        assert canvas.screenshot() != before
+        drawn = page.evaluate("""() => {
+          const found = [];
+          const base = SSM.scene.robots[0].base;
+          base.updateMatrixWorld(true);
+          base.traverse((part) => part.name && found.push([part.name, part.matrixWorld.elements, part.geometry.parameters.radius]));
+          return Object.fromEntries(found.map(([name, elements, radius]) => [name, { elements, radius }]));
+        }""")
+        for name, radius in (("retina", eye.radius), ("clearance", eye.radius - eye.clearance)):
+            assert drawn[name]["radius"] == pytest.approx(radius)
+            assert drawn[name]["elements"][12:15] == pytest.approx(eye.centre.tolist())
+        lens = np.reshape(drawn["lens"]["elements"], (4, 4)).T
+        assert lens[:3, :3] == pytest.approx(eye.lens.frame * eye.lens.semi_axes, abs=1e-9)
+        assert lens[:3, 3] == pytest.approx(eye.lens.centre)
+        page.evaluate("scrollTo(0, document.body.scrollHeight)")
+        page.wait_for_timeout(200)
+        assert opened.said == []
+
+
 def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) -> None:
     browser = launch("--disable-3d-apis")
     try:

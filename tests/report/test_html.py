@@ -18,14 +18,18 @@ from hypothesis import strategies as st
 from ssm_planner.commands import report as command
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.export.plan_file import read_plan
+from ssm_planner.problem.load import load_problem
+from ssm_planner.problem.resolved import plain
 from ssm_planner.report.html import report_data, write_report
 from ssm_planner.report.html_active import active_stretches
 from ssm_planner.report.html_compare import write_comparison
 from ssm_planner.report.html_elements import Markup, tag
 from ssm_planner.report.html_page import LIBRARIES, safe_json
 from ssm_planner.report.html_series import encoded
+from ssm_planner.verify.check import check
 
 PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"
+APPROACH = Path(__file__).parent.parent.parent / "problems/eye_approach.yaml"
 MEGABYTE = 2**20
 
 
@@ -120,6 +124,46 @@ def test_torque_split_adds_up_to_the_torque() -> None:
     for i in (0, 1, 3):
         parts = sum(values for name, values in channels.items() if name.startswith(f"split{i}_"))
         assert parts == pytest.approx(channels[f"tau{i}"], abs=1e-12)
+
+
+def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) -> None:
+    """What the page plots of them is what the check judges."""
+    document = stretched(1.0)
+    problem = load_problem(APPROACH)
+    document["problem"] |= {"eye": plain(problem.eye), "rates": {"tilt": 0.3, "depth": 0.01}}
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    plan = read_plan(path)
+    data = report_data(plan)
+    assert data["scene"]["eye"] == plain(problem.eye)
+    found = {limit.name: limit for limit in check(plan.trajectory, plan.robot, plan.limits).limits}
+    panels = {limit["name"]: (panel, limit) for panel in data["panels"] for limit in panel["limits"]}
+    for name, scale in (
+        ("tilt rate", 180 / np.pi),
+        ("insertion speed", 1e3),
+        ("retina clearance", 1e3),
+        ("lens clearance", 1.0),
+    ):
+        panel, limit = panels[name]
+        assert panel["scale"] == pytest.approx(scale)
+        low_side = name.endswith("clearance")
+        assert limit["low" if low_side else "high"] == pytest.approx(scale * found[name].limit)
+        values = np.frombuffer(base64.b64decode(data["channels"][limit["channel"]]), dtype="<f8")
+        worst = values.min() if low_side else np.abs(values).max()
+        assert worst == pytest.approx(found[name].worst, rel=0.02)
+    assert "roll rate" not in panels
+    text = write_report(path, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "retina clearance, radius 11.3 mm" in text
+    assert "lens clearance, shaft radius 0.25 mm" in text
+
+
+def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
+    document = stretched(1.2)
+    document["problem"] |= {"eye": plain(load_problem(APPROACH).eye), "rates": {"tilt": 0.3}}
+    other = tmp_path / "plan.json"
+    other.write_text(json.dumps(document), encoding="utf-8")
+    for pair in ((PLAN, other), (other, PLAN)):
+        assert "Tip to retina" in write_comparison(*pair, tmp_path / "comparison.html").read_text(encoding="utf-8")
 
 
 @given(TEXT)

@@ -11,6 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,14 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.model.forward import forward
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import pose_from_task, task_from_joints
+from ssm_planner.problem.load import load_problem
+from ssm_planner.problem.resolved import plain
 from ssm_planner.problem.values import Problem
+from ssm_planner.view.jobs import _text
 from ssm_planner.view.server import LONGEST, ViewServer
 from ssm_planner.view.study import Study
 
+APPROACH = Path(__file__).parent.parent.parent / "problems/eye_approach.yaml"
 ANGLES = {"alpha": 0.6, "beta": 1.8}
 POSE = [0.2, -1.7, 0.3, 0.012]
 
@@ -210,6 +215,24 @@ def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert:
         time.sleep(0.05)
     assert answer["report"] is None
     assert "tilt" in answer["message"]
+
+
+def test_a_motion_planned_here_keeps_every_limit_of_the_problem(tmp_path: Path) -> None:
+    problem = load_problem(APPROACH)
+    low, high = problem.limits["tilt"]
+    file = tmp_path / "view.yaml"
+    file.write_text(_text(problem, [0.0, -1.8, 0.0, 0.002], [0.0, -2.0, 0.0, 0.015], (low, high)), encoding="utf-8")
+    mine, its = plain(problem.task_limits), plain(load_problem(file).task_limits)
+    frames = [np.array(limits["eye"]["lens"].pop("frame")) for limits in (mine, its)]
+    assert np.abs(frames[0] - frames[1]).max() < 1e-15
+    assert its == mine
+
+
+def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> None:
+    request = {**ANGLES, "tilt_range": [-2.0, -1.5]}
+    problem = load_problem(APPROACH)
+    assert Study(problem).workspace(request)["scene"]["eye"] == plain(problem.eye)
+    assert Study(tilt_insert).workspace(request)["scene"]["eye"] is None
 
 
 def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:

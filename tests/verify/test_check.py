@@ -137,6 +137,21 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(robot: Robot, s
     assert compared >= 27
 
 
+def test_the_way_through_the_port_is_looked_at_where_port_and_retina_meet(robot: Robot) -> None:
+    """Straight in: the least distance is at a kink, where the two distances that count are equal."""
+    q = np.array([[0.0, 0.55, 0.0, 0.0]])
+    zero, end = np.zeros((1, 4)), q - [0.0, 0.0, 0.0, 0.012]
+    breaks = np.array([0.0, 3.0])
+    trajectory = Trajectory(breaks, hermite(breaks, (q, zero, zero), (end, zero, zero)), ())
+    found = limit_of(check(trajectory, robot, LIMITS), "retina clearance")
+    direction = tip_position(Mechanism.from_geometry(robot.geometry), end)[0] / 0.012
+    depth = np.linspace(0.0, 0.012, 1_000_001)[:, None]
+    wall = EYE.radius - np.linalg.norm(depth * direction - EYE.centre, axis=1)
+    kink = np.maximum(wall, EYE.clearance + EYE.port - depth[:, 0])
+    assert 1000 < kink.argmin() < 990_000
+    assert found.worst == pytest.approx(kink.min(), abs=3e-8)
+
+
 def test_a_trapezoid_has_its_closed_form_extremes(robot: Robot) -> None:
     certificate = check(trapezoids(robot), robot)
     for joint in robot.joints:

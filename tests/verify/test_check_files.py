@@ -13,7 +13,7 @@ import pytest
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.values import Robot, TaskLimits
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
 from ssm_planner.verify.interpolation import Points, join_points
@@ -220,6 +220,31 @@ def test_rounded_positions_are_not_charged_with_their_rounding(robot: Robot, tmp
     assert reading.resolution == pytest.approx([5e-6, 5e-6, 5e-6, 5e-8])
     assert check(reading.trajectory, robot, resolution=reading.resolution).passed
     assert not check(reading.trajectory, robot, resolution=np.zeros(4)).passed
+
+
+def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(robot: Robot, tmp_path: Path) -> None:
+    """Limits just above the true speeds hold for rounded points, limits below them do not."""
+    exact = smooth(robot)
+    loose = TaskLimits(tip_speed=1.0, rates=dict.fromkeys(("roll", "tilt", "spin", "depth"), 10.0))
+    worst = {limit.name: limit.worst for limit in check(exact, robot, loose).limits}
+    rows = rows_of(robot, 2001)[:, :5]
+    path = tmp_path / "t.csv"
+    np.savetxt(path, rows, fmt=["%.7f", *["%.6f"] * 3, "%.8f"], delimiter=",", header=",".join(OWN[:5]), comments="")
+    reading = read_trajectory(path, robot)
+    for factor, kept in ((1.0001, True), (0.98, False)):
+        tight = TaskLimits(
+            tip_speed=factor * worst["tip speed"],
+            rates={name: factor * worst[f"{name} rate"] for name in ("roll", "tilt", "spin")}
+            | {"depth": factor * worst["insertion speed"]},
+        )
+        found = check(reading.trajectory, robot, tight, resolution=reading.resolution)
+        names = {v.name for v in found.violations}
+        assert names == (set() if kept else {"tip speed", "roll rate", "tilt rate", "spin rate", "insertion speed"})
+        for limit in found.limits:
+            if limit.name in names:
+                assert limit.worst == pytest.approx(worst[limit.name], rel=0.01)
+        if kept:
+            assert len(check(reading.trajectory, robot, tight).violations) >= 5
 
 
 def yaml_of(robot: Robot, **changes: object) -> dict:

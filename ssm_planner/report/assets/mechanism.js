@@ -25,10 +25,12 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   turns[1].add(SSM.rod(out, r - 0.024, r - 0.002, 0.007, solid(grey[2])));
   turns[2].add(SSM.rail(out, r, solid(grey[1])));
   slide.add(SSM.rod(out, r + 0.002, r + 0.016, 0.006, solid(ghost ? colours[1] : colours[2])));
-  slide.add(SSM.rod(out, 0, r + 0.004, 0.0009, solid(ghost ? colours[1] : "#22272e", 1)));
-  slide.add(SSM.ball(0.0013, solid(ghost ? colours[1] : "#7a2fa0", 1)));
+  // within an eye nothing may look thicker than there is room for
+  const fine = scene.eye ? 0.4 : 1;
+  slide.add(SSM.rod(out, 0, r + 0.004, 0.0009 * fine, solid(ghost ? colours[1] : "#22272e", 1)));
+  slide.add(SSM.ball(0.0013 * fine, solid(ghost ? colours[1] : "#7a2fa0", 1)));
   if (!ghost) {
-    base.add(SSM.ball(0.0022, solid("#22272e")));
+    base.add(SSM.ball(0.0022 * fine, solid("#22272e")));
     [base, turns[0], turns[1]].forEach((parent, i) => parent.add(SSM.axisLine(axes[i], r + 0.03, colours[i])));
   }
   for (const band of ghost ? [] : scene.bands) base.add(SSM.band(band, -scene.insertion_sign, colours[1]));
@@ -128,17 +130,18 @@ SSM.label = (text, colour) => {
 
 // eye: see values.Eye; base frame, the columns of the lens frame are the directions of its semi-axes
 SSM.eye = (eye) => {
-  const shell = (radius, colour, opacity) => {
+  const shell = (name, radius, colour, opacity) => {
     const material = new THREE.MeshBasicMaterial({ color: colour, opacity, transparent: true, depthWrite: false });
     const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 32, 20), material);
+    mesh.name = name;
     mesh.position.set(...eye.centre);
     return mesh;
   };
   const group = new THREE.Group();
-  group.add(shell(eye.radius, "#8fa3b8", 0.25));
-  if (eye.clearance) group.add(shell(eye.radius - eye.clearance, "#b5482a", 0.12));
+  group.add(shell("retina", eye.radius, "#8fa3b8", 0.25));
+  if (eye.clearance) group.add(shell("clearance", eye.radius - eye.clearance, "#b5482a", 0.12));
   if (eye.lens) {
-    const lens = shell(1, "#2a7ab5", 0.4);
+    const lens = shell("lens", 1, "#2a7ab5", 0.4);
     lens.position.set(...eye.lens.centre);
     lens.scale.set(...eye.lens.semi_axes);
     const columns = [0, 1, 2].map((i) => SSM.vector(eye.lens.frame.map((row) => row[i])));

@@ -132,7 +132,7 @@ SSM.Plots = class {
       ? lines.map(({ label, colour, dash }) => SSM.element("span", { class: "key" }, SSM.swatch(colour, dash), label)) : [];
     const drawn = panel.limits.length > 0 ? [SSM.element("span", { class: "key" }, SSM.swatch("#5b6470", [4, 3], 1.5), "limit")] : [];
     panel.note = SSM.element("span", { class: "note" }, panel.missing.join("; "));
-    return SSM.element("figcaption", {}, SSM.element("strong", {}, panel.unit ? `${panel.title} (${panel.unit})` : panel.title), ...keys, ...drawn, panel.note);
+    return SSM.element("figcaption", {}, SSM.element("strong", {}, `${panel.title} (${panel.unit})`), ...keys, ...drawn, panel.note);
   }
 
   #beyond(panel) {

@@ -8,6 +8,7 @@ SSM.Scene = class {
     this.waiting = false;
     this.frames = { slow: 0, lowered: false, last: 0 };
     this.labels = labels;
+    this.views = { ...SSM.views };
     this.renderer = null;
     if (!document.createElement("canvas").getContext("webgl2")) {
       container.replaceChildren(SSM.element("p", { class: "fallback", role: "note" },
@@ -47,6 +48,11 @@ SSM.Scene = class {
     if (path) robot.base.add(SSM.tipPath(path, ghost ? colours[1] : "#7a2fa0", ghost));
     this.world.add(robot.base);
     this.robots.push(robot);
+    if (scene.eye && !this.views.eye) {
+      const [x, y, z] = scene.eye.centre;
+      this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
+      this.canvas.parentElement.querySelector(".views").append(this.#view("eye"));
+    }
   }
 
   clear() {
@@ -78,7 +84,7 @@ SSM.Scene = class {
   }
 
   look(name) {
-    const [from, to] = SSM.views[name];
+    const [from, to] = this.views[name];
     this.camera.position.set(...from);
     this.controls.target.set(...to);
     this.controls.update();
@@ -115,8 +121,11 @@ SSM.Scene = class {
   }
 
   #views() {
-    const button = (name) => SSM.element("button", { type: "button", onclick: () => this.look(name) }, name);
-    return SSM.element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(SSM.views).map(button));
+    return SSM.element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(this.views).map((name) => this.#view(name)));
+  }
+
+  #view(name) {
+    return SSM.element("button", { type: "button", onclick: () => this.look(name) }, name);
   }
 
   #fit() {

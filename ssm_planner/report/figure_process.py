@@ -1,0 +1,113 @@
+"""Figures drawn by a second process: it imports matplotlib while this one plans, and draws while this one checks and writes.
+
+The process is a plain child that reads what to draw from its standard input and returns the files' bytes on its standard
+output. It opens no file and has no terminal, so that killing it at any time leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as TookTooLong
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ssm_planner.model.trajectory import Trajectory
+    from ssm_planner.plan import Plan
+    from ssm_planner.problem.values import Robot
+
+PATIENCE = 60.0
+"""Seconds after which figures that do not come are drawn by the caller."""
+_START = "import sys; sys.path[:] = {path!r}; from ssm_planner.report.figure_process import serve; serve()"
+
+Files = dict[str, dict[str, bytes]]
+"""Content by figure and ending."""
+
+
+class FigureProcess:
+    """A child process that draws one plan. Wherever it cannot start or fails, `result` is None and the caller draws."""
+
+    def __init__(self) -> None:
+        self._process = _started() if (os.cpu_count() or 1) > 1 else None
+        self._pipe = ThreadPoolExecutor(1)  # a pipe may block its writer: not the planner
+
+    def draw_motion(self, trajectory: Trajectory, robot: Robot) -> None:
+        """Begin with the motion, be it checked or not: it is written only with the rest. The last one counts."""
+        self._send("motion", trajectory, robot)
+
+    def draw_motors(self, plan: Plan) -> None:
+        self._send("motors", plan.trajectory, plan.problem.robot, plan.requirements)
+
+    def result(self) -> Files | None:
+        """The figures that were begun, when they are done; None where they must be drawn here."""
+        process = self._process
+        if process is None:
+            return None
+        try:
+            answer, _ = self._pipe.submit(process.communicate).result(PATIENCE)
+        except (OSError, ValueError, TookTooLong):
+            return None
+        return pickle.loads(answer) if process.returncode == 0 else None
+
+    def _send(self, name: str, *arguments: object) -> None:
+        if self._process is not None:
+            self._pipe.submit(self._write, pickle.dumps((name, arguments)))
+
+    def _write(self, message: bytes) -> None:
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.write(message)
+            self._process.stdin.flush()
+
+    def __enter__(self) -> FigureProcess:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._pipe.submit(self._process.communicate)
+        self._pipe.shutdown()
+
+
+def _started() -> subprocess.Popen[bytes] | None:
+    """None where this interpreter cannot be started anew, such as inside another program."""
+    if not sys.executable or getattr(sys, "frozen", False):
+        return None
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-c", _START.format(path=sys.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C reaches the planner alone, which ends this process
+        )
+    except OSError:
+        return None
+
+
+def serve() -> None:
+    """The child: get ready, draw what comes, answer with all of it when nothing more comes."""
+    answer = sys.stdout.buffer
+    sys.stdout = sys.stderr
+    from ssm_planner.report.plan_figures import DRAWN
+    from ssm_planner.report.style import drawn, new_panels
+
+    # the first figure of a process loads fonts and half of matplotlib
+    warm, panels = new_panels(2.0, 2.0, 1, 1, (0.5,) * 4, (0.0, 0.0))
+    panels[0, 0].plot([0, 1], label="warm")
+    warm.legend()
+    drawn(warm, pdf=False)
+    files: Files = {}
+    while True:
+        try:
+            name, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            break
+        files[name] = drawn(DRAWN[name](*arguments), pdf=False)
+    pickle.dump(files, answer)
+    answer.flush()

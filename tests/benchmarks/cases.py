@@ -1,0 +1,111 @@
+"""The motions that all ways plan, and how their numbers change from one solve to the next."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from ssm_planner.problem.load import load_problem
+from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
+
+ROOT = Path(__file__).parents[2]
+PROBLEM = ROOT / "problems/tilt_insert.yaml"
+NO_MOTOR = 1e9
+"""Stands for the torque limit of a joint without motor."""
+WEAK, FREE_WEAK = 0.3, 0.35
+"""Shares of the motors' torque at which it binds in the straight and the free motion."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """Numbers of one solve: target tilt in degrees or further way of the joints, and a factor on the velocity limits."""
+
+    tilt: float = -135.0
+    joints: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    velocity: float = 1.0
+
+
+STRAIGHT = (
+    Change(-135),
+    Change(-133),
+    Change(-130),
+    Change(-134, velocity=0.9),
+    Change(-132, velocity=0.9),
+    Change(-136, velocity=0.95),
+    Change(-128),
+    Change(-131, velocity=0.97),
+)
+FREE = (
+    Change(),
+    Change(joints=(0.03, 0.0, 0.0, 0.0)),
+    Change(joints=(0.0, -0.05, 0.03, 0.0)),
+    Change(velocity=0.9),
+    Change(joints=(-0.03, 0.04, 0.0, 0.002)),
+    Change(joints=(0.05, 0.0, -0.04, 0.0), velocity=0.95),
+    Change(joints=(0.0, 0.03, 0.0, -0.003)),
+    Change(joints=(0.02, 0.02, 0.02, 0.0), velocity=0.97),
+)
+"""The first is the first solve, the others are re-solves in this order."""
+FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
+
+
+@cache
+def shipped() -> Problem:
+    """The shipped problem, for the shortest time."""
+    return dataclasses.replace(load_problem(PROBLEM), objective="time")
+
+
+def straight_problem(change: Change, torque: float = 1.0) -> Problem:
+    """The shipped problem's tilt, to another target."""
+    problem = shipped()
+    motion = dataclasses.replace(problem.motion[0], target=Target(task={"tilt": float(np.radians(change.tilt))}))
+    robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
+    return dataclasses.replace(problem, robot=robot, motion=(motion,))
+
+
+def free_problem(change: Change, torque: float = 1.0) -> Problem:
+    """A motion of all four joints."""
+    problem = shipped()
+    last = Target(joints=tuple(float(x) for x in np.add(LAST, change.joints)))  # type: ignore[arg-type]
+    robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
+    motion = (Motion("free", "free", last),)
+    return dataclasses.replace(
+        problem, robot=robot, start=Target(joints=FIRST), motion=motion, limits={"depth": (0.0, 0.03)}
+    )
+
+
+def with_limits(robot: Robot, velocity: float = 1.0, torque: float = 1.0, jerk: float | None = None) -> Robot:
+    """The robot with scaled velocity limits and motors; jerk in rad/s³ for revolute joints, a tenth of it in m/s³."""
+    joints = []
+    for joint in robot.joints:
+        motor = joint.motor
+        if motor is not None:
+            motor = dataclasses.replace(motor, max_torque=torque * motor.max_torque)
+        bound = joint.jerk if jerk is None else jerk if joint.kind == "revolute" else 0.1 * jerk
+        joints.append(dataclasses.replace(joint, velocity=velocity * joint.velocity, motor=motor, jerk=bound))
+    return dataclasses.replace(robot, joints=tuple(joints))  # type: ignore[arg-type]
+
+
+def limits_of(robot: Robot) -> Array:
+    """Velocity (motor speed counted), acceleration and torque of the joints, (12,)."""
+    velocity, acceleration, torque = [], [], []
+    for joint in robot.joints:
+        slowest = joint.velocity
+        if joint.drive is not None and joint.motor is not None:
+            slowest = min(slowest, joint.motor.max_speed / joint.drive.ratio)
+        velocity.append(slowest)
+        acceleration.append(joint.acceleration)
+        torque.append(NO_MOTOR if joint.motor is None else joint.motor.max_torque)
+    return np.array([*velocity, *acceleration, *torque])
+
+
+def task_ends(problem: Problem) -> tuple[Array, Array]:
+    """Task coordinates (4,) at both ends of a problem with one motion in task coordinates."""
+    start = np.array([(problem.start.task or {}).get(name, 0.0) for name in TASK])
+    target = problem.motion[0].target
+    asked = (target.task if target else None) or {}
+    return start, np.array([asked.get(name, start[k]) for k, name in enumerate(TASK)])

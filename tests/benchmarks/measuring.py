@@ -1,0 +1,77 @@
+"""Times of several ways to do one thing, taken in turns so that all see the same machine, and how they are written."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Values of the same thing measured several times."""
+
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Spread:
+        return cls(tuple(float(value) for value in values))
+
+    @property
+    def median(self) -> float:
+        return statistics.median(self.values)
+
+    def over(self, other: Spread) -> Spread:
+        """Ratio to another, round by round."""
+        return Spread(tuple(a / b for a, b in zip(self.values, other.values, strict=True)))
+
+    def seconds(self) -> str:
+        """Median and range in a unit that suits."""
+        for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
+            if self.median * scale >= 1 or unit == "µs":
+                break
+        return self.text(unit, scale)
+
+    def times(self) -> str:
+        return f"{self.text('×')}"
+
+    def text(self, unit: str = "", scale: float = 1.0) -> str:
+        """Median and, where there is one, the range."""
+        gap = " " if unit else ""
+        middle = f"{short(self.median * scale)}{gap}{unit}"
+        if len(self.values) == 1:
+            return middle
+        return f"{middle} ({short(min(self.values) * scale)}–{short(max(self.values) * scale)})"
+
+
+def short(value: float) -> str:
+    """Three significant digits, without an exponent where that is readable."""
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        digits = 3 if abs(value) < 100 else len(f"{abs(value):.0f}")
+        text = f"{value:.{digits}g}"
+        return text if "e" not in text else f"{value:.0f}"
+    return f"{value:.2g}"
+
+
+def timed(function: Callable[[], T]) -> tuple[float, T]:
+    begin = time.perf_counter()
+    result = function()
+    return time.perf_counter() - begin, result
+
+
+def in_turns(
+    ways: Mapping[str, Callable[[int], T]], rounds: int, first: int = 0
+) -> tuple[dict[str, Spread], dict[str, list[T]]]:
+    """Every way once in each round, given the round's number from `first` on: times and results by name."""
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    results: dict[str, list[T]] = {name: [] for name in ways}
+    for i in range(first, first + rounds):
+        for name, way in ways.items():
+            seconds, result = timed(lambda way=way, i=i: way(i))  # type: ignore[misc]
+            times[name].append(seconds)
+            results[name].append(result)
+    return {name: Spread.of(values) for name, values in times.items()}, results

@@ -1,0 +1,57 @@
+"""Motions of others as trajectories, so that one independent check judges all: what exceeds its limit, and by how much."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssm_planner.model.trajectory import Trajectory, hermite
+from ssm_planner.planning.path import StraightPath
+from ssm_planner.problem.values import Array, Problem
+from ssm_planner.verify.certificate import Certificate
+from ssm_planner.verify.check import check
+
+SUBDIVISION = 4
+
+
+def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISION) -> Trajectory:
+    """Joint polynomials of a motion s(t) along a path, exact in q, q̇ and q̈ at both ends of every piece.
+
+    elements (n, 5): s, ṡ, s̈ at the start, s̈ at the end, length in s; s̈ is linear in between.
+    """
+    share = np.arange(subdivision + 1) / subdivision
+    s0, v0, a0, a1, h = (column[:, None] for column in elements.T)
+    t, rise = share * h, a1 - a0
+    s = np.clip(s0 + t * (v0 + t * (a0 / 2 + share * rise / 6)), 0.0, 1.0)
+    speed, acceleration = v0 + t * (a0 + share * rise / 2), a0 + share * rise
+    begins = np.concatenate([[0.0], np.cumsum(elements[:, 4])])
+    breaks = np.append((begins[:-1, None] + t[:, :-1]).ravel(), begins[-1])
+    # neighbours share position and speed to the last digit
+    s[:-1, -1], speed[:-1, -1] = s[1:, 0], speed[1:, 0]
+    s[-1, -1], speed[-1, -1] = 1.0, 0.0
+    ends = []
+    for part in (slice(None, -1), slice(1, None)):
+        at = path.sample(s[:, part].ravel())
+        v, a = speed[:, part].reshape(-1, 1), acceleration[:, part].reshape(-1, 1)
+        ends.append((at.q, at.dq * v, at.ddq * v**2 + at.dq * a))
+    return Trajectory(breaks, hermite(breaks, ends[0], ends[1]), ())
+
+
+def of_joints(q: Array, qd: Array, first: Array, last: Array, lengths: Array) -> Trajectory:
+    """Joint polynomials from q, q̇ at the ends of elements, (n + 1, 4), and q̈ at both ends of each, (n, 4)."""
+    breaks = np.concatenate([[0.0], np.cumsum(lengths)])
+    return Trajectory(breaks, hermite(breaks, (q[:-1], qd[:-1], first), (q[1:], qd[1:], last)), ())
+
+
+def certificate(problem: Problem, trajectory: Trajectory) -> Certificate:
+    """The independent check at 10 kHz against the robot's own limits."""
+    return check(trajectory, problem.robot)
+
+
+def excess(found: Certificate, name: str | None = None) -> tuple[float, str]:
+    """Largest excess over a limit (of this name), as a share of it, and in words; 0 where all are kept."""
+    limits = [limit for limit in found.limits if name in (None, limit.name)]
+    worst = min(limits, key=lambda limit: limit.margin)
+    if worst.margin >= -1e-6:
+        return max(-worst.margin, 0.0), "none above 1e-6"
+    joint = "" if worst.joint is None else f", {worst.joint}"
+    return -worst.margin, f"{-100 * worst.margin:.2g} % ({worst.name}{joint})"

@@ -1,0 +1,225 @@
+"""The same optimal control problem by this planner, CasADi's Opti and rockit: first solve, re-solve, result."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from cases import FREE, STRAIGHT, FREE_WEAK, WEAK, free_problem, limits_of, straight_problem, task_ends
+from measuring import Spread, in_turns, timed
+from motions import certificate, excess
+from section import Section
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.values import Problem
+
+OURS, OPTI, ROCKIT = "this planner", "CasADi Opti", "rockit"
+EXPANDED = {f"{OPTI}, expand": OPTI, f"{ROCKIT}, expand": ROCKIT}
+WAYS = (OURS, OPTI, f"{OPTI}, expand", ROCKIT, f"{ROCKIT}, expand")
+MOTIONS = ("straight", "straight, weak motors", "free, weak motors")
+COUNTS = {"straight": 64, "free": 40}
+"""Elements of the peers' meshes: this planner's default."""
+GUESS = {"straight": 2.0, "free": 1.5}
+ASKED = {OPTI: 15.0, ROCKIT: 8.0}
+
+
+INTRODUCTION = (
+    "Time-optimal, from rest to rest, under velocity, acceleration and motor torque limits with the exact friction law for "
+    "the known directions of motion (two rows per motor) and static friction at the start; Ipopt with MUMPS, tolerance "
+    "1e-8. The peers get the same rows of the same model, at three points of each element, as parametric problems: "
+    "cubic elements in Opti, multiple shooting with piecewise linear acceleration in rockit. A re-solve changes the target "
+    "by a few degrees and the velocity limits by up to 10 %. Opti starts from its last solution. *Ours* is the whole of "
+    "`plan_motion`: inverse kinematics, TOPP-RA and its cross-check, optimal control, tightening between the nodes, joint "
+    "polynomials. Their times are the solver call and setting the parameters."
+)
+NOTES = (
+    "`expand` is CasADi's option that turns the whole problem into one scalar graph: slower to build, faster to solve "
+    "again. rockit solves from its first guess every time, because setting samples of the last solution as the guess costs "
+    "it more Python time than it saves. First solves are in fresh processes, without the imports. The peers' answers are "
+    "on meshes of equal elements and keep the limits at their nodes; *worst excess* is what the independent check finds in "
+    "between, the largest over all re-solves."
+)
+
+
+@dataclass
+class Way:
+    """One program in one formulation: `solve` a change, then `trajectory` of what it found."""
+
+    solve: Callable[[int], tuple[float, int]]
+    trajectory: Callable[[], Trajectory]
+
+
+def problems(motion: str) -> list[Problem]:
+    """The problem of every change; the first is solved first."""
+    if motion.startswith("straight"):
+        return [straight_problem(change, WEAK if "weak" in motion else 1.0) for change in STRAIGHT]
+    return [free_problem(change, FREE_WEAK) for change in FREE]
+
+
+def make(name: str, motion: str) -> Way:
+    """A way to solve the problems of a motion; nothing is solved yet."""
+    cases = problems(motion)
+    if name == OURS:
+        return _ours(cases)
+    peer = EXPANDED.get(name, name)
+    options: dict[str, Any] = {"casadi": {"expand": True}} if name in EXPANDED else {}
+    if motion.startswith("straight"):
+        return _straight(peer, cases, options)
+    return _free(peer, cases, options)
+
+
+def _ours(cases: list[Problem]) -> Way:
+    last: list[Any] = [None]
+
+    def solve(k: int) -> tuple[float, int]:
+        last[0] = planned = plan_motion(cases[k])
+        if planned.trajectory is None:
+            raise RuntimeError(f"no plan: {planned.reason}")
+        return planned.trajectory.duration, sum(leg.iterations for leg in planned.legs)
+
+    return Way(solve, lambda: last[0].trajectory)
+
+
+def _straight(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
+    from opti_straight import OptiStraight
+    from rockit_straight import RockitStraight
+
+    first = straight_path(cases[0])
+    numbers = [(*task_ends(case), limits_of(case.robot)) for case in cases]
+    kind: Any = OptiStraight if peer == OPTI else RockitStraight
+    state: dict[str, Any] = {}
+
+    def solve(k: int) -> tuple[float, int]:
+        if "program" not in state:
+            state["program"] = kind.build(cases[0].robot, first, COUNTS["straight"], options, GUESS["straight"])
+        state["case"] = cases[k]
+        found: tuple[float, int] = state["program"].solve(*numbers[k])
+        return found
+
+    return Way(solve, lambda: state["program"].trajectory(straight_path(state["case"])))
+
+
+def straight_path(problem: Problem) -> Any:
+    """The path of a straight problem: the branch and whole turns of its joints are those of this planner."""
+    return plan_motion(problem).legs[0].leg.path
+
+
+def _free(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
+    from opti_free import OptiFree
+    from rockit_free import RockitFree
+
+    numbers = []
+    for case in cases:
+        target = case.motion[0].target
+        assert target is not None
+        numbers.append((np.array(case.start.joints), np.array(target.joints), limits_of(case.robot)))
+    kind: Any = OptiFree if peer == OPTI else RockitFree
+    state: dict[str, Any] = {}
+
+    def solve(k: int) -> tuple[float, int]:
+        if "program" not in state:
+            state["program"] = kind.build(cases[0].robot, COUNTS["free"], options, GUESS["free"])
+        found: tuple[float, int] = state["program"].solve(*numbers[k])
+        return found
+
+    return Way(solve, lambda: state["program"].trajectory())
+
+
+def run(quick: bool) -> Section:
+    section = Section("The same optimal control problem")
+    section.say(INTRODUCTION)
+    for motion in MOTIONS[:1] if quick else MOTIONS:
+        _compare(section, motion, first_rounds=1 if quick else 3, changes=3 if quick else len(STRAIGHT) - 1)
+    section.say(NOTES)
+    return section
+
+
+def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> None:
+    broken: dict[str, str] = {}
+    firsts: dict[str, list[float]] = {name: [] for name in WAYS}
+    for _ in range(first_rounds):
+        for name in WAYS:
+            seconds, error = first_solve(name, motion)
+            if error:
+                broken[name] = error
+            firsts[name].append(seconds)
+    ways = {}
+    for name in WAYS:
+        if name not in broken:
+            way = make(name, motion)
+            way.solve(0)
+            ways[name] = way
+    judged: dict[str, list[tuple[float, str]]] = {name: [] for name in ways}
+
+    def again(name: str) -> Callable[[int], tuple[float, int]]:
+        return lambda k: ways[name].solve(k + 1)
+
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    results: dict[str, list[tuple[float, int]]] = {name: [] for name in ways}
+    cases = problems(motion)
+    for k in range(changes):
+        round_times, found = in_turns({name: again(name) for name in ways}, 1, first=k)
+        for name, way in ways.items():
+            times[name] += round_times[name].values
+            results[name] += found[name]
+            judged[name].append(excess(certificate(cases[k + 1], way.trajectory())))
+    rows = []
+    ours = Spread.of(times[OURS])
+    for name in WAYS:
+        if name in broken:
+            section.cannot.append((f"{name}, {motion}", broken[name]))
+            continue
+        spread = Spread.of(times[name])
+        ratio = spread.over(ours)
+        longer = Spread.of([a[0] / b[0] - 1 for a, b in zip(results[name], results[OURS], strict=True)])
+        worst = max(judged[name])
+        rows.append(
+            [
+                name,
+                Spread.of(firsts[name]).seconds(),
+                spread.seconds(),
+                "" if name == OURS else ratio.times(),
+                Spread.of([count for _, count in results[name]]).text(),
+                "" if name == OURS else longer.text("%", 100),
+                worst[1],
+            ]
+        )
+        if name in ASKED:
+            least = ASKED[name]
+            section.asked(
+                f"re-planning, {motion}: times faster than {name}",
+                f"≥ {least:g}",
+                ratio.text(),
+                ratio.median >= least,
+            )
+    section.say(f"**{motion[0].upper()}{motion[1:]}** ({COUNTS[motion.split(',')[0]]} elements)")
+    head = ("", "first solve", "re-solve", "÷ ours", "iterations", "duration beyond ours", "worst excess at 10 kHz")
+    section.table(head, rows)
+
+
+def first_solve(name: str, motion: str) -> tuple[float, str]:
+    """Seconds from nothing built to the first solution in a process of its own, imports not counted; and an error."""
+    command = [sys.executable, __file__, name, motion]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+    except subprocess.TimeoutExpired:
+        return float("nan"), "no first solution within 180 s"
+    if done.returncode != 0:
+        return float("nan"), (done.stderr.strip().splitlines() or ["it ended without a word"])[-1]
+    return float(json.loads(done.stdout.splitlines()[-1])), ""
+
+
+def main() -> None:
+    name, motion = sys.argv[1:]
+    way = make(name, motion)
+    print(json.dumps(timed(lambda: way.solve(0))[0]))
+
+
+if __name__ == "__main__":
+    main()

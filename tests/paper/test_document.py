@@ -1,0 +1,166 @@
+"""The document: whole, the same each time, the same as the one that is committed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from paper_cases import RECORDINGS, ROOT, Made
+
+from ssm_planner.cli import main
+from ssm_planner.paper import document as paper_document
+from ssm_planner.paper.document import write
+from ssm_planner.paper.inputs import Inputs, read_inputs
+from ssm_planner.paper.rigs import rig_result
+from ssm_planner.paper.section import COMMAND, number, signed, table, text
+
+COMMITTED = ROOT / "results" / "paper"
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+−-]?\d+)?")
+needs_recordings = pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+
+
+def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
+    shown = re.findall(r"\[!\[[^\]]+\]\((\w+)\.png\)\]\((\w+)\.pdf\)", made.text)
+    assert len(shown) >= 8
+    assert all(png == pdf for png, pdf in shown)
+    names = {png for png, _ in shown}
+    assert {path.name for path in made.folder.iterdir()} == {"README.md"} | {
+        f"{name}.{ending}" for name in names for ending in ("png", "pdf")
+    }
+    for name in names:
+        assert (made.folder / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+        assert (made.folder / f"{name}.pdf").read_bytes()[:5] == b"%PDF-"
+
+
+def test_figures_are_not_empty_and_name_their_units(made: Made) -> None:
+    units = ("mN·m", "rpm", "time (s)", "°", "w_s", "μ")
+    for section in made.document.sections:
+        for name, figure in section.figures.items():
+            drawn = [artist for axes in figure.axes for artist in (*axes.lines, *axes.patches, *axes.collections)]
+            assert len(drawn) >= 2, name
+            labels = [label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+            assert all(any(unit in label for unit in units) for label in labels), (name, labels)
+            for axes in figure.axes:
+                for line in axes.lines:
+                    assert np.all(np.isfinite(np.asarray(line.get_xydata(), dtype=float))), name
+
+
+def test_tables_are_rectangular_and_sections_name_their_command(made: Made) -> None:
+    blocks = re.findall(r"(?:^\|.*\|\n)+", made.text, re.MULTILINE)
+    assert len(blocks) >= 15
+    for block in blocks:
+        assert len({line.count("|") for line in block.splitlines()}) == 1, block
+    for section in made.text.split("\n## ")[1:-1]:
+        assert f"Made by `{COMMAND}`" in section, section[:60]
+
+
+def test_every_command_named_exists(made: Made) -> None:
+    from ssm_planner.cli import COMMANDS
+
+    named = re.findall(r"`ssm-planner ([^`]+)`", made.text)
+    for command in named:
+        words = command.split()
+        assert words[0] in COMMANDS
+        for word in words[1:]:
+            assert "/" not in word or (ROOT / word).is_file(), word
+
+
+def test_links_of_the_contents_lead_to_headings(made: Made) -> None:
+    headings = re.findall(r"^## (.+)$", made.text, re.MULTILINE)
+    links = re.findall(r"^\* \[(.+)\]\(#([^)]+)\)$", made.text, re.MULTILINE)
+    assert [title for title, _ in links] == headings[:-1]
+    for title, anchor in links:
+        assert anchor == re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+
+
+def test_nothing_of_this_machine_is_in_it(made: Made) -> None:
+    for words in (str(made.folder), str(ROOT), str(RECORDINGS), "/tmp", "object at 0x", "nan"):
+        assert words not in made.text, words
+
+
+def test_the_command_writes_the_same_again(made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(paper_document, "compute", lambda *_: made.document)
+    options = ["--problems", str(ROOT / "problems"), "--recordings", str(RECORDINGS)]
+    assert main(["reproduce", "-o", str(tmp_path), *options]) == 0
+    for name in made.files:
+        again, before = ((folder / name).read_bytes() for folder in (tmp_path / "paper", made.folder))
+        assert again == before, name
+    assert {path.name for path in (tmp_path / "paper").iterdir()} == set(made.files)
+
+
+@needs_recordings
+def test_the_committed_document_is_this_one(made: Made) -> None:
+    """Up to the last digits, in which solvers differ between machines."""
+    committed = (COMMITTED / "README.md").read_text(encoding="utf-8")
+    flat = [re.sub(r"\s+", " ", words) for words in (committed, made.text)]
+    assert NUMBER.sub("#", flat[0]) == NUMBER.sub("#", flat[1])
+    values = [np.array([float(found.replace("−", "-")) for found in NUMBER.findall(words)]) for words in flat]
+    assert np.all(np.abs(values[0] - values[1]) <= 0.02 * np.abs(values[0]) + 2e-3)
+    assert {path.name for path in COMMITTED.iterdir()} == set(made.files)
+
+
+def test_without_recordings_their_rows_are_left_out_with_the_reason(inputs: Inputs, tmp_path: Path) -> None:
+    absent = read_inputs(inputs.folder, tmp_path / "nowhere")
+    result = rig_result(absent, "rig2_antibacklash_screw")
+    assert not result.tested
+    assert "--recordings" in result.left_out
+    folder = tmp_path / "drive2_antibacklash_screw" / "start_stop"
+    folder.mkdir(parents=True)
+    (folder / "50.csv").write_text("not a recording\n")
+    broken = rig_result(read_inputs(inputs.folder, tmp_path), "rig2_antibacklash_screw")
+    assert not broken.tested
+    assert "50.csv" in broken.left_out
+    assert str(tmp_path) not in broken.left_out
+
+
+@needs_recordings
+def test_with_recordings_every_rig_is_predicted(made: Made) -> None:
+    assert [len(rig.tested) for rig in made.document.rigs] == [1, 1, 1]
+    assert not made.document.left_out
+
+
+def test_bad_input_gives_status_2_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", "-o", str(tmp_path / "out"), "--problems", str(tmp_path / "none")]) == 2
+    message = capsys.readouterr().err
+    assert "--problems" in message
+    assert str(tmp_path / "none") in message
+    assert "Traceback" not in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_gives_status_2(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(paper_document, "compute", lambda *_: made.document)
+    (tmp_path / "paper").write_text("a file")
+    assert main(["reproduce", "-o", str(tmp_path), "--problems", str(ROOT / "problems")]) == 2
+    assert str(tmp_path / "paper") in capsys.readouterr().err
+    assert (tmp_path / "paper").read_text() == "a file"
+
+
+def test_an_interrupted_writing_leaves_the_earlier_document(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "paper"
+    folder.mkdir()
+    (folder / "README.md").write_text("earlier")
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(paper_document, "save_figure", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write(made.document, folder)
+    assert (folder / "README.md").read_text() == "earlier"
+    assert [path.name for path in tmp_path.iterdir()] == ["paper"]
+
+
+def test_numbers_and_lines_of_the_document() -> None:
+    assert (number(-0.12345), number(1e-15), number(1234.5)) == ("−0.123", "0", "1.23e+03")
+    assert (signed(-0.0004, 3), signed(0.0004, 2, "°"), signed(-1.25, 1, " %")) == ("0.000", "0.00°", "−1.2 %")
+    lines = text("a `command that stays whole` " * 12)
+    assert all(line.count("`") % 2 == 0 for line in lines)
+    assert all(len(line) <= 120 for line in lines)
+    assert table(("a", "b"), [("1", "2")], words=(1,))[1] == "| --- | --- |"
