@@ -10,6 +10,7 @@ from ssm_planner.planning.planner import PlannedLeg
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import JOINTS, Problem
 from ssm_planner.sizing.requirements import MotorRequirement
+from ssm_planner.sizing.size import Sizing
 from ssm_planner.verify.certificate import Certificate
 
 
@@ -17,7 +18,7 @@ from ssm_planner.verify.certificate import Certificate
 class Plan:
     """A planned motion with its certificate, or the reason why there is none.
 
-    status: "solved", "infeasible" or "not converged". trajectory and certificate are None unless solved.
+    status: "solved", "infeasible" or "not converged". trajectory, certificate and sizing are None unless solved.
     """
 
     problem: Problem
@@ -25,7 +26,8 @@ class Plan:
     trajectory: Trajectory | None
     legs: tuple[PlannedLeg, ...]
     certificate: Certificate | None
-    requirements: tuple[MotorRequirement, ...]
+    sizing: Sizing | None
+    """Of the robot's own motors and gears, the motion repeated without pause at 25 °C."""
     reason: Reason | None
     solve_time: float
 
@@ -37,6 +39,11 @@ class Plan:
     @property
     def duration(self) -> float | None:
         return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def requirements(self) -> tuple[MotorRequirement, ...]:
+        """What the motion requires of the motor of every driven joint."""
+        return () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
 
     @property
     def toppra_duration(self) -> float | None:
@@ -85,6 +92,7 @@ class Plan:
             "passed": self.passed,
             "solve_time": self.solve_time,
             "motors": [requirement.to_dict() for requirement in self.requirements],
+            "sizing": None if self.sizing is None else self.sizing.to_dict(),
             "limits": limits,
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),

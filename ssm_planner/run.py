@@ -15,7 +15,7 @@ from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import Array, Problem
 from ssm_planner.report.figure_process import FigureProcess
-from ssm_planner.sizing.requirements import motor_requirements
+from ssm_planner.sizing.size import size_motion
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
 
@@ -43,16 +43,16 @@ def plan(
         trajectory = planned.trajectory
         if trajectory is None:
             seconds = time.perf_counter() - begin
-            return Plan(problem, planned.status, None, planned.legs, None, (), planned.reason, seconds)
+            return Plan(problem, planned.status, None, planned.legs, None, None, planned.reason, seconds)
         found(trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(trajectory, problem.robot, problem.task_limits)
         if certificate.passed or attempt == ATTEMPTS or not _tighten(tighten, certificate, problem):
             seconds = time.perf_counter() - begin
             progress("motor requirements")
-            requirements = motor_requirements(trajectory, problem.robot)
+            sizing = size_motion(trajectory, problem.robot)
             reason = None if certificate.passed else _exceeded(certificate)
-            return Plan(problem, planned.status, trajectory, planned.legs, certificate, requirements, reason, seconds)
+            return Plan(problem, planned.status, trajectory, planned.legs, certificate, sizing, reason, seconds)
         attempt += 1
 
 
@@ -63,10 +63,12 @@ def plan_to_folder(
 
     Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program.
     """
-    if drawer is None:
-        result = plan(problem, progress)
-    else:
-        result = plan(problem, progress, lambda trajectory: drawer.draw_motion(trajectory, problem.robot))
+
+    def found(trajectory: Trajectory) -> None:
+        if drawer is not None:
+            drawer.draw("motion", trajectory, problem.robot)
+
+    result = plan(problem, progress, found)
     if not result.passed:
         return result, {}
     progress("writing results")

@@ -21,6 +21,7 @@ ALLOWED = {
     "report": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "export"},
     "view": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report", "run"},
     "run": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report"},
+    "paper": {"problem", "model", "identify", "sizing", "plan", "export", "report", "run"},
     "commands": {
         "problem",
         "model",
@@ -33,6 +34,7 @@ ALLOWED = {
         "report",
         "run",
         "view",
+        "paper",
     },
 }
 HEAVY = {"casadi", "toppra", "matplotlib", "pint", "scipy", "pydantic"}

@@ -20,7 +20,7 @@ def write_folder(plan: Plan, folder: Path, drawer: FigureProcess | None = None) 
     if plan.trajectory is None:
         return {}
     if drawer is not None:
-        drawer.draw_motors(plan)
+        drawer.draw("motors", plan.trajectory, plan.problem.robot, plan.requirements)
     plan_file = write_plan(folder / "plan.json", plan)
     return {
         "plan": plan_file,

@@ -202,5 +202,6 @@ def _figure(maps: tuple[FrictionMap, ...]) -> Figure:
         axes.locator_params(axis="x", nbins=5)
         axes.set_title(f"joint {NUMBER[m.joint]} ({m.joint})", fontsize=SIZE)
         finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if m is maps[0] else "")
-        axes.legend(fontsize=SIZE - 2, frameon=False, loc="lower right")
+    legend = panels[-1].get_legend_handles_labels()
+    figure.legend(*legend, loc="outside upper center", ncols=4, fontsize=SIZE - 1, frameon=False)
     return figure

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.model.measures import joint_speed_per_tilt_speed
 from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.workspace import tilt_from_theta2
+from ssm_planner.model.task import task_rates
 from ssm_planner.paper.published import TABLE_III, SpeedRow
 from ssm_planner.plan import Plan
-from ssm_planner.problem.values import JOINTS, Problem, Robot, Target
+from ssm_planner.problem.values import TASK, Problem, Robot, Target
 from ssm_planner.run import plan
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 
@@ -48,10 +47,9 @@ class SpeedRun:
         trajectory = self.plan.trajectory
         if trajectory is None:
             return math.nan
-        mechanism, samples = Mechanism.from_geometry(robot.geometry), trajectory.uniform(1000.0)
-        tilt = tilt_from_theta2(mechanism, samples.q[:, 1])
-        per = joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch)[:, 1]
-        return float(np.abs(samples.qd[:, 1] / per).max())
+        samples = trajectory.uniform(1000.0)
+        rates = task_rates(Mechanism.from_geometry(robot.geometry), samples.q, samples.qd)
+        return float(np.abs(rates[:, TASK.index("tilt")]).max())
 
 
 def at_speeds(problem: Problem, row: SpeedRow) -> Problem:
@@ -72,32 +70,6 @@ def speed_runs(problem: Problem, progress: Callable[[str], None] = lambda _: Non
         loads = () if outcome.trajectory is None else joint_loads(outcome.trajectory, here.robot)
         runs.append(SpeedRun(row, outcome, loads))
     return tuple(runs)
-
-
-@dataclass(frozen=True)
-class TiltRateBound:
-    """A tilt rate (rad/s) that no motion from rest to rest beats, where it is (tilt, rad), and the joint that sets it."""
-
-    rate: float
-    tilt: float
-    joint: str
-
-
-def tilt_rate_bound(mechanism: Mechanism, ends: tuple[float, float], acceleration: float) -> TiltRateBound:
-    """Largest tilt rate within a joint acceleration (rad/s²) between two tilts (rad) at rest.
-
-    A joint that starts or ends at rest has q̇² ≤ 2·q̈_max·travel, so φ̇ ≤ √(2 q̈_max·min(travel to either end)) / |dq/dφ|,
-    for each of joints 1 to 3.
-    """
-    tilt = np.linspace(*ends, 20001)
-    slope = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
-    step = (slope[1:] + slope[:-1]) / 2 * abs(tilt[1] - tilt[0])
-    travel = np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
-    speed = np.sqrt(2 * acceleration * np.minimum(travel, travel[-1] - travel))
-    rates = speed / np.maximum(slope, 1e-12)
-    k = int(np.argmax(rates.min(axis=1)))
-    joint = JOINTS[int(np.argmin(rates[k]))]
-    return TiltRateBound(float(rates[k].min()), float(tilt[k]), joint)
 
 
 def tilts_of(problem: Problem) -> tuple[float, float]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from ssm_planner.model.measures import joint_speed_per_tilt_speed
 from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.tilt_rate import tilt_rate_bound
 from ssm_planner.paper import published
-from ssm_planner.paper.motions import SpeedRun, depth_of, tilt_rate_bound, tilts_of
+from ssm_planner.paper.motions import SpeedRun, depth_of, tilts_of
 from ssm_planner.paper.published import DRIVEN, NUMBER
 from ssm_planner.paper.section import NOTHING, Section, number, picture, table, text
 from ssm_planner.paper.workspace import degrees

@@ -20,7 +20,7 @@ IPOPT: dict[str, Any] = {
     "sb": "yes",
     "max_iter": 300,
     "tol": 1e-8,
-    "mu_init": 1e-2,
+    "mu_init": 1e-4,
     "bound_push": 1e-2,
     "bound_frac": 1e-2,
 }
@@ -34,8 +34,7 @@ WARM: dict[str, Any] = {
     "warm_start_slack_bound_frac": 1e-9,
     "warm_start_mult_bound_push": 1e-9,
 }
-
-
+"""From the answer to the same problem with a few limits moved."""
 COLLOCATION = (0.0, 0.5, 1.0)
 """Where in an element the limits are kept; both ends, because the acceleration may jump there."""
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
@@ -93,10 +92,10 @@ def assemble(
     stage: Stage,
     mesh: Mesh,
     weight: ca.MX,
-) -> tuple[ca.Function, ca.Function, int]:
+) -> tuple[ca.Function, ca.Function]:
     """Ipopt for min objective(x) + weight Σ cost(z_i) subject to bounds on g = [plain(x, p); element rows of every z_i].
 
-    x (n, 1) variables, p parameters. Returns two solvers, the second for warm starts, and the number of rows.
+    x (n, 1) variables, p parameters. Returns two solvers, the second for warm starts.
     """
     count = mesh.count
     element = element_functions(stage)
@@ -125,7 +124,7 @@ def assemble(
     }
     nlp: Any = {"x": x, "p": p, "f": total, "g": g}
     cold, warm = (ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt}) for ipopt in (IPOPT, WARM))
-    return cold, warm, g.numel()
+    return cold, warm
 
 
 @dataclass(frozen=True, eq=False)

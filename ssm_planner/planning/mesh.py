@@ -36,7 +36,7 @@ class Mesh:
 
     @classmethod
     def along(cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None) -> Mesh:
-        """About `count` elements along a re-timed motion whose joints turn back at the knots s_k.
+        """`count` elements, or a few more, along a re-timed motion whose joints turn back at the knots s_k.
 
         jerk: largest s⃛ at the grid points of the motion, (n + 1,), where jerk is limited: then every jump of s̈ gets the
         time that it needs, taken from the arc after it, as in the jerk-limited motion of a single joint.
@@ -52,9 +52,11 @@ class Mesh:
         if jerk is not None:
             borders, turns = _with_ramps(borders, turns, guess, jerk)
             duration = borders[-1]
-        pieces = []
-        for start, end in pairwise(borders):
-            pieces.append(np.linspace(start, end, max(FEWEST, round(count * (end - start) / duration)), endpoint=False))
+        shares = _shares(np.diff(borders) / duration, count)
+        pieces = [
+            np.linspace(start, end, share, endpoint=False)
+            for (start, end), share in zip(pairwise(borders), shares, strict=True)
+        ]
         instants = np.append(np.concatenate(pieces), duration)
         interval = np.clip(np.searchsorted(turns, (instants[1:] + instants[:-1]) / 2) - 1, 0, len(turns) - 2)
         return cls(instants, interval)
@@ -67,6 +69,18 @@ class Mesh:
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
         acceleration = np.diff(speed) / np.diff(shares)
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration], axis=1)
+
+
+def _shares(lengths: Array, count: int) -> list[int]:
+    """Elements of arcs of these lengths: `count` in all, or FEWEST for each where that is more.
+
+    The same number for most motions, so that a compiled program serves many of them.
+    """
+    total = max(count, FEWEST * len(lengths))
+    spare = lengths * total - FEWEST
+    spare = np.maximum(spare, 0.0) * ((total - FEWEST * len(lengths)) / max(np.maximum(spare, 0.0).sum(), 1e-300))
+    ends = np.round(np.cumsum(spare)).astype(int)
+    return [FEWEST + int(n) for n in np.diff(ends, prepend=0)]
 
 
 def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> tuple[Array, Array]:

@@ -105,7 +105,7 @@ class Program:
         equations, starting = ca.vertcat(*equal), ca.vertcat(*starts)
         energy = ca.sum2(ca.sum1(wide * (a0**2 + a0 * a1 + a1**2))) if shape.joints else 0.0
         total = ca.sum1(times)
-        cold, warm, _ = assemble(
+        cold, warm = assemble(
             ca.vertcat(ca.vec(x), times),
             ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, weights),
             weights[0] * total + SMOOTHING * energy,
@@ -117,8 +117,8 @@ class Program:
         sizes = (part.numel() for part in (equations, hull, slopes, starting))
         return cls(shape, stage, cold, warm, *sizes)
 
-    def solve(self, question: Question, start: Array | Answer, times: Array | None = None) -> Answer:
-        """Ipopt's answer from elements (n, 4 m) and times (k,), or warm from an earlier answer."""
+    def solve(self, question: Question, point: dict[str, Any]) -> Answer:
+        """Ipopt's answer from a guess (`point_of`), or warm from an earlier answer's point."""
         shape, n, m = self.shape, self.shape.elements, self.shape.coordinates
         fast = [speed[shape.moving & shape.hull] for speed in question.speed]
         allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel()
@@ -128,14 +128,10 @@ class Program:
             *(np.zeros(self.equal), fast[1], np.zeros(self.slope)),
             *(question.starting.ravel(), question.time[1:], allowed),
         )
-        if isinstance(start, Answer):
-            solver, point = self.warm, start.point
-        else:
-            solver, point = self.cold, {"x0": np.append(start.ravel(), times)}
         arguments = (a.ravel() for a in question.arguments)
         segments = len(shape.share)
         answer, stats = ipopt(
-            solver,
+            self.warm if "lam_g0" in point else self.cold,
             **point,
             p=np.concatenate([*arguments, question.fractions, question.end, question.jerk, question.weights]),
             lbx=np.append(question.lower.ravel(), np.full(segments, SHORTEST)),
@@ -148,6 +144,11 @@ class Program:
         elements = np.column_stack([states, found[shape.segment] * question.fractions])
         again = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
         return Answer(str(stats["return_status"]), elements, found, int(stats["iter_count"]), again)
+
+
+def point_of(states: Array, times: Array) -> dict[str, Any]:
+    """Where to start from: states (n, 4 m) and times (k,)."""
+    return {"x0": np.append(states.ravel(), times)}
 
 
 _programs: OrderedDict[tuple[Shape, tuple[Any, ...]], Program] = OrderedDict()

@@ -111,8 +111,10 @@ def retime(
             tangent = tangent / 16
             continue
         duration = float(_times(grid, found)[-1])
-        settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k.any()
-        best = Retiming("solved", "", duration, grid, found, count, rows.active(grid, found))
+        active = rows.active(grid, found)
+        # the tangents only over-estimate: where no row that has one binds, they do not matter
+        settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k[:, active[active >= 0]].any()
+        best = Retiming("solved", "", duration, grid, found, count, active)
         if settled:
             break
         tangent = found

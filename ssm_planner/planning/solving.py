@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ssm_planner.planning.course import Answer, Question, Shape
-from ssm_planner.planning.program import Program, RowName, Stage
+from ssm_planner.planning.program import Program, RowName, Stage, point_of
 from ssm_planner.problem.values import Array, Objective
 
 NEAR = 0.85
@@ -92,18 +92,17 @@ def _rounds(task: Task, start: Start, time: tuple[float, float] | None) -> Answe
     near = largest.max(axis=0, initial=0.0) > NEAR
     kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
     slack = np.zeros_like(largest)
-    begin: Start | Answer = start
+
+    def question(elements: Array, slack: Array) -> Question:
+        asked = task.question(elements, slack)
+        return asked if time is None else asked.heating(time)
+
+    begin = point_of(start.states, start.times)
     iterations = 0
     for rounds in range(1, ROUNDS + 1):
         program = Program.of(task.shape, task.stage(kept, time is not None))
         shown = [name in kept for name in names]
-        question = task.question(elements, slack[:, shown])
-        if time is not None:
-            question = question.heating(time)
-        if isinstance(begin, Answer):
-            answer = program.solve(question, begin)
-        else:
-            answer = program.solve(question, begin.states, begin.times)
+        answer = program.solve(question(elements, slack[:, shown]), begin)
         iterations += answer.iterations
         elements = answer.elements
         if not answer.solved:
@@ -113,13 +112,11 @@ def _rounds(task: Task, start: Start, time: tuple[float, float] | None) -> Answe
         if worst.max(initial=-1.0) <= EXCESS or rounds == ROUNDS:
             break
         missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
-        m = task.shape.coordinates
         if missed:
-            kept = kept | missed
-            begin = Start(elements[:, : 4 * m], answer.times, elements[:, 4 * m])
+            kept, begin = kept | missed, {"x0": answer.point["x0"]}
         else:
             slack = slack + tightening(excess)
-            begin = answer
+            begin = answer.point
     return Answer(answer.message, elements, answer.times, iterations, answer.point)
 
 

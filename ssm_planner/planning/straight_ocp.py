@@ -27,7 +27,7 @@ from ssm_planner.planning.solving import Start, optimise
 from ssm_planner.planning.stage import StraightStage
 from ssm_planner.problem.values import TASK, Array, Objective, Robot, TaskLimits
 
-ELEMENTS = 64
+ELEMENTS = 72
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,15 @@ class _StraightTask:
         return RigidBody.from_robot(self.robot)
 
     def _local(self, elements: Array) -> Array:
-        return fit(self.path, self._body, elements[:, 0], np.append(elements[1:, 0], 1.0))
+        """The fits around these elements; the last ones are kept, for they are asked for twice."""
+        if not self._fits or self._fits[0] is not elements:
+            fits = fit(self.path, self._body, elements[:, 0], np.append(elements[1:, 0], 1.0))
+            self._fits[:] = [elements, fits]
+        return self._fits[1]
+
+    @cached_property
+    def _fits(self) -> list[Array]:
+        return []
 
     @cached_property
     def _starting(self) -> Array:

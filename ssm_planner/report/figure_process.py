@@ -13,12 +13,6 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TookTooLong
 from types import TracebackType
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from ssm_planner.model.trajectory import Trajectory
-    from ssm_planner.plan import Plan
-    from ssm_planner.problem.values import Robot
 
 PATIENCE = 60.0
 """Seconds after which figures that do not come are drawn by the caller."""
@@ -29,33 +23,28 @@ Files = dict[str, dict[str, bytes]]
 
 
 class FigureProcess:
-    """A child process that draws one plan. Wherever it cannot start or fails, `result` is None and the caller draws."""
+    """A child process that draws one plan. Where it cannot start or fails, `result` is empty and the caller draws."""
 
     def __init__(self) -> None:
         self._process = _started() if (os.cpu_count() or 1) > 1 else None
         self._pipe = ThreadPoolExecutor(1)  # a pipe may block its writer: not the planner
 
-    def draw_motion(self, trajectory: Trajectory, robot: Robot) -> None:
-        """Begin with the motion, be it checked or not: it is written only with the rest. The last one counts."""
-        self._send("motion", trajectory, robot)
-
-    def draw_motors(self, plan: Plan) -> None:
-        self._send("motors", plan.trajectory, plan.problem.robot, plan.requirements)
-
-    def result(self) -> Files | None:
-        """The figures that were begun, when they are done; None where they must be drawn here."""
-        process = self._process
-        if process is None:
-            return None
-        try:
-            answer, _ = self._pipe.submit(process.communicate).result(PATIENCE)
-        except (OSError, ValueError, TookTooLong):
-            return None
-        return pickle.loads(answer) if process.returncode == 0 else None
-
-    def _send(self, name: str, *arguments: object) -> None:
+    def draw(self, name: str, *arguments: object) -> None:
+        """Begin with a figure in plan_figures.DRAWN; of one that is begun again the last counts. Returns at once."""
         if self._process is not None:
             self._pipe.submit(self._write, pickle.dumps((name, arguments)))
+
+    def result(self) -> Files:
+        """The figures that were begun, when they are done."""
+        process = self._process
+        if process is None:
+            return {}
+        try:
+            answer, _ = self._pipe.submit(process.communicate).result(PATIENCE)
+            files: Files = pickle.loads(answer) if process.returncode == 0 else {}
+        except (OSError, ValueError, TookTooLong, EOFError):
+            return {}
+        return files
 
     def _write(self, message: bytes) -> None:
         if self._process is not None and self._process.stdin is not None:

@@ -42,14 +42,11 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     trajectory, robot = plan.trajectory, plan.problem.robot
     if trajectory is None:
         raise ExportError("there is no trajectory to draw: the problem has no plan")
-    files = None if drawer is None else drawer.result()
-    if files is None:
-        files = {
-            "motion": drawn(motion_figure(trajectory, robot), pdf=False),
-            "motors": drawn(motors_figure(trajectory, robot, plan.requirements), pdf=False),
-        }
+    arguments = {"motion": (trajectory, robot), "motors": (trajectory, robot, plan.requirements)}
+    files = {} if drawer is None else drawer.result()
     paths: dict[str, Path] = {}
-    for name, endings in files.items():
+    for name, figure in DRAWN.items():
+        endings = files.get(name) or drawn(figure(*arguments[name]), pdf=False)
         paths |= save_drawn(endings, folder / name)
     return paths
 
@@ -66,7 +63,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
     """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed."""
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
-    figure, panels = new_panels(9.0, 6.4, 3, 2, (0.75, 0.1, 0.5, 0.6), (0.85, 0.2), sharex=True)
+    figure, panels = new_panels(9.0, 6.4, 3, 2, (0.75, 0.1, 0.5, 0.55), (0.85, 0.2), sharex=True)
     rows = (
         ("q", "position", "", None),
         ("qd", "velocity", "/s", "velocity"),
@@ -93,7 +90,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
 def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:
     """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures."""
     rows = len(requirements)
-    figure, panels = new_panels(9.0, 2.3 * rows + 0.2, rows, 2, (0.8, 0.1, 0.5, 0.45), (0.35, 0.5), sharey="row")
+    figure, panels = new_panels(9.0, 2.3 * rows + 0.2, rows, 2, (0.8, 0.1, 0.5, 0.45), (0.35, 0.6), sharey="row")
     names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
         i = names.index(requirement.joint)

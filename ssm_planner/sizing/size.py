@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.values import Motor
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.values import Motor, Robot
 from ssm_planner.sizing.assess import MotorVerdict, assess, band_of
 from ssm_planner.sizing.demand import Band, Name
 from ssm_planner.sizing.duty import Duty, no_drive
 from ssm_planner.sizing.friction_spread import spread_of
 from ssm_planner.sizing.gear import gear_checks
-from ssm_planner.sizing.joint_load import JointLoad
+from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.sizing.verdict import Check, all_of, binding
@@ -117,6 +118,12 @@ def size(
         if joint not in moved:
             raise ProblemError(f"{duty.name} does not move this joint", key=joint, allowed=", ".join(sorted(moved)))
     return Sizing(tuple(_joint(load, given.get(load.joint), conditions) for load in loads), conditions)
+
+
+def size_motion(trajectory: Trajectory, robot: Robot) -> Sizing:
+    """Judge the robot's own motors by a motion repeated without pause at 25 °C; joints without a drive are not looked at."""
+    conditions = Conditions()
+    return Sizing(tuple(_joint(load, None, conditions) for load in joint_loads(trajectory, robot)), conditions)
 
 
 def _joint(load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions) -> JointSizing:

@@ -95,13 +95,16 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped plan within an eye, and with limits on rates."""
+    """The shipped plan within an eye whose lens is turned, and with limits on rates."""
+    from ssm_planner.model.screws import rotation
     from ssm_planner.problem.load import load_problem
     from ssm_planner.problem.resolved import plain
 
     document = json.loads(PLAN.read_text(encoding="utf-8"))
     problem = load_problem(ROOT / "problems/eye_approach.yaml")
-    document["problem"] |= {"eye": plain(problem.eye), "rates": dict(problem.rates)}
+    eye = plain(problem.eye)
+    eye["lens"] |= {"semi_axes": [0.0048, 0.004, 0.002], "frame": rotation([0.6, 0.0, 0.8], 0.7).tolist()}
+    document["problem"] |= {"eye": eye, "rates": dict(problem.rates)}
     path = tmp_path_factory.mktemp("in_eye") / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     return path

@@ -157,9 +157,11 @@ def test_names_are_text(visit: Open, slower: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [1280, 390])
-def test_fits_reads_and_is_reachable(visit: Open, report: Path, slower: Path, tmp_path: Path, width: int) -> None:
+def test_fits_reads_and_is_reachable(
+    visit: Open, report: Path, in_eye: Path, slower: Path, tmp_path: Path, width: int
+) -> None:
     comparison = write_comparison(PLAN, slower, tmp_path / "comparison.html")
-    for page_file in (report, comparison):
+    for page_file in (report, comparison, write_report(in_eye, tmp_path / "in_eye.html")):
         page = visit(page_file.as_uri(), width=width).page
         page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
         for y in range(0, page.evaluate("document.body.scrollHeight"), 1500):
@@ -187,9 +189,10 @@ def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, report: Path, in_eye
     """Lens and retina as large, where and turned as the plan says, on both pages; without an eye no view of one."""
     assert visit(report.as_uri()).page.get_by_role("button", name="eye", exact=True).count() == 0
     eye = read_plan(in_eye).limits.eye
-    for page_file in (
-        write_report(in_eye, tmp_path / "report.html"),
-        write_comparison(in_eye, PLAN, tmp_path / "comparison.html"),
+    for page_file, robot in (
+        (write_report(in_eye, tmp_path / "report.html"), 0),
+        (write_comparison(in_eye, in_eye, tmp_path / "both.html"), 0),
+        (write_comparison(PLAN, in_eye, tmp_path / "second.html"), 1),
     ):
         opened = visit(page_file.as_uri())
         page, canvas = opened.page, opened.page.locator("#scene canvas")
@@ -198,13 +201,18 @@ def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, report: Path, in_eye
         page.get_by_role("button", name="eye", exact=True).click()
         page.wait_for_timeout(300)
         assert canvas.screenshot() != before
-        drawn = page.evaluate("""() => {
-          const found = [];
-          const base = SSM.scene.robots[0].base;
+        drawn = page.evaluate(
+            """(number) => {
+          const { base } = SSM.scene.robots[number];
+          const found = {};
           base.updateMatrixWorld(true);
-          base.traverse((part) => part.name && found.push([part.name, part.matrixWorld.elements, part.geometry.parameters.radius]));
-          return Object.fromEntries(found.map(([name, elements, radius]) => [name, { elements, radius }]));
-        }""")
+          base.traverse(({ name, matrixWorld, geometry }) => {
+            if (name) found[name] = { elements: matrixWorld.elements, radius: geometry.parameters.radius };
+          });
+          return found;
+        }""",
+            robot,
+        )
         for name, radius in (("retina", eye.radius), ("clearance", eye.radius - eye.clearance)):
             assert drawn[name]["radius"] == pytest.approx(radius)
             assert drawn[name]["elements"][12:15] == pytest.approx(eye.centre.tolist())

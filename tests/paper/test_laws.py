@@ -12,12 +12,13 @@ from paper_cases import Made
 from ssm_planner.model.friction import friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.tilt_rate import tilt_rate_bound
 from ssm_planner.paper import published
 from ssm_planner.paper.design import design_choice
 from ssm_planner.paper.friction_maps import friction_maps, with_friction
 from ssm_planner.paper.inertia_sign import body_moments, flipped, joint_inertia
 from ssm_planner.paper.inputs import Inputs
-from ssm_planner.paper.motions import tilt_rate_bound, tilts_of
+from ssm_planner.paper.motions import tilts_of
 from ssm_planner.paper.package_bounds import BOUNDS, outside_bounds
 from ssm_planner.paper.payload import payloads, with_rows
 from ssm_planner.paper.rigs import LAWS, published_drive

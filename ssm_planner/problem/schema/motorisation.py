@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field as PydanticField
 
 from ssm_planner.problem.schema.common import Model, Text, quantity
-from ssm_planner.problem.schema.motion import Joints
+from ssm_planner.problem.schema.points import Joints
 from ssm_planner.problem.schema.robot import Reference
 
 Angle = Annotated[float, quantity("angle")]

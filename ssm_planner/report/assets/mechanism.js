@@ -42,7 +42,6 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
       parent.add(label);
     });
   }
-  if (scene.eye && !ghost) base.add(SSM.eye(scene.eye));
   return { base, turns, slide, axes };
 };
 

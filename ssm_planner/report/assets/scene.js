@@ -47,8 +47,10 @@ SSM.Scene = class {
     const robot = SSM.mechanism(scene, colours, ghost, this.labels && !ghost);
     if (path) robot.base.add(SSM.tipPath(path, ghost ? colours[1] : "#7a2fa0", ghost));
     this.world.add(robot.base);
+    robot.eye = Boolean(scene.eye) && !this.robots.some((other) => other.eye);
+    if (robot.eye) robot.base.add(SSM.eye(scene.eye));
     this.robots.push(robot);
-    if (scene.eye && !this.views.eye) {
+    if (robot.eye && !this.views.eye) {
       const [x, y, z] = scene.eye.centre;
       this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
       this.canvas.parentElement.querySelector(".views").append(this.#view("eye"));

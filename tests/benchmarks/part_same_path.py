@@ -1,0 +1,111 @@
+"""The same path and limits by this planner, toppra and copp-py: time of motion, run time, and who keeps the motors' limits."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from cases import WEAK, Change, straight_problem, with_limits
+from measuring import in_turns
+from motions import along_path, certificate, excess
+from section import Section
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.retiming import retime
+from ssm_planner.problem.values import Problem
+
+JERK = 35.0
+SHARES = (("motors at full torque", 1.0), ("motors × 0.35", 0.35), (f"motors × {WEAK:g}", WEAK))
+INTRODUCTION = (
+    "The shipped robot tilts from −85° to −135° along a straight line in task space, under velocity, acceleration and motor "
+    "torque limits, with 1 000 grid intervals. Users of toppra and copp-py pass dry friction as one constant torque per joint; "
+    "that constant is taken at the mean, or at the largest, weight that the mesh carries along the path. Both get the motors' "
+    "inverse dynamics from Pinocchio. *TOPP-RA, exact friction* is this project's `retime`: the two sides of the mesh as "
+    "rows, viscous friction by repeated tangents, static friction at the start. Excesses are what the independent check "
+    "finds at 10 kHz with the exact friction law."
+)
+
+
+def run(quick: bool) -> Section:
+    section = Section("The same path and the same limits")
+    section.say(INTRODUCTION)
+    for title, share in SHARES[1:2] if quick else SHARES:
+        _compare(section, title, straight_problem(Change(), share), 2 if quick else 5)
+    section.cannot += [
+        ("toppra with jerk limits", "its constraints are of second order"),
+        (
+            "toppra and copp-py with exact friction by their own means",
+            "their torque constraint takes one constant per joint; the larger of two mesh lines that depends on the load, static "
+            "friction, and viscous friction (∝ ṡ, while their rows are linear in ṡ² and s̈) have to be derived by the user as rows",
+        ),
+    ]
+    jerk = straight_problem(Change())
+    jerk = dataclasses.replace(jerk, robot=with_limits(jerk.robot, jerk=JERK))
+    _compare(section, f"motors at full torque, jerk limit {JERK:g} rad/s³", jerk, 1 if quick else 3)
+    return section
+
+
+def _compare(section: Section, title: str, problem: Problem, rounds: int) -> None:
+    from part_same_problem import straight_path
+    from path_peers import UserModel, copp_jerk_limited, copp_speeds, elements_of, toppra_speeds
+
+    path: Any = straight_path(problem)
+    users = {which: UserModel.of(problem.robot, path, largest=which == "largest") for which in ("mean", "largest")}
+
+    def ours(_: int) -> Any:
+        return plan_motion(problem).trajectory
+
+    def exact(_: int) -> Any:
+        found = retime(path, problem.robot)
+        if not found.solved:
+            raise RuntimeError(found.message)
+        return found.s, np.sqrt(found.speed_squared)
+
+    ways: dict[str, Callable[[int], Any]] = {"this planner": ours}
+    if problem.robot.joints[0].jerk is None:
+        ways["TOPP-RA, exact friction (this project)"] = exact
+        for which, user in users.items():
+            ways[f"toppra, friction at the {which} weight"] = lambda _, user=user: toppra_speeds(path, user)
+            ways[f"copp-py, friction at the {which} weight"] = lambda _, user=user: copp_speeds(path, user)
+    else:
+        ways["copp-py, cone program, 2 rounds"] = lambda _: copp_jerk_limited(path, users["mean"])
+    able = {}
+    for name, way in ways.items():
+        try:
+            way(0)
+            able[name] = way
+        except Exception as error:  # noqa: BLE001 - whatever a peer raises is its answer
+            section.cannot.append((f"{name}, {title}", str(error).splitlines()[0]))
+    times, results = in_turns(able, rounds)
+    base = times["this planner"]
+    rows = []
+    for name, spread in times.items():
+        answer = results[name][-1]
+        trajectory = answer if isinstance(answer, Trajectory) else along_path(path, elements_of(*answer), 1)
+        found = certificate(problem, trajectory)
+        rows.append(
+            [
+                name,
+                f"{trajectory.duration:.4f} s",
+                spread.seconds(),
+                "" if name == "this planner" else spread.over(base).times(),
+                excess(found, "motor torque")[1],
+                excess(found)[1],
+            ]
+        )
+        if name == "this planner":
+            worst = excess(found, "motor torque")
+            section.asked(f"torque above limit at 10 kHz, {title}", "≤ 1e-6", f"{max(worst[0], 0.0):.1g}", worst[0] <= 1e-6)
+        if name.startswith("TOPP-RA") and "full" in title:
+            ratio = results["this planner"][-1].duration / trajectory.duration
+            section.asked(
+                "acceleration-limited straight motion against TOPP-RA, 1 000 points",
+                "1.0000–1.0005 ×",
+                f"{ratio:.5f} ×",
+                1 - 5e-5 <= ratio <= 1.0005 + 5e-5,
+            )
+    section.say(f"**{title[0].upper()}{title[1:]}**")
+    section.table(("", "time of motion", "run time", "÷ ours", "torque excess", "worst excess"), rows)

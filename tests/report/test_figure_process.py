@@ -1,0 +1,168 @@
+"""Figures drawn by a second process are those drawn here, whatever happens to that process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.export.plan_file import PlanFile, read_plan
+from ssm_planner.plan import Plan
+from ssm_planner.report import figure_process
+from ssm_planner.report.figure_process import FigureProcess
+from ssm_planner.report.plan_figures import DRAWN, write_figures
+from ssm_planner.report.style import drawn
+from ssm_planner.sizing.requirements import motor_requirements
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def file() -> PlanFile:
+    return read_plan(ROOT / "results/tilt_insert/plan.json")
+
+
+@pytest.fixture(scope="module")
+def plan(file: PlanFile) -> Plan:
+    """As much of a plan as figures need."""
+
+    class Problem:
+        robot = file.robot
+
+    requirements = motor_requirements(file.trajectory, file.robot)
+    return Plan(Problem(), "solved", file.trajectory, (), None, requirements, None, 0.0)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def drawn_here(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return content(write_figures(plan, tmp_path_factory.mktemp("here")))
+
+
+def content(paths: dict[str, Path]) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in paths.values()}
+
+
+def begin(drawer: FigureProcess, plan: Plan) -> None:
+    drawer.draw("motion", plan.trajectory, plan.problem.robot)
+    drawer.draw("motors", plan.trajectory, plan.problem.robot, plan.requirements)
+
+
+def running(drawer: FigureProcess) -> bool:
+    process = drawer._process
+    assert process is not None
+    return process.poll() is None
+
+
+def test_the_same_bytes(plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path) -> None:
+    assert set(drawn_here) == {f"{name}.png" for name in DRAWN}
+    with FigureProcess() as drawer:
+        begin(drawer, plan)
+        files = drawer.result()
+        assert {f"{name}.png": endings["png"] for name, endings in files.items()} == drawn_here
+        assert content(write_figures(plan, tmp_path, drawer)) == drawn_here
+    assert not running(drawer)
+
+
+def test_the_last_motion_counts(file: PlanFile, drawn_here: dict[str, bytes]) -> None:
+    first = replace(file.trajectory, phases=file.trajectory.phases[:1])
+    assert drawn(DRAWN["motion"](first, file.robot), pdf=False)["png"] != drawn_here["motion.png"]
+    with FigureProcess() as drawer:
+        drawer.draw("motion", first, file.robot)
+        drawer.draw("motion", file.trajectory, file.robot)
+        assert drawer.result()["motion"]["png"] == drawn_here["motion.png"]
+
+
+FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
+    "no interpreter": lambda patch: patch.setattr(sys, "executable", ""),
+    "no such interpreter": lambda patch: patch.setattr(sys, "executable", "/nowhere/python"),
+    "it fails": lambda patch: patch.setattr(figure_process, "_START", "raise SystemExit(3)"),
+    "it ends without an answer": lambda patch: patch.setattr(figure_process, "_START", "pass"),
+    "it never answers": lambda patch: (
+        patch.setattr(figure_process, "_START", "import time; time.sleep(60)"),
+        patch.setattr(figure_process, "PATIENCE", 0.2),
+    ),
+    "one processor": lambda patch: patch.setattr(os, "cpu_count", lambda: 1),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_does_not_come_is_drawn_here(
+    fault: str, plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    FAULTS[fault](monkeypatch)
+    with FigureProcess() as drawer:
+        begin(drawer, plan)
+        assert content(write_figures(plan, tmp_path, drawer)) == drawn_here
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_an_interruption_ends_it(begun: bool, plan: Plan) -> None:
+    drawer = FigureProcess()
+
+    def interrupted() -> None:
+        with drawer:
+            assert running(drawer)
+            if begun:
+                begin(drawer, plan)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert not running(drawer)
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="signals as a terminal sends them")
+def test_ctrl_c_while_results_are_written_leaves_whole_files_and_no_process(tmp_path: Path) -> None:
+    code = """if True:
+        import sys, time
+        from ssm_planner.report import figure_process
+        start = figure_process._started
+        def started():
+            process = start()
+            print(process.pid, flush=True)
+            return process
+        figure_process._started = started
+        import ssm_planner.export.folder as folder
+        def slow(*a):
+            print("writing", flush=True)
+            time.sleep(30)
+        folder.write_csv = slow
+        from ssm_planner.cli import main
+        sys.exit(main(sys.argv[1:]))
+    """
+    words = ["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "out")]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        start_new_session=True,
+    ) as process:
+        assert process.stdout is not None
+        child = int(process.stdout.readline())
+        assert process.stdout.readline() == "writing\n"
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert not still_there(child)
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {"plan.json", "report.html"}
+
+
+def still_there(pid: int) -> bool:
+    """Whether the process runs on for seconds."""
+    for _ in range(50):
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return False
+        time.sleep(0.1)
+    return True
