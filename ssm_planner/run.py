@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ import numpy as np
 from ssm_planner.export.folder import write_folder
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.plan import Plan
-from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.planner import Planned, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import Array, Problem
+from ssm_planner.relax import tried
 from ssm_planner.report.figure_process import FigureProcess
 from ssm_planner.sizing.size import size_motion
 from ssm_planner.verify.certificate import Certificate
@@ -36,24 +38,42 @@ def plan(
     then holds the reason.
     """
     begin = time.perf_counter()
+    planned, certificate, reason = _attempt(problem, progress, found)
+    sizing = None
+    if planned.trajectory is not None:
+        progress("motor requirements")
+        sizing = size_motion(planned.trajectory, problem.robot)
+    if reason is not None:
+        progress("looking for what would do")
+        cure = tried(problem, reason, _duration_or_reason)
+        reason = reason if cure is None else replace(reason, relaxation=cure)
+    seconds = time.perf_counter() - begin
+    return Plan(problem, planned.status, planned.trajectory, planned.legs, certificate, sizing, reason, seconds)
+
+
+def _attempt(
+    problem: Problem, progress: Progress, found: Callable[[Trajectory], None]
+) -> tuple[Planned, Certificate | None, Reason | None]:
+    """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
     tighten = np.ones((len(TIGHTENED), len(problem.robot.joints)))
     attempt = 1
     while True:
         planned = plan_motion(problem, tighten, progress)
-        trajectory = planned.trajectory
-        if trajectory is None:
-            seconds = time.perf_counter() - begin
-            return Plan(problem, planned.status, None, planned.legs, None, None, planned.reason, seconds)
-        found(trajectory)
+        if planned.trajectory is None:
+            return planned, None, planned.reason
+        found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
-        certificate = check(trajectory, problem.robot, problem.task_limits)
+        certificate = check(planned.trajectory, problem.robot, problem.task_limits)
         if certificate.passed or attempt == ATTEMPTS or not _tighten(tighten, certificate, problem):
-            seconds = time.perf_counter() - begin
-            progress("motor requirements")
-            sizing = size_motion(trajectory, problem.robot)
-            reason = None if certificate.passed else _exceeded(certificate)
-            return Plan(problem, planned.status, trajectory, planned.legs, certificate, sizing, reason, seconds)
+            return planned, certificate, None if certificate.passed else _exceeded(certificate)
         attempt += 1
+
+
+def _duration_or_reason(problem: Problem) -> float | Reason:
+    planned, _, reason = _attempt(problem, lambda _: None, lambda _: None)
+    if reason is not None or planned.trajectory is None:
+        return reason or Reason("solver", None, None, None, None, None, "no motion found")
+    return planned.trajectory.duration
 
 
 def plan_to_folder(
@@ -90,13 +110,15 @@ def _exceeded(certificate: Certificate) -> Reason:
     """The worst violation that the check found and tightening did not cure."""
     worst = certificate.worst
     joint = "" if worst.joint is None else f" of joint {worst.joint}"
-    return Reason(
-        worst.name,
-        worst.joint,
-        f"t = {worst.time:.4f} s",
-        worst.worst,
-        worst.limit,
-        None,
+    text = (
         f"the independent check found {worst.name}{joint} exceeded: {worst.worst:.6g} {worst.unit} against "
-        f"{worst.limit:.6g} {worst.unit} at t = {worst.time:.4f} s; the motion is not written",
+        f"{worst.limit:.6g} {worst.unit} at t = {worst.time:.4f} s; the motion is not written"
     )
+    required, available = worst.worst, worst.limit
+    if worst.name == "self-locking":
+        required, available = worst.limit, worst.worst
+        text = (
+            f"the drive{joint} does not hold by itself: its friction coefficient may be as low as {available:.4g}, "
+            f"self-locking needs {required:.4g}; the load would drive it back"
+        )
+    return Reason(worst.name, worst.joint, f"t = {worst.time:.4f} s", required, available, None, text)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import platform
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -15,6 +16,7 @@ from ssm_planner.export.atomic import replacing
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.resolved import plain, robot_from_plain, task_limits_from_plain
 from ssm_planner.problem.values import Robot, TaskLimits
+from ssm_planner.sizing.size import size_motion
 from ssm_planner.verify.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -45,6 +47,12 @@ class PlanFile:
     path: Path
     sha256: str
     """Of the file's bytes."""
+
+    @cached_property
+    def sizing(self) -> dict[str, Any]:
+        """The object that `size --json` prints: as stated, or of a plan that states nothing of it found anew."""
+        stated = self.document.get("sizing")
+        return stated if isinstance(stated, dict) else size_motion(self.trajectory, self.robot).to_dict()
 
 
 def read_plan(path: str | Path) -> PlanFile:

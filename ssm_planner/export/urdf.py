@@ -24,7 +24,7 @@ NO_EFFORT = 1e3
 ABSENT = (
     "friction: the law of worms and screws (friction that grows with the load, self-locking, static friction) has no place "
     "in URDF, whose constant friction and damping would be wrong, so none is given; motor torques are not joint efforts",
-    "limits of acceleration, jerk, motor speed and torque, task ranges and tip speed",
+    "limits of acceleration, jerk, motor speed and torque, of the task and about the eye",
     "gravity: simulators take theirs along -z",
     "inertia of rotors, wheels and nuts (input and output inertia of the drives)",
 )

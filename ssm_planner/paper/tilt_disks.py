@@ -28,8 +28,8 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     for sign, grey, label in ((-1.0, "0.72", "reachable at roll 0°"), (1.0, "0.88", "reachable at roll 180°")):
         ends = sorted((sign * low, sign * high))
         axes.add_patch(Wedge((0.0, 0.0), 1.0, *ends, facecolor=grey, edgecolor="0.3", linewidth=0.8, label=label))
-        middle = sign * (interval[0] + interval[1]) / 2
-        axes.text(0.8 * math.cos(middle), 0.8 * math.sin(middle), "2α", ha="center", va="center", fontsize=SIZE)
+        inside = sign * (0.28 * interval[0] + 0.72 * interval[1])  # beside the line of home
+        axes.text(0.75 * math.cos(inside), 0.75 * math.sin(inside), "2α", ha="center", va="center", fontsize=SIZE)
     around = np.linspace(0.0, 2.0 * math.pi, 361)
     axes.plot(np.cos(around), np.sin(around), color="0.8", linewidth=0.8, zorder=0)
     for k, tilt in enumerate(MEASURED):

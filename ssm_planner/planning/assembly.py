@@ -60,8 +60,8 @@ class Stage(Protocol):
         """(state, *arguments) → rows ≤ 1."""
 
     @property
-    def heat(self) -> ca.Function | None:
-        """(state, *arguments) → Σ (τ/τ_nominal)², where heat counts."""
+    def cost(self) -> ca.Function | None:
+        """(state, *arguments) → the integrand of the objective, where it is not time alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class ElementFunctions:
-    """Functions of (z, *arguments): rows at all points, their Jacobian by z; cost ∫ heat and its gradient, where there is one.
+    """Functions of (z, *arguments): rows at all points, their Jacobian by z; cost ∫ of the integrand and its gradient, where there is one.
 
     hessian takes the rows' multipliers and the cost's too.
     """
@@ -165,47 +165,47 @@ def element_functions(stage: Stage) -> ElementFunctions:
         own = lam[c * count : (c + 1) * count]
         curvature, pull = point.hessian(state, *arguments, own, weight * lam_cost)
         hessian += slope.T @ curvature @ slope + _bend(state, z, pull)
-        if stage.heat is not None:
-            value, value_slope = stage.heat(state, *arguments), point.heat_gradient(state, *arguments)
+        if stage.cost is not None:
+            value, value_slope = stage.cost(state, *arguments), point.cost_gradient(state, *arguments)
             along = slope.T @ value_slope
             cost += weight * value
             gradient += weight * along + share * value * of_cost
             cross = share * lam_cost * (of_cost @ along.T)
             hessian += cross + cross.T
     inputs = [z, *arguments]
-    heats = stage.heat is not None
-    multipliers = [ca.vertcat(lam, lam_cost)] if heats else [lam]
-    if not heats:
+    costs = stage.cost is not None
+    multipliers = [ca.vertcat(lam, lam_cost)] if costs else [lam]
+    if not costs:
         hessian = ca.substitute(hessian, lam_cost, 0)
     return ElementFunctions(
         ca.Function("rows", inputs, [ca.vertcat(*rows)]),
         ca.Function("jacobian", inputs, [ca.vertcat(*jacobian)]),
         ca.Function("hessian", [*inputs, *multipliers], [hessian]),
-        ca.Function("cost", inputs, [cost]) if heats else None,
-        ca.Function("gradient", inputs, [ca.densify(gradient)]) if heats else None,
+        ca.Function("cost", inputs, [cost]) if costs else None,
+        ca.Function("gradient", inputs, [ca.densify(gradient)]) if costs else None,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _PointDerivatives:
-    """Functions of (state, *arguments): Jacobian of the rows; Hessian and gradient of λᵀ rows + κ heat; gradient of heat."""
+    """Functions of (state, *arguments): Jacobian of the rows; Hessian and gradient of λᵀ rows + κ cost; gradient of cost."""
 
     jacobian: ca.Function
     hessian: ca.Function
-    heat_gradient: ca.Function
+    cost_gradient: ca.Function
 
     @classmethod
     def of(cls, stage: Stage, size: int) -> _PointDerivatives:
         state = ca.SX.sym("state", size)
         inputs = [state, *(ca.SX.sym(f"argument{i}", n) for i, (n, _) in enumerate(stage.arguments))]
         rows = stage.point(*inputs)
-        heat = ca.SX(0) if stage.heat is None else stage.heat(*inputs)
+        cost = ca.SX(0) if stage.cost is None else stage.cost(*inputs)
         lam, kappa = ca.SX.sym("lam", rows.numel()), ca.SX.sym("kappa")
-        hessian, gradient = ca.hessian(ca.dot(lam, rows) + kappa * heat, state)
+        hessian, gradient = ca.hessian(ca.dot(lam, rows) + kappa * cost, state)
         return cls(
             ca.Function("point_jacobian", inputs, [ca.jacobian(rows, state)]),
             ca.Function("point_hessian", [*inputs, lam, kappa], [hessian, gradient]),
-            ca.Function("heat_gradient", inputs, [ca.gradient(heat, state)]),
+            ca.Function("cost_gradient", inputs, [ca.gradient(cost, state)]),
         )
 
 

@@ -114,10 +114,10 @@ class Question:
     time: tuple[float, float] = (0.0, np.inf)
     """Bounds of the whole duration."""
     weights: tuple[float, float] = (1.0, 0.0)
-    """Of time and of heat."""
+    """Of time and of the cost."""
 
-    def heating(self, time: tuple[float, float]) -> Question:
-        """The same, for the least heat within these bounds of the duration."""
+    def within(self, time: tuple[float, float]) -> Question:
+        """The same, for the least cost within these bounds of the duration."""
         return replace(self, time=time, weights=(0.0, 1.0))
 
 

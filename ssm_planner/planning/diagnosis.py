@@ -10,24 +10,24 @@ from ssm_planner.model.transmission import breakaway_torque
 from ssm_planner.planning.joint_path import JointPath
 from ssm_planner.planning.legs import Leg
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.values import Problem
+from ssm_planner.problem.values import Array, Problem
 
 LOOKS = 201
 
 
 def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reason:
     """The motor that is most too weak to start its joint somewhere on the path; the solver's word where none is."""
-    s = np.linspace(0.0, 1.0, LOOKS)
-    gravity = RigidBody.from_robot(problem.robot).gravity_load(path.sample(s).q)
     knots, signs = path.directions
+    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, LOOKS), knots]))
+    gravity = RigidBody.from_robot(problem.robot).gravity_load(path.sample(s).q)
     sigma = signs[np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(signs) - 1)]
     weakest: tuple[float, Reason] | None = None
     for i, joint in enumerate(problem.robot.joints):
         if joint.drive is None or joint.motor is None or not sigma[:, i].any():
             continue
         friction = friction_of(joint.drive)
-        # static friction counts where the motion starts, beyond it that of slow motion
-        mu = np.where(s == 0.0, friction.mu_static, friction_coefficient(friction, 0.0))
+        # static friction counts where the joint starts or turns back, elsewhere that of slow motion
+        mu = np.where(np.isin(s, knots[_starting(signs[:, i])]), friction.mu_static, friction_coefficient(friction, 0.0))
         needed = np.abs(breakaway_torque(joint.drive, gravity[:, i], sigma[:, i], mu))
         k = int(np.argmax(needed))
         available = joint.motor.max_torque
@@ -38,14 +38,18 @@ def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reas
                 f"motor of joint {joint.name} is too weak to move at all: against gravity and friction it needs "
                 f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"
             )
-            cure = f"motor torque of joint {joint.name} of at least {1e3 * needed[k]:.4g} mN·m"
-            weakest = ratio, Reason("motor torque", joint.name, place, float(needed[k]), available, cure, text)
+            weakest = ratio, Reason("motor torque", joint.name, place, float(needed[k]), available, None, text)
     if weakest is not None:
         return weakest[1]
     return Reason("solver", None, leg.motion.name, None, None, None, f"{leg.motion.name}: no motion found ({message})")
 
 
+def _starting(signs: Array) -> list[int]:
+    """Knots at which a joint with these directions between them starts or turns back."""
+    return [k for k, sign in enumerate(signs) if sign and (k == 0 or sign != signs[k - 1])]
+
+
 def too_short(name: str, asked: float, needed: float) -> Reason:
     """A duration asked for that is shorter than the fastest motion."""
     text = f"{name} takes at least {needed:.6g} s within the limits; {asked:.6g} s were asked for"
-    return Reason("duration", None, name, needed, asked, f"a duration of at least {needed:.6g} s", text)
+    return Reason("duration", None, name, needed, asked, None, text)

@@ -22,7 +22,7 @@ from ssm_planner.planning.free_guess import FreeGuess, guess
 from ssm_planner.planning.free_stage import NUMBERS, RATED, WATCHED, FreeStage
 from ssm_planner.planning.limits import UNLIMITED, limit_table, limits_jerk
 from ssm_planner.planning.peaks import peaks
-from ssm_planner.planning.program import DENSE, RowName, shared
+from ssm_planner.planning.program import DENSE, Aim, RowName, shared
 from ssm_planner.planning.solving import Start, optimise
 from ssm_planner.problem.values import TASK, Array, Indices, Problem
 
@@ -146,9 +146,9 @@ class _FreeTask:
 
     always: frozenset[RowName] = frozenset()
 
-    def stage(self, kept: frozenset[RowName], heats: bool) -> FreeStage:
+    def stage(self, kept: frozenset[RowName], aim: Aim) -> FreeStage:
         eye = self.problem.eye if any(name in (RETINA, LENS) for name, _ in kept) else None
-        return shared(FreeStage(self.problem.robot, self.mechanism, tuple(self.moving.tolist()), kept, eye, heats))
+        return shared(FreeStage(self.problem.robot, self.mechanism, tuple(self.moving.tolist()), kept, eye, aim))
 
     def question(self, elements: Array, slack: Array) -> Question:
         points = self._scaled(self.points - self.points[0], 0)

@@ -20,8 +20,8 @@ from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
 from ssm_planner.planning.assembly import COLLOCATION
 from ssm_planner.planning.keys import robot_key
-from ssm_planner.planning.program import DENSE, RowName
-from ssm_planner.planning.rows import Bounds, Instant, Row, heat, torque_rows
+from ssm_planner.planning.program import DENSE, Aim, RowName
+from ssm_planner.planning.rows import Bounds, Instant, Row, effort, heat, torque_rows
 from ssm_planner.planning.stage import breakaway_joints
 from ssm_planner.problem.values import TASK, Eye, Robot
 
@@ -46,13 +46,13 @@ class FreeStage:
     moving: tuple[int, ...]
     kept: frozenset[RowName]
     eye: Eye | None = None
-    heats: bool = False
+    aim: Aim = "time"
 
     arguments = ((4, True), (NUMBERS, False))
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
-        return "free", robot_key(self.robot), self.moving, self.kept, pickle.dumps(self.eye), self.heats
+        return "free", robot_key(self.robot), self.moving, self.kept, pickle.dumps(self.eye), self.aim
 
     @property
     def size(self) -> int:
@@ -76,13 +76,17 @@ class FreeStage:
         return ca.Function("point", [state, sigma, numbers], [ca.vertcat(ca.SX(0, 1), *values)])
 
     @cached_property
-    def heat(self) -> ca.Function | None:
-        """Σ (τ/τ_nominal)² at one `state`."""
-        if not self.heats:
+    def cost(self) -> ca.Function | None:
+        """Heat or effort at one `state`, where that is the aim."""
+        if self.aim == "time":
             return None
         state, sigma, numbers = self._symbols()
         at, _, _ = self._instant(state, sigma, numbers)
-        return ca.Function("heat", [state, sigma, numbers], [heat(at, self.robot.joints)])
+        joints = self.robot.joints
+        if self.aim == "heat":
+            return ca.Function("cost", [state, sigma, numbers], [heat(at, joints)])
+        slow, _, _ = self._instant(ca.vertcat(state[:4], ca.SX.zeros(8)), sigma, numbers)
+        return ca.Function("cost", [state, sigma, numbers], [effort(at, slow, joints)])
 
     @cached_property
     def breakaway(self) -> ca.Function:

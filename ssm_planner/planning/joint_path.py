@@ -85,20 +85,22 @@ class TravelledPath:
 
 @dataclass(frozen=True, eq=False)
 class StepPath:
-    """The straight line in joint space between two configurations (4,)."""
+    """The straight lines in joint space from point to point (k + 1, 4), each over the same share of s."""
 
     mechanism: Mechanism
-    first: Array
-    last: Array
+    points: Array
 
     @property
     def directions(self) -> tuple[Array, Array]:
-        return np.array([0.0, 1.0]), np.sign(self.last - self.first)[None, :]
+        return np.linspace(0.0, 1.0, len(self.points)), np.sign(np.diff(self.points, axis=0))
 
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)
-        way = np.tile(self.last - self.first, (len(s), 1))
-        return PathSamples(s, self.first + s[:, None] * way, way, 0 * way, 0 * way)
+        count = len(self.points) - 1
+        piece = np.clip((s * count).astype(int), 0, count - 1)
+        way = np.diff(self.points, axis=0)[piece]
+        q = self.points[piece] + (s * count - piece)[:, None] * way
+        return PathSamples(s, q, count * way, 0 * way, 0 * way)
 
     def tip_slope(self, samples: PathSamples) -> Array:
         return tip_velocity(self.mechanism, samples.q, samples.dq)

@@ -123,7 +123,7 @@ def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array |
     if asked is not None and motion.duration > asked * (1 + 1e-6):
         return too_short(leg.motion.name, asked, motion.duration)
     breaks, coefficients = joint_pieces(path, motion, end_speed=speeds[1])
-    bound = lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
+    bound = asked or lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
     return PlannedLeg(leg, motion.duration, retiming.duration, bound, motion.iterations), breaks, coefficients
 
 
@@ -132,14 +132,14 @@ def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | Non
     result = solve_free(problem, mechanism, leg.points, tighten, asked, speeds)
     duration = float(result.breaks[-1])
     if not result.solved:
-        return no_motion(problem, leg, StepPath(mechanism, leg.first, leg.last), result.message)
+        return no_motion(problem, leg, StepPath(mechanism, leg.points), result.message)
     if asked is not None and duration > asked * (1 + 1e-6):
         return too_short(leg.motion.name, asked, duration)
     coefficients = hermite(result.breaks, result.start, result.end)
     trajectory = Trajectory(result.breaks, coefficients, ())
     path = TravelledPath.of(mechanism, trajectory, result.borders, np.diff(leg.points, axis=0))
     again = retime(path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1])))
-    bound = lower_bound(problem.robot, leg.points, at_rest=not np.any(speeds))
+    bound = asked or lower_bound(problem.robot, leg.points, at_rest=not np.any(speeds))
     toppra_duration = again.duration if again.solved else None
     return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients
 

@@ -1,7 +1,7 @@
 """The nonlinear program behind every optimised motion: coordinates as cubic pieces on a mesh of elements.
 
     variables   u, u̇, ü at the start and ü at the end of every element; the time T_k of every segment
-    objective   w_t Σ T_k + w_h ∫ Σ (τ/τ_nominal)² dt, and for joints a trace of ∫ ü² that smooths what decides nothing
+    objective   w_t Σ T_k + w_c ∫ cost dt (heat or effort of the motors), and for joints a trace of ∫ ü² that smooths what decides nothing
     dynamics    u and u̇ continuous (ü too where jerk is limited)
     limits      rows ≤ 1 of the stage at the collocation points of every element; static friction where a joint starts;
                 of the coordinates themselves: the Bernstein coefficients of u̇, and the slope of ü
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Literal, Protocol, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -31,6 +31,7 @@ SHORTEST = 1e-3
 KEPT_PROGRAMS = 24
 KEPT_STAGES = 64
 RowName = tuple[str, int | None]
+Aim = Literal["time", "heat", "effort"]
 DENSE = tuple(k / 8 for k in range(9))
 """Where the planner looks for limits exceeded between the collocation points."""
 

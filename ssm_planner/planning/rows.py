@@ -83,14 +83,29 @@ def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, break
 
 
 def heat(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Σ (τ_motor / τ_nominal)², the larger side of the mesh smoothed."""
-    total = ca.SX(0)
+    """Σ (τ_motor / τ_nominal)²: what warms the windings."""
+    return ca.sumsqr(_torques(at, joints))
+
+
+def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Σ ((τ_motor − that of endlessly slow motion in the same place) / τ_nominal)².
+
+    What inertia and speed ask of the motors. Friction and weight have to be overcome at any speed; counting their heat
+    would reward standing still wherever they are small. slow: the same instant without speed and acceleration.
+    """
+    return ca.sumsqr(_torques(at, joints) - _torques(slow, joints))
+
+
+def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """σ τ_motor / τ_nominal of every motor, the larger side of the mesh smoothed."""
+    values = []
     for i, joint in enumerate(joints):
         if joint.drive is None or joint.motor is None:
             continue
-        first, second = (value / joint.motor.nominal_torque for value in directed_torques(joint.drive, at, i, breakaway=False))
-        total += ((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + BRAKING_SOFTNESS**2)) ** 2
-    return total
+        sides = directed_torques(joint.drive, at, i, breakaway=False)
+        first, second = (value / joint.motor.nominal_torque for value in sides)
+        values.append((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + BRAKING_SOFTNESS**2))
+    return ca.vertcat(ca.SX(0, 1), *values)
 
 
 def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> tuple[ca.SX, ca.SX]:

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ssm_planner.planning.course import Answer, Question, Shape
-from ssm_planner.planning.program import Program, RowName, Stage, point_of
+from ssm_planner.planning.program import Aim, Program, RowName, Stage, point_of
 from ssm_planner.problem.values import Array, Objective
 
 NEAR = 0.85
@@ -36,7 +36,7 @@ class Task(Protocol):
     def always(self) -> frozenset[RowName]:
         """Rows that a guess says nothing about."""
 
-    def stage(self, kept: frozenset[RowName], heats: bool) -> Stage: ...
+    def stage(self, kept: frozenset[RowName], aim: Aim) -> Stage: ...
 
     def question(self, elements: Array, slack: Array) -> Question:
         """The program's numbers near these elements; slack (n, rows kept)."""
@@ -65,27 +65,27 @@ class Start:
 
 
 def optimise(task: Task, start: Start, objective: Objective, duration: float | None = None) -> Answer:
-    """The fastest motion; for "time then heat" the coolest of those hardly longer; with a duration the coolest that takes it.
+    """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
 
-    duration in scaled time. A duration shorter than the fastest motion gives the fastest one.
+    duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
     """
-    fastest = _rounds(task, start, None)
+    fastest = _rounds(task, start, "time")
     total = float(fastest.times.sum())
     if not fastest.solved or (objective == "time" and duration is None) or (duration is not None and duration < total):
         return fastest
     m = task.shape.coordinates
     begin = Start(fastest.elements[:, : 4 * m], fastest.times, fastest.elements[:, 4 * m])
-    time = (0.0, (1 + LONGER) * total) if duration is None else (duration, duration)
-    coolest = _rounds(task, begin if duration is None else begin.stretched(duration / total), time)
-    if not coolest.solved and duration is None:
-        return fastest
-    return Answer(
-        coolest.message, coolest.elements, coolest.times, fastest.iterations + coolest.iterations, coolest.point
-    )
+    if duration is None:
+        least = _rounds(task, begin, "heat", (0.0, (1 + LONGER) * total))
+        if not least.solved:
+            return fastest
+    else:
+        least = _rounds(task, begin.stretched(duration / total), "effort", (duration, duration))
+    return Answer(least.message, least.elements, least.times, fastest.iterations + least.iterations, least.point)
 
 
-def _rounds(task: Task, start: Start, time: tuple[float, float] | None) -> Answer:
-    """time: bounds of the duration within which heat counts; None: the fastest."""
+def _rounds(task: Task, start: Start, aim: Aim, time: tuple[float, float] | None = None) -> Answer:
+    """time: bounds of the duration, where it is not the aim."""
     names = task.names
     elements = start.elements
     largest = task.largest(elements)
@@ -95,12 +95,12 @@ def _rounds(task: Task, start: Start, time: tuple[float, float] | None) -> Answe
 
     def question(elements: Array, slack: Array) -> Question:
         asked = task.question(elements, slack)
-        return asked if time is None else asked.heating(time)
+        return asked if time is None else asked.within(time)
 
     begin = point_of(start.states, start.times)
     iterations = 0
     for rounds in range(1, ROUNDS + 1):
-        program = Program.of(task.shape, task.stage(kept, time is not None))
+        program = Program.of(task.shape, task.stage(kept, aim))
         shown = [name in kept for name in names]
         answer = program.solve(question(elements, slack[:, shown]), begin)
         iterations += answer.iterations

@@ -15,8 +15,8 @@ import casadi as ca
 from ssm_planner.planning.keys import robot_key
 from ssm_planner.planning.local_path import LOCAL, LocalPath
 from ssm_planner.planning.assembly import COLLOCATION
-from ssm_planner.planning.program import DENSE, RowName
-from ssm_planner.planning.rows import Bounds, Instant, Row, heat, kinematic_rows, torque_rows
+from ssm_planner.planning.program import DENSE, Aim, RowName
+from ssm_planner.planning.rows import Bounds, Instant, Row, effort, heat, kinematic_rows, torque_rows
 from ssm_planner.problem.values import Robot
 
 NUMBERS = 16 + 1 + 1
@@ -34,14 +34,14 @@ class StraightStage:
     jerk: bool
     kept: frozenset[RowName] | None = None
     """None: all."""
-    heats: bool = False
+    aim: Aim = "time"
 
     size = 5
     arguments = ((4, True), (LOCAL, True), (NUMBERS, False))
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
-        return "straight", robot_key(self.robot), self.jerk, self.kept, self.heats
+        return "straight", robot_key(self.robot), self.jerk, self.kept, self.aim
 
     @cached_property
     def names(self) -> list[RowName]:
@@ -62,13 +62,16 @@ class StraightStage:
         return ca.Function("point", [state, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
 
     @cached_property
-    def heat(self) -> ca.Function | None:
-        """Σ (τ/τ_nominal)² at one `element_state`."""
-        if not self.heats:
+    def cost(self) -> ca.Function | None:
+        """Heat or effort at one `element_state`, where that is the aim."""
+        if self.aim == "time":
             return None
         state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
         at, _ = self._instant(state, *parameters)
-        return ca.Function("heat", [state, *parameters], [heat(at, self.robot.joints)])
+        slow, _ = self._instant(ca.vertcat(state[0], ca.SX.zeros(4)), *parameters)
+        joints = self.robot.joints
+        value = heat(at, joints) if self.aim == "heat" else effort(at, slow, joints)
+        return ca.Function("cost", [state, *parameters], [value])
 
     @cached_property
     def between(self) -> ca.Function:

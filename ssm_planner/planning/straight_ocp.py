@@ -21,7 +21,7 @@ from ssm_planner.planning.local_path import fit
 from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.peaks import peaks
-from ssm_planner.planning.program import DENSE, RowName, shared
+from ssm_planner.planning.program import DENSE, Aim, RowName, shared
 from ssm_planner.planning.retiming import Retiming
 from ssm_planner.planning.solving import Start, optimise
 from ssm_planner.planning.stage import StraightStage
@@ -105,8 +105,8 @@ class _StraightTask:
         """Jerk: TOPP-RA's motion has none."""
         return frozenset(name for name in self.names if name[0] == "jerk")
 
-    def stage(self, kept: frozenset[RowName], heats: bool) -> StraightStage:
-        return shared(StraightStage(self.robot, limits_jerk(self.robot), kept, heats))
+    def stage(self, kept: frozenset[RowName], aim: Aim) -> StraightStage:
+        return shared(StraightStage(self.robot, limits_jerk(self.robot), kept, aim))
 
     def question(self, elements: Array, slack: Array) -> Question:
         knots, _ = self.path.directions

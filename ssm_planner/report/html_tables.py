@@ -9,6 +9,7 @@ from typing import Any
 from ssm_planner.export.plan_file import PlanFile
 from ssm_planner.problem.values import Joint
 from ssm_planner.report.html_elements import Markup, join, table, tag
+from ssm_planner.report.html_sizing import sizing
 from ssm_planner.report.html_task import limit_rows
 from ssm_planner.report.style import RPM, unit_of
 from ssm_planner.verify.certificate import LimitCheck
@@ -181,4 +182,4 @@ def _figure(value: Any) -> str:
 
 def all_tables(plan: PlanFile) -> Markup:
     """The sections after the plots, in the order of the page."""
-    return join((certificate(plan), phases(plan.document), motors(plan), problem(plan), provenance(plan)))
+    return join((certificate(plan), phases(plan.document), motors(plan), sizing(plan), problem(plan), provenance(plan)))

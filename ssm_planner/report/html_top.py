@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.problem.values import Joint
 from ssm_planner.report.html_elements import Markup, join, tag
+from ssm_planner.report.sizing_words import motors_verdict
 
 
 def header(plan: PlanFile) -> Markup:
@@ -23,7 +23,7 @@ def header(plan: PlanFile) -> Markup:
 
 def verdict(plan: PlanFile) -> Markup:
     """Planned, certified and what the motors say: one line of three marked words with their reasons."""
-    parts = [_feasible(plan.document), _certified(plan), _motors(plan)]
+    parts = [_feasible(plan.document), _certified(plan), motors_verdict(plan.sizing)]
     return tag("p", *(_mark(*part) for part in parts), class_="verdict")
 
 
@@ -64,51 +64,6 @@ def _certified(plan: PlanFile) -> tuple[str, str, str]:
         of = f" of joint {worst.joint}" if worst.joint else ""
         return "bad", "Not certified", f"{worst.name}{of} exceeded at {worst.time:.3f} s"
     return "good", "Certified", f"{len(certificate.limits)} limits kept at {certificate.instants:,} instants"
-
-
-def _motors(plan: PlanFile) -> tuple[str, str, str]:
-    """Peak torque, RMS torque and peak speed against the motor files' figures."""
-    joints = {joint.name: joint for joint in plan.robot.joints}
-    weak, placeholders, absent = [], [], []
-    stated = plan.document.get("motors") or []
-    if not stated:
-        return "open", "Motors open", "the plan states no requirement of any motor"
-    for required in stated:
-        joint = joints[required["joint"]]
-        if joint.motor is None:
-            absent.append(joint.name)
-            continue
-        weak += [f"{joint.name}: {what}" for what in exceeded(joint, required)]
-        if joint.motor.placeholder:
-            placeholders.append(joint.name)
-    if weak:
-        return "bad", "Motors do not suffice", "; ".join(weak)
-    if absent:
-        return "open", "Motors open", f"no motor given for {', '.join(absent)}"
-    if placeholders:
-        return (
-            "open",
-            "Motors suffice by placeholder figures",
-            f"no verdict on the real motors of {', '.join(placeholders)}",
-        )
-    return "good", "Motors suffice", "peak and RMS torque and speed within the motor files' figures"
-
-
-def exceeded(joint: Joint, required: dict[str, Any]) -> list[str]:
-    """Which of a motor's figures a motion exceeds."""
-    motor = joint.motor
-    if motor is None:
-        return []
-    figures = (
-        ("peak torque", required["peak_torque"], motor.max_torque, 1e3, "mN·m"),
-        ("RMS torque", required["rms_torque"], motor.nominal_torque, 1e3, "mN·m"),
-        ("speed", required["peak_speed"], motor.max_speed, 1.0, "rad/s"),
-    )
-    return [
-        f"{name} {scale * need:.4g} of {scale * have:.4g} {unit}"
-        for name, need, have, scale, unit in figures
-        if need > have * (1 + 1e-6)
-    ]
 
 
 def _mark(state: str, word: str, reason: str) -> Markup:

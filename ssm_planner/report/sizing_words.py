@@ -1,83 +1,85 @@
-"""The verdict on motors and gears in words, from the object that `size --json` prints."""
+"""The verdict on motors and gears in words, from the object that `size --json` prints and plan.json holds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-GEAR = "gear"
-"""One word for every check of a gear."""
+Sizing = Mapping[str, Any]
+ANSWERS = {True: "yes", False: "no", None: "not known"}
 
 
-def motors_verdict(sizing: Mapping[str, Any]) -> tuple[str, str, str]:
+def motors_verdict(sizing: Sizing) -> tuple[str, str, str]:
     """("good", "bad" or "open", the verdict, its reason)."""
-    motors = sizing["motors"]
-    placeholders = [motor["joint"] for motor in motors if motor["placeholder"]]
+    motors, gears = sizing["motors"], sizing["gears"]
+    placeholders = ", ".join(motor["joint"] for motor in motors if motor["placeholder"])
+    without = ", ".join(sorted({gear["joint"] for gear in gears} - {motor["joint"] for motor in motors}))
     if sizing["adequate"] is False:
         return "bad", "Motors or gears do not suffice", "; ".join(_failures(sizing))
-    if not sizing["gears"]:
+    if not gears:
         return "open", "Motors open", "no joint has a drive"
-    missing = [gear["joint"] for gear in sizing["gears"] if gear["joint"] not in {motor["joint"] for motor in motors}]
-    if missing:
-        return "open", "Motors open", f"no motor given for {', '.join(missing)}"
+    if without:
+        return "open", "Motors open", f"no motor given for {without}"
     if sizing["adequate"] is None:
-        reasons = []
-        kept = checks_by_outcome(sizing, made=True)
-        if kept:
-            reasons.append(f"{', '.join(kept)} within the limits")
-        reasons.append(f"{', '.join(checks_by_outcome(sizing, made=False))} not checked: figures are missing")
-        if placeholders:
-            reasons.append(f"placeholder figures: {', '.join(placeholders)}")
-        return "open", "Motors suffice: not known", "; ".join(reasons)
-    sure = f"with at least {100 * sizing['confidence']:g} % each"
+        kept, open_ = _by_outcome(sizing)
+        reasons = [
+            f"{', '.join(kept)} are enough" if kept else "",
+            f"not checked for want of figures: {', '.join(open_)}",
+        ]
+        reasons.append(f"placeholder figures: {placeholders}" if placeholders else "")
+        return "open", "Motors suffice: not known", "; ".join(filter(None, reasons))
     if placeholders:
-        return "open", "Motors suffice by placeholder figures", f"no verdict on the real ones of {', '.join(placeholders)}"
-    return "good", "Motors and gears suffice", sure
+        return "open", "Motors suffice by placeholder figures", f"no verdict on the real ones of {placeholders}"
+    return "good", "Motors and gears suffice", f"with at least {100 * sizing['confidence']:g} % each"
 
 
-def checks_by_outcome(sizing: Mapping[str, Any], made: bool) -> list[str]:
-    """What is checked on every joint (made) or lacks figures on some, each named once, a gear's checks together."""
-    lacking = {_word(name): None for part in (*sizing["motors"], *sizing["gears"]) for name in part["not_checked"]}
-    if not made:
-        return sorted(lacking, key=lambda word: word == GEAR)
-    every = {_word(check["name"]): None for motor in sizing["motors"] for check in motor["checks"]}
-    return [word for word in every if word not in lacking]
-
-
-def missing_figures(sizing: Mapping[str, Any]) -> Iterable[tuple[str, str, str]]:
-    """(joint, motor or gear, the checks that lack figures, and which) for every part of which something is not known."""
-    parts = [(motor["joint"], motor["motor"], motor, False) for motor in sizing["motors"]]
-    parts += [(gear["joint"], gear["drive"], gear, True) for gear in sizing["gears"]]
-    for joint, name, part, is_gear in parts:
-        lacking = {key: needs for key, needs in part["not_checked"].items() if (_word(key) == GEAR) == is_gear}
+def missing_figures(sizing: Sizing) -> Iterator[tuple[str, str, str, str]]:
+    """(joint, motor or gear, checks not made, figures they need) for every part of which something is not known."""
+    of_gears = _gear_checks(sizing)
+    for motor in sizing["motors"]:
+        lacking = {name: needs for name, needs in motor["not_checked"].items() if name not in of_gears}
         if lacking:
-            figures = dict.fromkeys(figure for needs in lacking.values() for figure in needs.split(" and "))
-            checks = ", ".join(key.replace("_", " ") for key in lacking)
-            yield f"{joint}: {name}", checks, ", ".join(figures)
+            yield (motor["joint"], motor["motor"], *_lines(lacking))
+    for gear in sizing["gears"]:
+        if gear["not_checked"]:
+            yield (gear["joint"], gear["drive"], *_lines(gear["not_checked"]))
 
 
-def _failures(sizing: Mapping[str, Any]) -> list[str]:
-    failed = [
-        f"{motor['joint']}: {check['name'].replace('_', ' ')} {_percent(check['margin'])}"
+def gear_margin(motor: Mapping[str, Any], sizing: Sizing) -> float | None:
+    """The smallest margin of the gear that a motor drives; None where none could be checked."""
+    margins = [margin for name, margin in motor["margins"].items() if name in _gear_checks(sizing)]
+    return min((margin for margin in margins if margin is not None), default=None)
+
+
+def _by_outcome(sizing: Sizing) -> tuple[list[str], list[str]]:
+    """Checks that were made on every joint, and those that some joint lacks figures for; a gear's are one."""
+    of_gears = _gear_checks(sizing)
+    every: dict[str, bool] = {}
+    for part in (*sizing["motors"], *sizing["gears"]):
+        for name in dict.fromkeys((*part["margins"], *part["not_checked"])):
+            word = "gear" if name in of_gears else name.replace("_", " ")
+            every[word] = every.get(word, True) and name not in part["not_checked"]
+    return [word for word, made in every.items() if made], [word for word, made in every.items() if not made]
+
+
+def _failures(sizing: Sizing) -> list[str]:
+    """Joint, check and margin of everything that does not suffice."""
+    failed = {
+        (motor["joint"], check["name"]): check["margin"]
         for motor in sizing["motors"]
         for check in motor["checks"]
         if check["passed"] is False
-    ]
-    judged = {motor["joint"] for motor in sizing["motors"]}
+    }
     for gear in sizing["gears"]:
-        if gear["adequate"] is False and gear["joint"] not in judged:
-            failed.append(f"{gear['joint']}: {gear['binds'].replace('_', ' ')} {_percent(min(_made(gear)))}")
-    return failed
+        if gear["adequate"] is False:
+            failed.setdefault((gear["joint"], gear["binds"]), gear["margins"][gear["binds"]])
+    return [f"{joint}: {name.replace('_', ' ')} {100 * margin:+.1f} %" for (joint, name), margin in failed.items()]
 
 
-def _made(part: Mapping[str, Any]) -> list[float]:
-    return [margin for margin in part["margins"].values() if margin is not None]
+def _gear_checks(sizing: Sizing) -> set[str]:
+    return {name for gear in sizing["gears"] for name in gear["margins"]}
 
 
-def _percent(margin: float) -> str:
-    return f"{100 * margin:+.1f} %"
-
-
-def _word(check: str) -> str:
-    motor = ("torque", "speed", "continuous_torque", "voltage", "heat", "confidence", "rotor_inertia")
-    return check.replace("_", " ") if check in motor else GEAR
+def _lines(lacking: Mapping[str, str]) -> tuple[str, str]:
+    figures = dict.fromkeys(figure for needs in lacking.values() for figure in needs.split(" and "))
+    return ", ".join(name.replace("_", " ") for name in lacking), ", ".join(figures).replace("_", " ")

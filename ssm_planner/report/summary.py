@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from ssm_planner.plan import Plan
+from ssm_planner.report.sizing_words import motors_verdict
 
 SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)}
 
@@ -66,6 +67,9 @@ def verdicts(plan: Plan) -> list[str]:
         within = within and requirement.peak_speed <= motor.max_speed
         mark = " (placeholder figures: no verdict on the real motor)" if motor.placeholder else ""
         lines.append(f"motor        joint {requirement.joint}: {'within' if within else 'BEYOND'} {motor.name}{mark}")
+    if plan.sizing is not None:
+        _, word, reason = motors_verdict(plan.sizing.to_dict())
+        lines.append(f"sizing       {word}: {reason}")
     return lines
 
 

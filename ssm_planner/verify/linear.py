@@ -16,8 +16,9 @@ from ssm_planner.model.forward import tip_velocity
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_rates
 from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Array, Robot
+from ssm_planner.problem.values import Array, Indices, Robot
 from ssm_planner.verify.certificate import LimitCheck
+from ssm_planner.verify.pieces import BLOCK
 from ssm_planner.verify.quantities import INSERTION_SPEED, RATES
 
 FINEST = 1e-12
@@ -74,26 +75,40 @@ def _within_rounding(
 
 
 def _of_tool(limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: Array, wrong: Array) -> LimitCheck:
-    """A speed of the tool, at both ends of every piece and at the worst instant found.
+    """A speed of the tool, at the start of every piece and at the worst instant found.
 
-    wrong (pieces, 4): error of the joint speeds.
+    speeds, wrong (pieces, 4): of the joints, and their errors.
     """
+    if limit.passed:
+        return limit
     mechanism = Mechanism.from_geometry(robot.geometry)
-    piece = np.arange(len(speeds))
-    there = np.array([limit.time])
-    piece = np.concatenate([piece, piece, trajectory.piece_of(there, "left"), trajectory.piece_of(there, "right")])
-    time = np.concatenate([trajectory.breaks[:-1], trajectory.breaks[1:], there, there])
-    q = trajectory.sample_pieces(piece, time - trajectory.breaks[piece]).q
 
-    def speed(qd: Array) -> Array:
+    def values(q: Array, qd: Array) -> Array:
         if limit.name == "tip speed":
             return np.asarray(np.linalg.norm(tip_velocity(mechanism, q, qd), axis=1))
         return np.abs(task_rates(mechanism, q, qd)[:, RATES.index(limit.name)])
 
-    explained = sum(speed(np.eye(4)[i] * wrong[piece]) for i in range(4))
-    values = np.maximum(speed(speeds[piece]) - explained, 0.0)
-    k = int(np.argmax(values))
-    return _replaced(limit, float(values[k]), float(time[k]))
+    def unexplained(q: Array, piece: Indices) -> Array:
+        explained = sum(values(q, np.eye(4)[i] * wrong[piece]) for i in range(4))
+        return np.maximum(values(q, speeds[piece]) - explained, 0.0)
+
+    # the two pieces that meet where the worst was found, if it is at a point
+    there = np.array([limit.time])
+    near = np.concatenate([trajectory.piece_of(there, side) for side in ("left", "right")])
+    found = unexplained(trajectory.sample_pieces(near, limit.time - trajectory.breaks[near]).q, near)
+    worst, time = float(found.max()), limit.time
+    for first in range(0, len(speeds), BLOCK):
+        block = np.arange(first, min(first + BLOCK, len(speeds)))
+        q = trajectory.coefficients[block, 0]
+        # what does not count without the rounding needs no second look
+        more = values(q, speeds[block]) > worst
+        if not more.any():
+            continue
+        found = unexplained(q[more], block[more])
+        k = int(np.argmax(found))
+        if found[k] > worst:
+            worst, time = float(found[k]), float(trajectory.breaks[block[more][k]])
+    return _replaced(limit, worst, time)
 
 
 def _replaced(limit: LimitCheck, worst: float, time: float) -> LimitCheck:

@@ -98,7 +98,9 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
         )
         if name == "this planner":
             worst = excess(found, "motor torque")
-            section.asked(f"torque above limit at 10 kHz, {title}", "≤ 1e-6", f"{max(worst[0], 0.0):.1g}", worst[0] <= 1e-6)
+            section.asked(
+                f"torque above limit at 10 kHz, {title}", "≤ 1e-6", f"{max(worst[0], 0.0):.1g}", worst[0] <= 1e-6
+            )
         if name.startswith("TOPP-RA") and "full" in title:
             ratio = results["this planner"][-1].duration / trajectory.duration
             section.asked(

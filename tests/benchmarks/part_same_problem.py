@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cases import FREE, STRAIGHT, FREE_WEAK, WEAK, free_problem, limits_of, straight_problem, task_ends
+from cases import FREE, FREE_WEAK, STRAIGHT, WEAK, free_problem, limits_of, straight_problem, task_ends
 from measuring import Spread, in_turns, timed
 from motions import certificate, excess
 from section import Section

@@ -19,7 +19,7 @@ from ssm_planner.report import figure_process
 from ssm_planner.report.figure_process import FigureProcess
 from ssm_planner.report.plan_figures import DRAWN, write_figures
 from ssm_planner.report.style import drawn
-from ssm_planner.sizing.requirements import motor_requirements
+from ssm_planner.sizing.size import size_motion
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,8 +36,8 @@ def plan(file: PlanFile) -> Plan:
     class Problem:
         robot = file.robot
 
-    requirements = motor_requirements(file.trajectory, file.robot)
-    return Plan(Problem(), "solved", file.trajectory, (), None, requirements, None, 0.0)  # type: ignore[arg-type]
+    sizing = size_motion(file.trajectory, file.robot)
+    return Plan(Problem(), "solved", file.trajectory, (), None, sizing, None, 0.0)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,193 @@
+"""How times grow: with the mesh, with the number of phases, with the instants of the check."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import casadi
+import numpy as np
+from cases import FREE_WEAK, Change, free_problem, straight_problem
+from measuring import Spread, in_turns, short, timed
+from section import Section
+
+import ssm_planner.planning
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.values import Motion, Problem, Target
+from ssm_planner.verify.check import check
+
+MESHES = (25, 50, 100, 200, 400)
+PHASES = (1, 2, 4, 8, 16)
+RATES = (1e3, 1e4, 1e5, 1e6)
+LINEAR = 1.1
+"""Exponent of the growth that still counts as linear, given how times spread."""
+
+
+def run(quick: bool) -> Section:
+    section = Section("Growth")
+    meshes, rounds = (MESHES[:3], 1) if quick else (MESHES, 3)
+    section.say(
+        "**With the mesh.** The same motion with other numbers of elements; *per iteration* is the time within Ipopt, linear "
+        "algebra and derivatives, over its iterations; *exponent*: p of time per iteration ∝ Nᵖ over the whole range."
+    )
+    for name, problem in (
+        ("straight, motors × 0.35", straight_problem(Change(), FREE_WEAK)),
+        ("free, motors × 0.35", free_problem(Change(), FREE_WEAK)),
+    ):
+        _meshes(section, name, problem, meshes, rounds)
+    _phases(section, PHASES[:3] if quick else PHASES, 1 if quick else 3)
+    _instants(section, RATES[:3] if quick else RATES, 1 if quick else 3)
+    return section
+
+
+def _meshes(section: Section, name: str, problem: Problem, meshes: tuple[int, ...], rounds: int) -> None:
+    rows, each = [], []
+    for count in meshes:
+        with elements(count):
+            plan_motion(problem)
+            plans, per_iteration, iterations = [], [], []
+            for _ in range(rounds):
+                with solver_account() as account:
+                    seconds, planned = timed(lambda: plan_motion(problem))
+                if planned.trajectory is None:
+                    raise RuntimeError(f"{name}, {count} elements: {planned.reason}")
+                plans.append(seconds)
+                iterations.append(account.iterations)
+                per_iteration.append(account.seconds / max(account.iterations, 1))
+        each.append(min(per_iteration))
+        rows.append(
+            [
+                str(count),
+                Spread.of(plans).seconds(),
+                str(iterations[-1]),
+                Spread.of(per_iteration).seconds(),
+                f"{short(1e6 * min(per_iteration) / count)} µs",
+                f"{planned.trajectory.duration:.5f} s",
+            ]
+        )
+    exponent = float(np.polyfit(np.log(meshes), np.log(each), 1)[0])
+    section.say(f"{name[0].upper()}{name[1:]}; exponent {exponent:.2f}")
+    section.table(("elements asked for", "plan", "iterations", "per iteration", "and element", "duration"), rows)
+    section.asked(
+        f"time per iteration ∝ Nᵖ, N = {meshes[0]} … {meshes[-1]}, {name}",
+        "p ≤ 1",
+        f"{exponent:.2f}",
+        exponent <= LINEAR,
+    )
+
+
+def _phases(section: Section, counts: tuple[int, ...], rounds: int) -> None:
+    section.say(
+        "**With the number of phases.** Tilting and inserting to and fro; the second and later plans of a process."
+    )
+    rows = []
+    for count in counts:
+        problem = phases(count)
+        plan_motion(problem)
+        plans = [timed(lambda problem=problem: plan_motion(problem))[0] for _ in range(rounds)]  # type: ignore[misc]
+        rows.append([str(count), Spread.of(plans).seconds(), Spread.of([s / count for s in plans]).seconds()])
+    section.table(("phases", "plan", "per phase"), rows)
+
+
+def _instants(section: Section, rates: tuple[float, ...], rounds: int) -> None:
+    section.say("**The check with its instants.** The shipped motion looked at more and more often.")
+    problem = straight_problem(Change())
+    trajectory = plan_motion(problem).trajectory
+    assert trajectory is not None
+    ways: dict[str, Any] = {
+        f"{rate:g}": lambda _, rate=rate: check(trajectory, problem.robot, rate=rate).instants for rate in rates
+    }
+    times, instants = in_turns(ways, rounds)
+    rows = [
+        [
+            f"{rate} Hz",
+            f"{instants[rate][0]:,}".replace(",", " "),
+            spread.seconds(),
+            f"{short(1e6 * spread.median / instants[rate][0])} µs",
+        ]
+        for rate, spread in times.items()
+    ]
+    section.table(("rate of the first look", "instants", "check", "per instant"), rows)
+
+
+def phases(count: int) -> Problem:
+    """A problem of so many straight motions."""
+    problem = straight_problem(Change())
+    targets = ({"tilt": np.radians(-120.0)}, {"depth": 0.01}, {"tilt": np.radians(-90.0)}, {"depth": 0.0})
+    motions = [Motion("straight", "straight", Target(task=targets[k % 4])) for k in range(count)]
+    return dataclasses.replace(problem, motion=tuple(motions))
+
+
+@contextmanager
+def elements(count: int) -> Iterator[None]:
+    """All meshes of the planner with about so many elements per motion."""
+    changed: list[tuple[Any, str, Any]] = []
+    for info in pkgutil.iter_modules(ssm_planner.planning.__path__):
+        module = importlib.import_module(f"ssm_planner.planning.{info.name}")
+        if isinstance(getattr(module, "ELEMENTS", None), int):
+            changed.append((module, "ELEMENTS", module.ELEMENTS))
+            module.ELEMENTS = count
+            for function in vars(module).values():
+                if inspect.isfunction(function) and "count" in inspect.signature(function).parameters:
+                    changed.append((function, "__defaults__", function.__defaults__))
+                    function.__defaults__ = _with_count(function, count)
+    if not changed:
+        raise RuntimeError("the planner's meshes have no constant ELEMENTS any more")
+    try:
+        yield
+    finally:
+        for owner, name, value in reversed(changed):
+            setattr(owner, name, value)
+
+
+def _with_count(function: Any, count: int) -> tuple[Any, ...] | None:
+    """The function's defaults with that of `count`, if it has one, replaced."""
+    defaulted = [p for p in inspect.signature(function).parameters.values() if p.default is not inspect.Parameter.empty]
+    if function.__defaults__ is None:
+        return None
+    return tuple(
+        count if parameter.name == "count" else default
+        for parameter, default in zip(defaulted, function.__defaults__, strict=False)
+    )
+
+
+@dataclasses.dataclass
+class Account:
+    """Time within solvers and their iterations."""
+
+    seconds: float = 0.0
+    iterations: int = 0
+
+
+@contextmanager
+def solver_account() -> Iterator[Account]:
+    """Times every call of a CasADi function whose statistics are read afterwards and name iterations."""
+    account, last = Account(), [0.0]
+    call, stats = casadi.Function.__call__, casadi.Function.stats
+
+    def timed_call(self: Any, *arguments: Any, **named: Any) -> Any:
+        begin = time.perf_counter()
+        try:
+            return call(self, *arguments, **named)
+        finally:
+            last[0] = time.perf_counter() - begin
+
+    def counted_stats(self: Any, *arguments: Any) -> Any:
+        found = stats(self, *arguments)
+        if "iter_count" in found:
+            account.seconds += last[0]
+            account.iterations += int(found["iter_count"])
+            last[0] = 0.0
+        return found
+
+    casadi.Function.__call__, casadi.Function.stats = timed_call, counted_stats
+    try:
+        yield account
+    finally:
+        casadi.Function.__call__, casadi.Function.stats = call, stats

@@ -1,0 +1,76 @@
+"""A plan in a process of its own, with all output: time against the imports alone, and memory."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+
+from cases import PROBLEM, ROOT
+from measuring import Spread
+from section import Section
+
+IMPORTS = "import casadi, toppra, scipy.optimize, matplotlib.pyplot"
+TIMES, MEGABYTES = 2.5, 500.0
+
+LAUNCHER = (
+    "import resource, subprocess, sys, time; begin = time.perf_counter()\n"
+    "done = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL)\n"
+    "print(time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)\n"
+    "sys.exit(done.returncode)"
+)
+"""A small process between, for a process starts with the peak memory of the one that it was forked from."""
+
+
+def run(quick: bool) -> Section:
+    section = Section("The first plan in a fresh process")
+    section.say(
+        f"`ssm-planner plan problems/{PROBLEM.name}` with all its output, beside `python -c '{IMPORTS}'`, in turns. *Nothing "
+        "kept* is a run that finds its cache folder empty. Memory is the peak resident set of the process and those it starts."
+    )
+    imports = [sys.executable, "-c", IMPORTS]
+    plan = [sys.executable, "-m", "ssm_planner", "plan", str(PROBLEM), "-o"]
+    taken: dict[str, list[tuple[float, float]]] = {"imports": [], "plan": [], "nothing kept": []}
+    with tempfile.TemporaryDirectory() as folder:
+        kept = {**os.environ, "XDG_CACHE_HOME": f"{folder}/kept"}
+        _process([*plan, f"{folder}/first"], kept)
+        for k in range(3 if quick else 7):
+            taken["imports"].append(_process(imports, kept))
+            taken["plan"].append(_process([*plan, f"{folder}/{k}"], kept))
+            if k < 3:
+                empty = {**os.environ, "XDG_CACHE_HOME": f"{folder}/empty{k}"}
+                taken["nothing kept"].append(_process([*plan, f"{folder}/{k}_empty"], empty))
+    base = Spread.of([seconds for seconds, _ in taken["imports"]])
+    rows = []
+    for name, label in (("imports", "imports alone"), ("plan", "plan"), ("nothing kept", "plan, nothing kept")):
+        seconds = Spread.of([s for s, _ in taken[name]])
+        memory = Spread.of([m for _, m in taken[name]])
+        ratio = seconds.over(Spread(base.values[: len(seconds.values)]))
+        rows.append([label, seconds.seconds(), "" if name == "imports" else ratio.times(), memory.text("MB")])
+        if name == "plan":
+            section.asked(
+                "first plan in a fresh process, all output",
+                f"≤ {TIMES:g} × the imports",
+                ratio.times(),
+                ratio.median <= TIMES,
+            )
+            section.asked("memory of a plan", f"≤ {MEGABYTES:g} MB", memory.text("MB"), max(memory.values) <= MEGABYTES)
+    section.table(("", "time", "÷ imports", "memory"), rows)
+    return section
+
+
+def _process(command: list[str], environment: dict[str, str]) -> tuple[float, float]:
+    """Seconds and peak MB of a command that has to succeed."""
+    done = subprocess.run(
+        [sys.executable, "-c", LAUNCHER, *command],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)} failed: {done.stderr[-500:]}")
+    seconds, kilobytes = done.stdout.split()[-2:]
+    return float(seconds), float(kilobytes) / 1024

@@ -1,0 +1,103 @@
+"""What the page and the terminal say of the motors follows from the sizing, and names what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from sizing_cases import COMPLETE, equipped
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.values import Motor, Robot
+from ssm_planner.report.sizing_words import missing_figures, motors_verdict
+from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.size import size, size_motion
+
+CONFIRMED = replace(COMPLETE, placeholders=())
+
+
+def with_motor(robot: Robot, name: str, motor: Motor | None) -> Robot:
+    joints = tuple(replace(joint, motor=motor) if joint.name == name else joint for joint in robot.joints)
+    return replace(robot, joints=joints)
+
+
+def locking(robot: Robot) -> Robot:
+    """A drive whose lowest friction is known still locks itself."""
+    joints = []
+    for joint in equipped(robot, CONFIRMED).joints:
+        if joint.drive is not None and joint.drive.friction is not None:
+            friction = replace(joint.drive.friction, mu_lowest=joint.drive.friction.mu)
+            joint = replace(joint, drive=replace(joint.drive, friction=friction))
+        joints.append(joint)
+    return replace(robot, joints=tuple(joints))
+
+
+@pytest.fixture(scope="module")
+def known(robot: Robot) -> Robot:
+    return locking(robot)
+
+
+def said(robot: Robot, trajectory: Trajectory) -> tuple[str, str, str]:
+    return motors_verdict(size_motion(trajectory, robot).to_dict())
+
+
+def test_the_verdict_on_a_motion_is_that_of_the_command(robot: Robot, trajectory: Trajectory) -> None:
+    by_command = size(Duty.of_trajectory(trajectory, robot)).to_dict()
+    assert size_motion(trajectory, robot).to_dict() == by_command
+
+
+def test_good_only_where_all_is_known_and_within(known: Robot, trajectory: Trajectory) -> None:
+    assert size_motion(trajectory, known).adequate is True
+    state, word, reason = said(known, trajectory)
+    assert state == "good"
+    assert "suffice" in word
+    assert "99 %" in reason
+
+
+CHANGES: dict[str, tuple[Callable[[Motor], Motor | None], str, list[str]]] = {
+    "weak": (lambda motor: replace(motor, max_torque=1e-5, nominal_torque=1e-5), "bad", ["tilt: torque", "tilt: continuous torque"]),
+    "slow": (lambda motor: replace(motor, max_speed=1.0), "bad", ["tilt: speed"]),
+    "no heat": (lambda motor: replace(motor, time_constant_winding=None), "open", ["not checked", "heat"]),
+    "placeholder": (
+        lambda motor: replace(motor, placeholders=("max_torque",)),
+        "open",
+        ["no verdict on the real ones of tilt"],
+    ),
+    "no motor": (lambda motor: None, "open", ["no motor given for tilt"]),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_wrong_or_unknown_is_named(change: str, known: Robot, trajectory: Trajectory) -> None:
+    changed, expected, parts = CHANGES[change]
+    state, word, reason = said(with_motor(known, "tilt", changed(CONFIRMED)), trajectory)
+    assert state == expected
+    assert all(part in reason for part in parts), reason
+    assert "roll" not in reason
+    assert state != "bad" or "not" in word
+
+
+def test_a_weak_gear_is_named(known: Robot, trajectory: Trajectory) -> None:
+    joints = list(known.joints)
+    assert joints[0].drive is not None
+    assert joints[0].drive.ratings is not None
+    ratings = replace(joints[0].drive.ratings, peak_output=1e-6)
+    joints[0] = replace(joints[0], drive=replace(joints[0].drive, ratings=ratings))
+    state, _, reason = said(replace(known, joints=tuple(joints)), trajectory)
+    assert state == "bad"
+    assert "roll: gear peak output" in reason
+
+
+def test_every_missing_figure_is_listed_with_its_joint(robot: Robot, trajectory: Trajectory) -> None:
+    sizing: dict[str, Any] = size_motion(trajectory, robot).to_dict()
+    assert sizing["adequate"] is not True
+    rows = list(missing_figures(sizing))
+    for part, owner in (*((m, m["motor"]) for m in sizing["motors"]), *((g, g["drive"]) for g in sizing["gears"])):
+        of_part = [row for row in rows if row[:2] == (part["joint"], owner)]
+        for check, needs in part["not_checked"].items():
+            listed = [row for row in rows if row[0] == part["joint"] and check.replace("_", " ") in row[2].split(", ")]
+            assert listed
+            assert all(figure.replace("_", " ") in listed[0][3] for figure in needs.split(" and "))
+        assert len(of_part) <= 1
