@@ -1,10 +1,11 @@
 # make plan   the main job: plan problems/tilt_insert.yaml into results/tilt_insert/
 # make test   the tests;  make lint  ruff and mypy;  make clean  removes the environment
+# make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: plan test lint clean
+.PHONY: plan test lint bench clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -17,6 +18,9 @@ lint: $(VENV)/.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+bench: $(VENV)/.bench
+	$(BIN)/python tests/benchmarks/bench.py $(BENCH)
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
@@ -33,6 +37,10 @@ $(VENV)/.test: $(VENV)/.main
 
 $(VENV)/.lint: $(VENV)/.main
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[lint]'
+	@touch $@
+
+$(VENV)/.bench: $(VENV)/.main
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	@touch $@
 
 clean:

@@ -37,7 +37,7 @@ check, 2 bad input.
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    # Before NumPy loads: on vectors as short as these, threads of its linear algebra wait for each other longer than they work.
+    # Before NumPy loads: on vectors as short as these, threads of its linear algebra wait for each other more than they work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     options = _parser(words).parse_args(words)

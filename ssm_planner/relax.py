@@ -9,12 +9,12 @@ from typing import Any
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import Eye, Joint, Problem
 
-GROWTH = (1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 4.0)
+GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """By how much a relaxation that is needed at least is enlarged until it does."""
 HALVINGS = 2
 BARELY = 1e-6
 """Share by which a relaxation goes beyond the value that is needed, so that rounding does not spoil it."""
-SHARES = (0.02, 0.1, 0.3, 1.0, 3.0)
+SHARES = (0.1, 1.0)
 """By how much limits are relaxed one by one where it is not known which one stands in the way."""
 UNITS = {"rad": ("deg", 57.29577951308232), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "s": ("s", 1.0), "": ("", 1.0)}
 
@@ -34,7 +34,10 @@ class Relaxation:
 
     def text(self, value: float) -> str:
         unit, scale = UNITS[self.unit]
-        return f"{self.what} {scale * value:.6g} {unit}".rstrip() + f" instead of {scale * self.present:.6g} {unit}".rstrip()
+        return (
+            f"{self.what} {scale * value:.6g} {unit}".rstrip()
+            + f" instead of {scale * self.present:.6g} {unit}".rstrip()
+        )
 
 
 def tried(problem: Problem, reason: Reason, attempt: Attempt) -> str | None:
@@ -138,7 +141,9 @@ def _friction(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxati
     friction = drive.friction
 
     def changed(value: float) -> Problem:
-        raised = replace(friction, mu=max(friction.mu, value), mu_static=max(friction.mu_static, value), mu_lowest=value)
+        raised = replace(
+            friction, mu=max(friction.mu, value), mu_static=max(friction.mu_static, value), mu_lowest=value
+        )
         return _with_joint(problem, i, drive=replace(drive, friction=raised))
 
     present = friction.mu if friction.mu_lowest is None else friction.mu_lowest
@@ -161,10 +166,8 @@ def _duration(problem: Problem, reason: Reason) -> Relaxation | None:
     def changed(value: float) -> Problem:
         if problem.duration is not None:
             return replace(problem, duration=value)
-        timed = (
-            replace(m, duration=value) if m.kind != "dwell" and m.name == reason.where and m.duration == reason.available else m
-            for m in motions
-        )
+        short = (m.kind != "dwell" and (m.name, m.duration) == (reason.where, reason.available) for m in motions)
+        timed = (replace(m, duration=value) if is_short else m for m, is_short in zip(motions, short, strict=True))
         return replace(problem, motion=tuple(timed))
 
     return Relaxation("a duration of", "s", reason.available, reason.required, changed)
@@ -174,8 +177,8 @@ def _eye(problem: Problem, eye: Eye, reason: Reason) -> Relaxation | None:
     if reason.required is None or reason.available is None:
         return None
     if reason.constraint == "retina clearance":
-        if reason.available < 0:
-            return None  # in the retina itself: no clearance does
+        if reason.available < 0:  # beyond the retina itself: no clearance does
+            return None
         return Relaxation(
             "clearance from the retina of",
             "m",

@@ -175,9 +175,11 @@ def _write(
         path = path / f"{Path(drive_path).stem}.yaml"
     files = {"drive": write_drive(path, drive_path, drive, fit, dynamic, evidence)}
     if figures:
-        from ssm_planner.report.drive_figures import map_figure, save
+        from ssm_planner.report.drive_figures import map_figure
+        from ssm_planner.report.style import save_figure
 
-        files["map"] = save(map_figure(fit, data, load), path.with_name(f"{path.stem}_map.png"))
+        written = save_figure(map_figure(fit, data, load), path.with_name(f"{path.stem}_map"))
+        files |= zip(("map", "map_pdf"), map(str, written.values()), strict=True)
     return files
 
 
@@ -194,8 +196,10 @@ def _predicted(prediction: Prediction, origin: str, output: str | Path | None) -
         "files": {},
     }
     if output is not None:
-        from ssm_planner.report.drive_figures import prediction_figure, save
+        from ssm_planner.report.drive_figures import prediction_figure
+        from ssm_planner.report.style import save_figure
 
         name = recording.name.removesuffix(".csv").replace("/", "_")
-        result["files"] = {"figure": save(prediction_figure(prediction), Path(output) / f"prediction_{name}.png")}
+        written = save_figure(prediction_figure(prediction), Path(output) / f"prediction_{name}")
+        result["files"] = dict(zip(("figure", "pdf"), map(str, written.values()), strict=True))
     return result

@@ -39,7 +39,7 @@ def inverse_dynamics_symbolic(
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
             turns.append(back.T)
-            place, sliding = com, ca.SX.zeros(3)
+            place, sliding = ca.SX(com), ca.SX.zeros(3)
         else:
             place, sliding = com + axes[2] * q[3], axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
         force = body.mass * (
@@ -141,4 +141,3 @@ def _rotation(axis: ca.DM, angle: ca.SX) -> ca.SX:
     """e^{ω̂θ} for a unit axis (Rodrigues; Murray, Li, Sastry eq. 2.14)."""
     hat = ca.skew(axis)
     return ca.SX.eye(3) + hat * ca.sin(angle) + (hat @ hat) * (1 - ca.cos(angle))
-

@@ -133,7 +133,7 @@ class Answer:
 
     @property
     def status(self) -> str:
-        """"solved", "infeasible" or "not converged"."""
+        """ "solved", "infeasible" or "not converged"."""
         if self.message in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             return "solved"
         if self.message == "Infeasible_Problem_Detected":

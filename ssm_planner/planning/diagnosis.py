@@ -16,19 +16,34 @@ LOOKS = 201
 
 
 def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reason:
-    """The motor that is most too weak to start its joint somewhere on the path; the solver's word where none is."""
+    """The motor that is most too weak to move its joint somewhere on the path; the solver's word where none is."""
+    text = f"{leg.motion.name}: no motion found ({message})"
+    return too_weak(problem, leg, path, LOOKS) or Reason("solver", None, leg.motion.name, None, None, None, text)
+
+
+def too_weak(problem: Problem, leg: Leg, path: JointPath, looks: int = 0) -> Reason | None:
+    """The motor that is most too weak at the knots of a path or, with `looks`, between them too.
+
+    At the knots of a free motion's path it is so whatever way the motion takes between them.
+    """
     knots, signs = path.directions
-    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, LOOKS), knots]))
+    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, looks), knots]))
     gravity = RigidBody.from_robot(problem.robot).gravity_load(path.sample(s).q)
-    sigma = signs[np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(signs) - 1)]
     weakest: tuple[float, Reason] | None = None
     for i, joint in enumerate(problem.robot.joints):
-        if joint.drive is None or joint.motor is None or not sigma[:, i].any():
+        if joint.drive is None or joint.motor is None:
             continue
         friction = friction_of(joint.drive)
         # static friction counts where the joint starts or turns back, elsewhere that of slow motion
-        mu = np.where(np.isin(s, knots[_starting(signs[:, i])]), friction.mu_static, friction_coefficient(friction, 0.0))
-        needed = np.abs(breakaway_torque(joint.drive, gravity[:, i], sigma[:, i], mu))
+        mu = np.where(
+            np.isin(s, knots[_starting(signs[:, i])]), friction.mu_static, friction_coefficient(friction, 0.0)
+        )
+        # at a knot the joint has to come, and to leave
+        sides = (np.clip(np.searchsorted(knots, s, side=side) - 1, 0, len(signs) - 1) for side in ("left", "right"))
+        directions = (signs[k, i] for k in sides)
+        needed = np.max(
+            [np.abs(breakaway_torque(joint.drive, gravity[:, i], way, mu)) * np.abs(way) for way in directions], axis=0
+        )
         k = int(np.argmax(needed))
         available = joint.motor.max_torque
         ratio = float(needed[k] / available)
@@ -39,9 +54,7 @@ def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reas
                 f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"
             )
             weakest = ratio, Reason("motor torque", joint.name, place, float(needed[k]), available, None, text)
-    if weakest is not None:
-        return weakest[1]
-    return Reason("solver", None, leg.motion.name, None, None, None, f"{leg.motion.name}: no motion found ({message})")
+    return None if weakest is None else weakest[1]
 
 
 def _starting(signs: Array) -> list[int]:

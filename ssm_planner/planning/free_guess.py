@@ -47,7 +47,8 @@ def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> Fre
         instants.append(np.linspace(start, end, n + 1)[1:])
     t = np.concatenate(instants)
     middle = (t[1:] + t[:-1]) / 2
-    states = tuple(np.zeros((len(middle), len(way))) for _ in range(4))
+    shape = len(middle), len(way)
+    states = np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for k in moving:
         in_step = leader.scaled(distances[k] / distances[slowest])
         fits = all(peak <= limit * SLACK for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False))

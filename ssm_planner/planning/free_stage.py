@@ -18,7 +18,7 @@ from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import casadi_namespace
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
-from ssm_planner.planning.assembly import COLLOCATION
+from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.planning.keys import robot_key
 from ssm_planner.planning.program import DENSE, Aim, RowName
 from ssm_planner.planning.rows import Bounds, Instant, Row, effort, heat, torque_rows
@@ -164,4 +164,3 @@ class FreeStage:
 
     def _inputs(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         return ca.SX.sym("x", self.size), ca.SX.sym("sigma", 4), ca.SX.sym("numbers", NUMBERS)
-

@@ -12,7 +12,5 @@ def robot_key(robot: Robot) -> bytes:
 
     Equal keys mean equal content; equal content may have different keys, which only costs time.
     """
-    joints = [
-        (joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints
-    ]
+    joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
     return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints))

@@ -188,9 +188,7 @@ def _refuse_standstill(problem: Problem, motion: Motion, way: Array, point: int 
         )
 
 
-def with_speeds(
-    problem: Problem, mechanism: Mechanism, legs: tuple[Leg, ...]
-) -> tuple[tuple[Leg, ...], Reason | None]:
+def with_speeds(problem: Problem, mechanism: Mechanism, legs: tuple[Leg, ...]) -> tuple[tuple[Leg, ...], Reason | None]:
     """The legs with q̇ at the start of the first and the end of the last, or the reason why they cannot have them.
 
     Raises ProblemError where a straight motion would leave its line.
@@ -221,7 +219,7 @@ def with_speeds(
         reason = _too_fast(problem, leg, key, speed, step)
         if reason is not None:
             return legs, reason
-        changed[k] = replace(leg, **{"first_speed" if k == 0 else "last_speed": speed})
+        changed[k] = replace(leg, first_speed=speed) if k == 0 else replace(leg, last_speed=speed)
     return tuple(changed), None
 
 
@@ -230,7 +228,9 @@ def _too_fast(problem: Problem, leg: Leg, key: str, speed: Array, step: Array) -
     place = f"{leg.motion.name}, {key.replace('_', ' ')}"
     for i, joint in enumerate(problem.robot.joints):
         if abs(speed[i]) > joint.velocity:
-            text = f"joint {joint.name} would move at {abs(speed[i]):.4g}, its limit is {joint.velocity:.4g} ({place}; SI)"
+            text = (
+                f"joint {joint.name} would move at {abs(speed[i]):.4g}, its limit is {joint.velocity:.4g} ({place}; SI)"
+            )
             return Reason("velocity", joint.name, place, float(abs(speed[i])), joint.velocity, None, text)
         if leg.path is None and speed[i] * np.sign(step[i]) <= 0 and speed[i] != 0:
             text = (

@@ -69,8 +69,12 @@ def _eye(problem: Problem, mechanism: Mechanism, leg: Leg, q: Array) -> Reason |
             continue
         where = place(leg, k, len(q))
         if name == RETINA:
-            text = f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"
+            text = (
+                f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"
+            )
         else:
-            text = f"the shaft would touch the lens: {found:.4g} of its size from its centre, at least {least:.4g} is free"
+            text = (
+                f"the shaft would touch the lens: {found:.4g} of its size from its centre, at least {least:.4g} is free"
+            )
         return Reason(name, None, where, least, found, None, f"{text} ({where})")
     return None

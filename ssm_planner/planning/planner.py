@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
 from ssm_planner.planning.bound import lower_bound
-from ssm_planner.planning.diagnosis import no_motion, too_short
+from ssm_planner.planning.diagnosis import no_motion, too_short, too_weak
 from ssm_planner.planning.free_ocp import solve_free
 from ssm_planner.planning.joint_path import StepPath, TravelledPath
 from ssm_planner.planning.legs import Leg, legs_of
@@ -129,16 +129,22 @@ def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array |
 
 def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
     asked, speeds = leg.motion.duration, (leg.first_speed, leg.last_speed)
+    direct = StepPath(mechanism, leg.points)
+    reason = too_weak(problem, leg, direct)
+    if reason is not None:
+        return reason
     result = solve_free(problem, mechanism, leg.points, tighten, asked, speeds)
     duration = float(result.breaks[-1])
     if not result.solved:
-        return no_motion(problem, leg, StepPath(mechanism, leg.points), result.message)
+        return no_motion(problem, leg, direct, result.message)
     if asked is not None and duration > asked * (1 + 1e-6):
         return too_short(leg.motion.name, asked, duration)
     coefficients = hermite(result.breaks, result.start, result.end)
     trajectory = Trajectory(result.breaks, coefficients, ())
     path = TravelledPath.of(mechanism, trajectory, result.borders, np.diff(leg.points, axis=0))
-    again = retime(path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1])))
+    again = retime(
+        path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1]))
+    )
     bound = asked or lower_bound(problem.robot, leg.points, at_rest=not np.any(speeds))
     toppra_duration = again.duration if again.solved else None
     return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients

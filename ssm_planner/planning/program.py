@@ -20,8 +20,9 @@ from typing import Any, Literal, Protocol, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from ssm_planner.planning import assembly
-from ssm_planner.planning.assembly import COLLOCATION, Mesh, assemble, ipopt
+from ssm_planner.planning import element
+from ssm_planner.planning.assembly import Mesh, assemble, ipopt
+from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.planning.course import Answer, Question, Shape
 from ssm_planner.problem.values import Array
 
@@ -36,7 +37,7 @@ DENSE = tuple(k / 8 for k in range(9))
 """Where the planner looks for limits exceeded between the collocation points."""
 
 
-class Stage(assembly.Stage, Protocol):
+class Stage(element.Stage, Protocol):
     """One element of a motion as CasADi Functions."""
 
     @property
@@ -124,7 +125,13 @@ class Program:
         fast = [speed[shape.moving & shape.hull] for speed in question.speed]
         allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel()
         free = np.full(self.slope + self.start + allowed.size, -np.inf)
-        low = (np.zeros(self.equal), fast[0], free[: self.slope + self.start], question.time[:1], free[self.slope + self.start :])
+        low = (
+            np.zeros(self.equal),
+            fast[0],
+            free[: self.slope + self.start],
+            question.time[:1],
+            free[self.slope + self.start :],
+        )
         high = (
             *(np.zeros(self.equal), fast[1], np.zeros(self.slope)),
             *(question.starting.ravel(), question.time[1:], allowed),

@@ -12,9 +12,9 @@ from typing import Any
 
 import casadi as ca
 
+from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.planning.keys import robot_key
 from ssm_planner.planning.local_path import LOCAL, LocalPath
-from ssm_planner.planning.assembly import COLLOCATION
 from ssm_planner.planning.program import DENSE, Aim, RowName
 from ssm_planner.planning.rows import Bounds, Instant, Row, effort, heat, kinematic_rows, torque_rows
 from ssm_planner.problem.values import Robot

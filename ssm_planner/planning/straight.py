@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.model.trajectory import hermite
-from ssm_planner.planning.straight_ocp import PathMotion
 from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.straight_ocp import PathMotion
 from ssm_planner.problem.values import Array
 
 SUBDIVISION = 4

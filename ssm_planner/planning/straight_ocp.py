@@ -111,9 +111,7 @@ class _StraightTask:
     def question(self, elements: Array, slack: Array) -> Question:
         knots, _ = self.path.directions
         n, intervals = len(elements), len(self.signs)
-        course = Course(
-            knots[:, None], np.ones((intervals, 1)), np.array(self.speeds[:1]), np.array(self.speeds[1:])
-        )
+        course = Course(knots[:, None], np.ones((intervals, 1)), np.array(self.speeds[:1]), np.array(self.speeds[1:]))
         lower, upper, speed = course.bounds(self.shape, np.array([self._fastest]), np.array([np.inf]))
         return Question(
             arguments=(self._sigma, self._local(elements), self._numbers),
@@ -193,7 +191,9 @@ class _StraightTask:
 def rate_ceiling(path: StraightPath, rates: Mapping[str, float]) -> float:
     """Largest ṡ at which every task coordinate keeps its rate, 1/s."""
     way = np.abs(path.end - path.start)
-    return min((rate / way[TASK.index(name)] for name, rate in rates.items() if way[TASK.index(name)] > 0), default=UNLIMITED)
+    return min(
+        (rate / way[TASK.index(name)] for name, rate in rates.items() if way[TASK.index(name)] > 0), default=UNLIMITED
+    )
 
 
 def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:

@@ -113,7 +113,9 @@ def _scan(section: Section, model: ScanModel, robot: Robot, limits: Mapping[str,
     if model.distance < eye.clearance:
         allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
         raise section.error("nearer to the retina than the clearance", "distance", allowed=allowed)
-    diameters = {"raster": (), "ring": (model.diameter,), "triple ring": model.diameters}[model.pattern]
+    diameters: tuple[float, ...] = ()
+    if model.pattern != "raster":
+        diameters = (model.diameter or 0.0,) if model.pattern == "ring" else model.diameters
     if any(diameter >= eye.radius for diameter in diameters):
         raise section.error("larger than the eye's radius", "diameter" if model.pattern == "ring" else "diameters")
     rows, columns = int(model.rows or 0), int(model.columns or 0)

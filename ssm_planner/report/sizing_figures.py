@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.export.atomic import replacing
 from ssm_planner.problem.values import JOINTS, Array, Indices
-from ssm_planner.report.style import COLOURS, DASHES, LIMIT, SIZE, finish, new_figure
+from ssm_planner.report.style import AXIS, COLOURS, DASHES, LIMIT, RPM, SIZE, finish, new_figure, save_figure
 from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
 from ssm_planner.sizing.split import PARTS
 
@@ -20,22 +19,18 @@ if TYPE_CHECKING:
     from ssm_planner.sizing.assess import MotorVerdict
     from ssm_planner.sizing.size import JointSizing, Sizing
 
-DPI = 110
-RPM = 30.0 / np.pi
 PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
 PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 
 
 def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
-    """payload_curves.png, torque_split.png and, where motors are judged, operating_regions.png; their paths by name."""
+    """payload_curves, torque_split and, where motors are judged, operating_regions, as PNG and PDF; their paths by name."""
     figures = {"payload_curves": payload_curves(sizing), "torque_split": torque_split_figure(sizing)}
     if sizing.verdicts:
         figures["operating_regions"] = operating_regions(sizing)
-    paths = {}
+    paths: dict[str, Path] = {}
     for name, figure in figures.items():
-        paths[f"{name}_figure"] = folder / f"{name}.png"
-        with replacing(paths[f"{name}_figure"]) as temporary:
-            figure.savefig(temporary, dpi=DPI, format="png")
+        paths |= save_figure(figure, folder / name)
     return paths
 
 
@@ -142,8 +137,8 @@ def _stretches(direction: Array) -> list[Indices]:
 
 
 def _cross(axes: Axes) -> None:
-    axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
-    axes.axvline(0.0, color="0.7", linewidth=0.6, zorder=0)
+    axes.axhline(0.0, **AXIS)
+    axes.axvline(0.0, **AXIS)
 
 
 def _label(joint: JointSizing) -> str:

@@ -20,7 +20,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
 FIFTH = "#A0457E"
 """For a fifth curve, with a dash of its own."""
 DASHES = ("-", "--", "-.", ":")
-LIMIT = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+LIMIT: dict[str, Any] = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
+"""A line at zero."""
 SIZE = 9.0
 DPI = 110
 RPM = 30.0 / math.pi
@@ -114,7 +116,9 @@ def save_drawn(files: Mapping[str, bytes], path: Path) -> dict[str, Path]:
     """Write what `drawn` returned, each file whole or not at all; paths by name. Raises ExportError."""
     paths = {}
     for ending, data in files.items():
-        paths[f"{path.name}_{'figure' if ending == 'png' else ending}"] = target = path.with_suffix(f".{ending}")
+        paths[f"{path.name}_{'figure' if ending == 'png' else ending}"] = target = path.with_name(
+            f"{path.name}.{ending}"
+        )
         with replacing(target) as temporary:
             temporary.write_bytes(data)
     return paths

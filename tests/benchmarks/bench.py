@@ -1,6 +1,6 @@
 """This planner beside others, in one run on one machine: writes results/benchmarks.md.
 
-    python tests/benchmarks/bench.py [--quick] [--only PART …] [-o FILE]
+    python tests/benchmarks/bench.py [--quick] [--only PART …] [--recordings DIR] [-o FILE]
 
 Every part runs in a process of its own, so that neither memory nor a crash of one reaches another. Figures that miss what
 they have to reach are marked; exits with 1 where a part could not be run.
@@ -42,7 +42,9 @@ def run_part(name: str, quick: bool) -> tuple[Section, str]:
         answer = Path(folder) / "section.json"
         command = [sys.executable, __file__, "--part", name, "--answer", str(answer)] + ["--quick"] * quick
         try:
-            done = subprocess.run(command, check=False, timeout=LONGEST, stderr=subprocess.PIPE, text=True)
+            done = subprocess.run(
+                command, check=False, timeout=LONGEST, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            )
         except subprocess.TimeoutExpired:
             return Section(name), f"given up after {LONGEST:g} s"
         if done.returncode != 0 or not answer.is_file():
@@ -105,6 +107,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="fewer motions and rounds")
     parser.add_argument("--only", nargs="+", choices=PARTS, metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "results/benchmarks.md")
+    parser.add_argument("--recordings", type=Path, default=ROOT.parent / "shared/recordings", help="of the three rigs")
     parser.add_argument("--part", choices=PARTS, help=argparse.SUPPRESS)
     parser.add_argument("--answer", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -112,6 +115,7 @@ def main() -> int:
         section = importlib.import_module(f"part_{options.part}").run(options.quick)
         options.answer.write_text(json.dumps(section.to_dict()), encoding="utf-8")
         return 0
+    os.environ["BENCH_RECORDINGS"] = str(options.recordings)
     begin = time.perf_counter()
     sections = []
     for name in options.only or PARTS:

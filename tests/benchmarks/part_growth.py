@@ -76,7 +76,7 @@ def _meshes(section: Section, name: str, problem: Problem, meshes: tuple[int, ..
     section.table(("elements asked for", "plan", "iterations", "per iteration", "and element", "duration"), rows)
     section.asked(
         f"time per iteration ∝ Nᵖ, N = {meshes[0]} … {meshes[-1]}, {name}",
-        "p ≤ 1",
+        "p ≤ 1 (± 0.1)",
         f"{exponent:.2f}",
         exponent <= LINEAR,
     )

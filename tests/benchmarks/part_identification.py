@@ -21,7 +21,7 @@ from ssm_planner.paper.rigs import published_drive
 from ssm_planner.problem.load import load_drive
 
 RECORDINGS = "BENCH_RECORDINGS"
-"""Environment variable with the folder of the rigs' recordings."""
+"""Environment variable with the folder of the rigs' recordings, which may be absent."""
 NOT_HERE = "recordings not here"
 RIGS = (
     ("rig1_lead_screw", "drive1_lead_screw"),
@@ -32,11 +32,11 @@ RIGS = (
 
 def run(quick: bool) -> Section:
     section = Section("Identification of the three rigs")
-    folder = Path(os.environ.get(RECORDINGS, ROOT.parent / "shared/recordings"))
+    folder = Path(os.environ[RECORDINGS])
     section.say(
-        "Public recordings of an EPOS4 drive on three one-joint rigs. *Error* is the NRMSD of the motor torque: of the "
-        "torque–velocity map that is fitted, and, median and range over the start–stop recordings, of the whole torque over time. No "
-        "peer identifies these laws; the published parameters of the rigs' authors stand beside."
+        "Public recordings of an EPOS4 drive on three one-joint rigs. *Error* is the NRMSD of the motor torque: over the "
+        "torque–velocity map that is fitted, and over the time of the start–stop recording. No peer identifies these laws; "
+        "the parameters that the rigs' authors published stand beside."
     )
     rows = []
     for rig, recorded in RIGS:

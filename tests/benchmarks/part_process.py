@@ -26,8 +26,9 @@ LAUNCHER = (
 def run(quick: bool) -> Section:
     section = Section("The first plan in a fresh process")
     section.say(
-        f"`ssm-planner plan problems/{PROBLEM.name}` with all its output, beside `python -c '{IMPORTS}'`, in turns. *Nothing "
-        "kept* is a run that finds its cache folder empty. Memory is the peak resident set of the process and those it starts."
+        f"`ssm-planner plan problems/{PROBLEM.name}` with all its output, beside `python -c '{IMPORTS}'`, in turns. "
+        "*Nothing kept* is a run that finds its cache folder empty. Memory is the peak resident set of the process and of "
+        "those it starts."
     )
     imports = [sys.executable, "-c", IMPORTS]
     plan = [sys.executable, "-m", "ssm_planner", "plan", str(PROBLEM), "-o"]

@@ -19,9 +19,8 @@ ASKED = 1.002
 INTRODUCTION = (
     "All four joints move between two configurations under velocity, acceleration and jerk limits (rad/s³; a tenth of it in "
     "m/s³); random targets. The motors are three times as strong as the robot's, so that they do not bind: Ruckig does not "
-    "know them. Each joint then has a closed form, which Ruckig evaluates; **Ruckig wins the run time by orders of magnitude**, and "
-    "is the tool to take where there are no couplings between the joints. This planner solves the same optimal control problem as "
-    "with couplings."
+    "know them. Each joint then has a closed form, which Ruckig evaluates: **Ruckig wins the run time by orders of "
+    "magnitude**, and is the tool to take where nothing couples the joints."
 )
 
 
@@ -35,6 +34,7 @@ def run(quick: bool) -> Section:
     for jerk in JERKS:
         problems = [_problem(target, jerk) for target in targets]
         plan_motion(problems[0])
+        ruckig_duration(problems[0])
         ways: dict[str, Any] = {
             "ours": lambda k, problems=problems: plan_motion(problems[k]),
             "ruckig": lambda k, problems=problems: ruckig_duration(problems[k]),
@@ -61,6 +61,7 @@ def run(quick: bool) -> Section:
                 "yes" if kept else "NO",
             ]
         )
+        section.faster("Ruckig", f"run time, jerk {jerk:g}", times["ruckig"].over(times["ours"]))
         worst = max(ratio.values)
         section.asked(
             f"free rest-to-rest motion against Ruckig, jerk {jerk:g}",

@@ -135,7 +135,7 @@ def run(quick: bool) -> Section:
     section = Section("The same optimal control problem")
     section.say(INTRODUCTION)
     for motion in MOTIONS[:1] if quick else MOTIONS:
-        _compare(section, motion, first_rounds=1 if quick else 3, changes=3 if quick else len(STRAIGHT) - 1)
+        _compare(section, motion, first_rounds=1 if quick else 2, changes=3 if quick else 6)
     section.say(NOTES)
     return section
 
@@ -190,6 +190,7 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
                 worst[1],
             ]
         )
+        section.faster(name, f"re-solving, {motion}", ratio)
         if name in ASKED:
             least = ASKED[name]
             section.asked(

@@ -1,8 +1,8 @@
 """The same path and limits given to toppra and copp-py, friction as their interfaces take it.
 
 Both take inverse dynamics that are linear in (q̈, q̇²) and, for dry friction, one constant torque per joint against the
-motion. Here the constant of each motor is its bearing torque plus the mesh friction under a weight that it carries on the path;
-the rest of the mesh is its lead, without friction. Viscous friction has no place in either.
+motion. Here the constant of each motor is its bearing torque plus the mesh friction under a weight that it carries on the
+path; the rest of the mesh is its lead, without friction. Viscous friction has no place in either.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from measuring import Spread, short
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -25,6 +27,8 @@ class Section:
     blocks: list[dict[str, Any]] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
     cannot: list[tuple[str, str]] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+    """Sentences: who is better at what, and by how much."""
 
     def say(self, text: str) -> None:
         self.blocks.append({"text": text})
@@ -35,13 +39,19 @@ class Section:
     def asked(self, what: str, asked: str, found: str, reached: bool) -> None:
         self.figures.append(Figure(what, asked, found, bool(reached)))
 
+    def faster(self, who: str, what: str, ratio: Spread) -> None:
+        """Note a loss where the other's time over ours is below one."""
+        if ratio.median < 1:
+            self.losses.append(f"{who}: {short(1 / ratio.median)} × faster than this planner ({what})")
+
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Section:
         figures = [Figure(**figure) for figure in data["figures"]]
-        return cls(data["title"], data["blocks"], figures, [(who, why) for who, why in data["cannot"]])
+        cannot = [(who, why) for who, why in data["cannot"]]
+        return cls(data["title"], data["blocks"], figures, cannot, data["losses"])
 
     def lines(self) -> list[str]:
         lines = [f"## {self.title}", ""]

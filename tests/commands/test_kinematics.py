@@ -32,9 +32,10 @@ def test_workspace_of_the_robot(robot, tmp_path):
     assert math.degrees(result["beta"]) == pytest.approx(109.778393)
     assert np.degrees(result["tilt_range"]) == pytest.approx([-139.778393, -79.778393])
     assert sorted(extreme["tilt"] for extreme in result["extremes"]) == pytest.approx(result["tilt_range"], abs=1e-14)
-    assert set(result["files"]) == {"reachable_set", "theta2_against_tilt", "joint_speeds"}
-    for path in result["files"].values():
-        assert Path(path).read_bytes().startswith(b"\x89PNG")
+    names = {"reachable_set", "theta2_against_tilt", "joint_speeds"}
+    assert set(result["files"]) == names | {f"{name}_pdf" for name in names}
+    for name, path in result["files"].items():
+        assert Path(path).read_bytes().startswith(b"%PDF" if name.endswith("_pdf") else b"\x89PNG")
 
 
 def test_reach_returns_the_published_design(robot, tmp_path):

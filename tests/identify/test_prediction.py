@@ -168,4 +168,4 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
     prediction = predict(fit.drive, Recording("a", time, w, np.sign(w) * 1e-3), drive.rig.F_payload)
     figure = prediction_figure(prediction)
     assert len(figure.axes) == 2
-    assert figure.axes[0].get_ylabel().endswith("[mN·m]")
+    assert figure.axes[0].get_ylabel().endswith("(mN·m)")

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import casadi
 import numpy as np
 import pytest
 
 from ssm_planner.model.eye import eye_limits, eye_rows, lens_limit, lens_ratio, lens_row, retina_distance, retina_row
+from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import NUMPY, casadi_namespace
+from ssm_planner.model.task import pose_from_task
+from ssm_planner.model.workspace import tilt_interval
+from ssm_planner.problem.load import load_problem
 from ssm_planner.problem.values import Eye, Lens, frozen
 
+APPROACH = Path(__file__).parents[2] / "problems/eye_approach.yaml"
 SHARES = np.linspace(0.0, 1.0, 4001)
 
 
@@ -194,6 +200,28 @@ def test_derivatives_are_finite_with_the_tip_in_the_remote_centre() -> None:
             for value in function(size * rng.standard_normal(3)):
                 assert np.isfinite(value.full()).all()
                 assert np.abs(value.full()).max() < 1e10
+
+
+def test_the_shipped_eye_lies_as_its_comments_say() -> None:
+    problem = load_problem(APPROACH)
+    eye, mechanism = problem.eye, Mechanism.from_geometry(problem.robot.geometry)
+    up, wall = np.array([0.0, 0.0, 1.0]), 0.012
+    # the port: 4 mm along the wall behind a limbus 6 mm from the optical axis
+    from_axis = math.asin(0.006 / wall) + 0.004 / wall
+    assert np.linalg.norm(eye.centre) == pytest.approx(wall, abs=2e-5)
+    assert math.acos(-eye.centre @ up / wall) == pytest.approx(from_axis, abs=2e-3)
+    cornea = eye.centre + wall * up
+    assert (cornea - (eye.centre - eye.radius * up)) @ up == pytest.approx(0.0233)
+    back = eye.lens.centre - eye.lens.semi_axes[2] * eye.lens.frame[:, 2]
+    assert (cornea - back) @ up == pytest.approx(0.008)
+    # the tool points at the macula at the tilt that the file names, in the middle of what the robot reaches
+    macula = eye.centre - eye.radius * up
+    tips = pose_from_task(mechanism, [0.0, math.radians(-115.3), 0.0, np.linalg.norm(macula)])[1]
+    assert np.abs(tips[0] - macula).max() < 5e-5
+    low, high = tilt_interval(mechanism)
+    assert low + 0.4 < math.radians(-115.3) < high - 0.4
+    target = np.array(problem.motion[0].target.tip)
+    assert float(retina_distance(NUMPY, eye, target)) == pytest.approx(0.0015)
 
 
 def test_without_a_lens_only_the_retina_counts() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,7 +60,8 @@ def test_design_region_figure_draws_margins_and_choice(mechanism):
 @pytest.mark.parametrize(("alpha", "beta"), [(1.0, 1.0), (2.5, 1.5), (math.pi - 1.0, 1.0)])
 def test_figures_of_unusual_mechanisms_are_drawn(alpha, beta, tmp_path):
     paths = save_figures(workspace_figures(Mechanism.from_angles(alpha, beta)), tmp_path / "new")
-    assert len(paths) == 3
+    assert sorted(Path(path).suffix for path in paths.values()) == [".pdf"] * 3 + [".png"] * 3
+    assert all(Path(path).stat().st_size > 1000 for path in paths.values())
 
 
 def test_table_of_tilt_ranges(mechanism):
