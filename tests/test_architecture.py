@@ -20,7 +20,8 @@ ALLOWED = {
     "export": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "report"},
     "report": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "export"},
     "view": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report", "run"},
-    "run": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report"},
+    "relax": {"problem", "planning"},
+    "run": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report", "relax"},
     "paper": {"problem", "model", "identify", "sizing", "plan", "export", "report", "run"},
     "commands": {
         "problem",

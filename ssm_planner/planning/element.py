@@ -38,7 +38,7 @@ class Stage(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ElementFunctions:
-    """Functions of (z, *arguments): rows at all points and their Jacobian by z; the cost and its gradient, where there is one.
+    """Functions of (z, *arguments): rows at all points, their Jacobian by z; the cost and its gradient, where there is one.
 
     hessian takes the rows' multipliers and the cost's too.
     """

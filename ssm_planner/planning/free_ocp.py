@@ -1,7 +1,7 @@
 """The optimal control problem of one free phase: the planner chooses the joint path through the points given.
 
-Between two points every joint moves one way, so positions lie between the points' and the friction law enters exactly. A joint
-that goes on in the same direction passes a point at speed; one that turns back there, or stands on one side, is at rest.
+Between two points every joint moves one way, so positions lie between the points' and the friction law enters exactly. A
+joint that goes on in its direction passes a point at speed; one that turns back there, or stands on one side, is at rest.
 Velocity, acceleration and jerk are kept by construction; motor torque, tip speed, rates, roll and spin ranges and the eye at
 collocation points, as far as they come near their limits.
 """

@@ -1,7 +1,8 @@
 """The nonlinear program behind every optimised motion: coordinates as cubic pieces on a mesh of elements.
 
     variables   u, u̇, ü at the start and ü at the end of every element; the time T_k of every segment
-    objective   w_t Σ T_k + w_c ∫ cost dt (heat or effort of the motors), and for joints a trace of ∫ ü² that smooths what decides nothing
+    objective   w_t Σ T_k + w_c ∫ cost dt (heat or effort of the motors); for joints a trace of ∫ ü² besides, which smooths
+                what decides nothing
     dynamics    u and u̇ continuous (ü too where jerk is limited)
     limits      rows ≤ 1 of the stage at the collocation points of every element; static friction where a joint starts;
                 of the coordinates themselves: the Bernstein coefficients of u̇, and the slope of ü
@@ -22,8 +23,8 @@ import numpy as np
 
 from ssm_planner.planning import element
 from ssm_planner.planning.assembly import Mesh, assemble, ipopt
-from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.planning.course import Answer, Question, Shape
+from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.problem.values import Array
 
 SMOOTHING = 1e-6
@@ -124,14 +125,8 @@ class Program:
         shape, n, m = self.shape, self.shape.elements, self.shape.coordinates
         fast = [speed[shape.moving & shape.hull] for speed in question.speed]
         allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel()
-        free = np.full(self.slope + self.start + allowed.size, -np.inf)
-        low = (
-            np.zeros(self.equal),
-            fast[0],
-            free[: self.slope + self.start],
-            question.time[:1],
-            free[self.slope + self.start :],
-        )
+        free = np.full(self.slope + self.start, -np.inf), np.full(allowed.size, -np.inf)
+        low = (np.zeros(self.equal), fast[0], free[0], question.time[:1], free[1])
         high = (
             *(np.zeros(self.equal), fast[1], np.zeros(self.slope)),
             *(question.starting.ravel(), question.time[1:], allowed),

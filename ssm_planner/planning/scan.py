@@ -1,7 +1,7 @@
 """A scan as a sequence of free motions and dwells: spots on the retina, the tip at a constant distance from it.
 
-The pattern lies in the plane that touches the retina where the tool's axis meets it in the middle of the pattern, its rows along
-the direction in which roll turns the tool; the spots are projected onto the sphere from its centre. At each spot the
+The pattern lies in the plane that touches the retina where the tool's axis meets it in the middle of the pattern, its rows
+along the direction in which roll turns the tool; the spots are projected onto the sphere from its centre. At each spot the
 tool, which passes through the remote centre, points at it.
 """
 

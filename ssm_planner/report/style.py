@@ -36,6 +36,11 @@ def unit_of(unit: str) -> tuple[str, float]:
     return name + slash + per, scale
 
 
+def signed(text: str) -> str:
+    """Text with the minus sign that the axes use."""
+    return text.replace("-", "−")
+
+
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, inches, without pyplot's global state; room for labels is found when it is drawn."""
     figure = _bare(width, height)

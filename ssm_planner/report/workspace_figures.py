@@ -13,7 +13,7 @@ from ssm_planner.model.design import DesignRegion, design_region
 from ssm_planner.model.measures import joint_speed_per_tilt_speed, smallest_singular_value
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.workspace import theta2_from_tilt, tilt_interval
-from ssm_planner.report.style import COLOURS, DASHES, SIZE, finish, new_figure, save_figure
+from ssm_planner.report.style import COLOURS, DASHES, SIZE, finish, new_figure, save_figure, signed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,7 +56,7 @@ def theta2_figure(mechanism: Mechanism) -> Figure:
     tilt = _tilts(mechanism)
     for k, branch in enumerate((1, -1)):
         theta2 = theta2_from_tilt(mechanism, tilt, branch)
-        label = f"branch {branch:+d}" + (" (home)" if branch == mechanism.home_branch else "")
+        label = signed(f"branch {branch:+d}") + (" (home)" if branch == mechanism.home_branch else "")
         axes.plot(np.degrees(tilt), np.degrees(theta2), DASHES[k], color=COLOURS[k], label=label)
     axes.plot([np.degrees(mechanism.home_tilt)], [0.0], "o", color="black", label="home")
     _mark_interval(axes, mechanism)
@@ -112,7 +112,7 @@ def design_region_figure(region: DesignRegion, built: tuple[float, float] | None
         label = f"as given: ({alpha:.4g}°, {beta:.4g}°)"
         axes.plot([alpha], [beta], "x", color="black", markersize=11, label=label, zorder=4)
     low, high = np.degrees(region.tilt_range)
-    axes.set_title(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°", fontsize=SIZE)
+    axes.set_title(signed(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=SIZE)
     axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
     axes.set_xticks(range(0, 181, 30))
     axes.set_yticks(range(0, 181, 30))
@@ -154,7 +154,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
         # next to ω1 the label would lie on its arrow
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
-        text = f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°"
+        text = signed(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center", fontsize=SIZE)
     home = mechanism.home_tilt
     axes.plot([0.0, np.cos(home)], [0.0, -np.sin(home)], color="black", linewidth=1.2, linestyle="--", label="home")

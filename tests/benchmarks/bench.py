@@ -67,6 +67,13 @@ def document(sections: list[tuple[Section, str]], quick: bool, seconds: float) -
     figures = [figure for section, _ in sections for figure in section.figures]
     rows = [[f.what, f.asked, f.found, "yes" if f.reached else "**MISSED**"] for f in figures]
     lines += [*table_lines(("figure", "asked", "found", "reached"), rows), ""]
+    losses = [loss for section, _ in sections for loss in section.losses]
+    lines += [
+        "## Where others are better",
+        "",
+        *(f"* {loss}" for loss in losses or ["nowhere in what was measured"]),
+        "",
+    ]
     for section, fault in sections:
         lines += section.lines() if not fault else [f"## {section.title}", "", f"Not measured: {fault}", ""]
     return "\n".join([*lines, *machine_lines()])

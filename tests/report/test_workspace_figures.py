@@ -38,7 +38,7 @@ def test_theta2_figure_draws_both_branches_to_the_boundary(mechanism):
 
 def test_reachable_set_figure_names_the_tilt_interval(mechanism):
     section = reachable_set_figure(mechanism).axes[1]
-    assert {"-140.00°", "-80.00°"} <= {text.get_text() for text in section.texts}
+    assert {"−140.00°", "−80.00°"} <= {text.get_text() for text in section.texts}
 
 
 def test_joint_speed_figure_draws_three_joints_and_the_singular_value(mechanism):

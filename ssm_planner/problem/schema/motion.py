@@ -37,7 +37,7 @@ class ToTask(Timed):
 
 class ToPoint(Timed):
     to: PointModel
-    through: Annotated[list[PointModel], Field(max_length=MOST_POINTS)] = []
+    through: Annotated[tuple[PointModel, ...], Field(max_length=MOST_POINTS)] = ()
     """Points that are passed without stopping."""
 
 
