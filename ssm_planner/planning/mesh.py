@@ -12,8 +12,15 @@ from ssm_planner.problem.values import Array
 
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration join their neighbour."""
-FEWEST = 12
+FEWEST = 5
 """Elements of the shortest arc."""
+LOOKS = 33
+DEGREE = 6
+"""Of the fits of s̈ within an arc."""
+EDGE = 0.02
+"""Share of an arc at either end that its fit leaves out: there the guess is between two arcs."""
+EVEN = 1.5
+"""Share of the mean density that every place gets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +59,7 @@ class Mesh:
         if jerk is not None:
             borders, turns = _with_ramps(borders, turns, guess, jerk)
             duration = borders[-1]
-        shares = _shares(np.diff(borders) / duration, count)
-        pieces = [
-            np.linspace(start, end, share, endpoint=False)
-            for (start, end), share in zip(pairwise(borders), shares, strict=True)
-        ]
+        pieces = _pieces(borders, _bend(guess, borders), count)
         instants = np.append(np.concatenate(pieces), duration)
         interval = np.clip(np.searchsorted(turns, (instants[1:] + instants[:-1]) / 2) - 1, 0, len(turns) - 2)
         return cls(instants, interval)
@@ -71,16 +74,42 @@ class Mesh:
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration], axis=1)
 
 
-def _shares(lengths: Array, count: int) -> list[int]:
-    """Elements of arcs of these lengths: `count` in all, or FEWEST for each where that is more.
+def _pieces(borders: Array, bend: Array, count: int) -> list[Array]:
+    """Starts of the elements of every arc: `count` in all, or FEWEST for each where that is more.
 
-    The same number for most motions, so that a compiled program serves many of them.
+    s̈ is linear within an element, which costs h² |d²s̈/dt²|: elements are short where √|d²s̈/dt²| (`bend`, at LOOKS points
+    of every arc) is large. Their number is the same for most motions, so that a compiled program serves many of them.
     """
+    lengths = np.diff(borders)
+    shape = np.linspace(0.0, 1.0, LOOKS)
+    weight = np.trapezoid(bend, shape, axis=1) * lengths
+    even = weight.sum() / lengths.sum()
+    bend = bend + (EVEN * even if even > 0 else 1.0)
+    weight = np.trapezoid(bend, shape, axis=1) * lengths
     total = max(count, FEWEST * len(lengths))
-    spare = lengths * total - FEWEST
-    spare = np.maximum(spare, 0.0) * ((total - FEWEST * len(lengths)) / max(np.maximum(spare, 0.0).sum(), 1e-300))
-    ends = np.round(np.cumsum(spare)).astype(int)
-    return [FEWEST + int(n) for n in np.diff(ends, prepend=0)]
+    ends = np.round(np.cumsum(weight / weight.sum()) * (total - FEWEST * len(lengths))).astype(int)
+    pieces = []
+    for start, length, density, more in zip(borders, lengths, bend, np.diff(ends, prepend=0), strict=False):
+        gone = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+        share = FEWEST + int(more)
+        pieces.append(start + length * np.interp(np.arange(share) / share, gone / gone[-1], shape))
+    return pieces
+
+
+def _bend(guess: Retiming, borders: Array) -> Array:
+    """√|d²s̈/dt²| at LOOKS points of every arc, (arcs, LOOKS), from smooth fits of the guess's s̈."""
+    acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
+    middle = (guess.times[1:] + guess.times[:-1]) / 2
+    bends = []
+    for start, end in pairwise(borders):
+        inside = (middle > start + EDGE * (end - start)) & (middle < end - EDGE * (end - start))
+        if np.count_nonzero(inside) < 4 * DEGREE:
+            bends.append(np.zeros(LOOKS))
+            continue
+        fit = np.polynomial.Chebyshev.fit(middle[inside], acceleration[inside], DEGREE)
+        look = np.clip(np.linspace(start, end, LOOKS), *fit.domain)
+        bends.append(np.sqrt(np.abs(fit.deriv(2)(look))))
+    return np.array(bends)
 
 
 def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> tuple[Array, Array]:

@@ -82,4 +82,4 @@ def _gear_checks(sizing: Sizing) -> set[str]:
 
 def _lines(lacking: Mapping[str, str]) -> tuple[str, str]:
     figures = dict.fromkeys(figure for needs in lacking.values() for figure in needs.split(" and "))
-    return ", ".join(name.replace("_", " ") for name in lacking), ", ".join(figures).replace("_", " ")
+    return ", ".join(name.replace("_", " ") for name in lacking), ", ".join(figures)

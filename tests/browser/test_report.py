@@ -15,6 +15,7 @@ from ssm_planner.model.forward import tip_position
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.report.html import write_report
 from ssm_planner.report.html_compare import write_comparison
+from ssm_planner.report.sizing_words import motors_verdict
 
 from .conftest import PLAN, Visit
 from .page_laws import CONTRAST, OVERFLOW, UNNAMED
@@ -239,3 +240,21 @@ def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) 
         assert errors == []
     finally:
         browser.close()
+
+
+def test_whether_the_motors_suffice_is_said_above_and_shown_below(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    _, verdict, reason = motors_verdict(read_plan(PLAN).sizing)
+    assert f"{verdict} {reason}" in page.inner_text("header .verdict")
+    tables = page.locator("#sizing table")
+    shown = [
+        tables.nth(0).locator("tr").nth(i).inner_text().split("\t") for i in range(tables.nth(0).locator("tr").count())
+    ]
+    for column, motor in enumerate(read_plan(PLAN).sizing["motors"], start=1):
+        cells = {row[0]: row[column] for row in shown}
+        assert cells["joint"] == motor["joint"]
+        for name in ("torque", "speed"):
+            assert number(cells[name].split(" ")[0]) == pytest.approx(100 * motor["margins"][name], abs=0.051)
+        assert all(
+            needs in tables.nth(1).inner_text() for needs in " and ".join(motor["not_checked"].values()).split(" and ")
+        )

@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import time
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -114,6 +115,17 @@ def test_peaks_of_the_page_are_the_plans() -> None:
         for channel, key in ((f"tau{i}", "peak_torque"), (f"w{i}", "peak_speed")):
             values = np.frombuffer(base64.b64decode(data["channels"][channel]), dtype="<f8")
             assert np.abs(values).max() == pytest.approx(required[key], rel=0.02)
+
+
+def test_a_plan_that_states_no_sizing_is_sized() -> None:
+    plan = read_plan(PLAN)
+    silent = replace(plan, document={key: value for key, value in plan.document.items() if key != "sizing"})
+    stated, found = plan.document["sizing"], silent.sizing
+    assert stated.keys() == found.keys()
+    for one, other in zip(stated["motors"], found["motors"], strict=True):
+        assert one["not_checked"] == other["not_checked"]
+        made = {name: margin for name, margin in one["margins"].items() if margin is not None}
+        assert {name: other["margins"][name] for name in made} == pytest.approx(made)
 
 
 def test_torque_split_adds_up_to_the_torque() -> None:
