@@ -7,23 +7,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from ssm_planner.export.folder import write_folder
+from ssm_planner.exports.folder import write_folder
 from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.plan import Plan
+from ssm_planner.outcome import Plan
 from ssm_planner.planning.planner import Planned, plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.values import Array, Problem
+from ssm_planner.problem.values import Problem
 from ssm_planner.relax import tried
 from ssm_planner.report.figure_process import FigureProcess
 from ssm_planner.sizing.size import size_motion
+from ssm_planner.tightening import Strictness
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
 
 ATTEMPTS = 4
-TIGHTENED = ("velocity", "acceleration", "jerk", "motor torque")
-"""Limits that the planner can be asked to keep more strictly, in the order of its table."""
 
 Progress = Callable[[str], None]
 
@@ -55,16 +52,18 @@ def _attempt(
     problem: Problem, progress: Progress, found: Callable[[Trajectory], None]
 ) -> tuple[Planned, Certificate | None, Reason | None]:
     """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
-    tighten = np.ones((len(TIGHTENED), len(problem.robot.joints)))
+    strict: Strictness | None = Strictness.of(problem)
     attempt = 1
     while True:
-        planned = plan_motion(problem, tighten, progress)
+        assert strict is not None
+        planned = plan_motion(strict.problem, strict.factors, progress)
         if planned.trajectory is None:
             return planned, None, planned.reason
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits)
-        if certificate.passed or attempt == ATTEMPTS or not _tighten(tighten, certificate, problem):
+        strict = strict.more(certificate)
+        if certificate.passed or attempt == ATTEMPTS or strict is None:
             return planned, certificate, None if certificate.passed else _exceeded(certificate)
         attempt += 1
 
@@ -93,17 +92,6 @@ def plan_to_folder(
         return result, {}
     progress("writing results")
     return result, write_folder(result, folder, drawer)
-
-
-def _tighten(table: Array, certificate: Certificate, problem: Problem) -> bool:
-    """Scale down the entries of the limits that are exceeded; False where the planner has no hold on any of them."""
-    names = [joint.name for joint in problem.robot.joints]
-    held = False
-    for limit in certificate.violations:
-        if limit.name in TIGHTENED and limit.joint in names:
-            table[TIGHTENED.index(limit.name), names.index(limit.joint)] *= 1 + 1.5 * limit.margin
-            held = True
-    return held
 
 
 def _exceeded(certificate: Certificate) -> Reason:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.export.plan_file import FORMAT, VERSION, PlanFile, read_plan
+from ssm_planner.exports.plan_file import FORMAT, VERSION, PlanFile, read_plan
 from ssm_planner.model.trajectory import Phase, Trajectory, hermite
 from ssm_planner.problem.resolved import plain
 from ssm_planner.problem.values import Robot, TaskLimits

@@ -1,4 +1,4 @@
-"""Who may import whom: problem ← model ← {identify, planning, verify, sizing} ← {export, report} ← run ← cli."""
+"""Who may import whom: problem ← model ← {identification, planning, verify, sizing} ← outcome ← {exports, report} ← run."""
 
 from __future__ import annotations
 
@@ -12,26 +12,28 @@ BASE = {"errors"}
 ALLOWED = {
     "problem": set(),
     "model": {"problem"},
-    "identify": {"problem", "model"},
+    "identification": {"problem", "model"},
     "planning": {"problem", "model"},
     "verify": {"problem", "model"},
     "sizing": {"problem", "model"},
-    "plan": {"problem", "model", "planning", "verify", "sizing"},
-    "export": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "report"},
-    "report": {"problem", "model", "planning", "verify", "sizing", "identify", "plan", "export"},
-    "view": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report", "run"},
+    "outcome": {"problem", "model", "planning", "verify", "sizing"},
+    "exports": {"problem", "model", "planning", "verify", "sizing", "identification", "outcome", "report"},
+    "report": {"problem", "model", "planning", "verify", "sizing", "identification", "outcome", "exports"},
+    "view": {"problem", "model", "planning", "verify", "sizing", "outcome", "exports", "report", "run"},
     "relax": {"problem", "planning"},
-    "run": {"problem", "model", "planning", "verify", "sizing", "plan", "export", "report", "relax"},
-    "paper": {"problem", "model", "identify", "sizing", "plan", "export", "report", "run"},
+    "tightening": {"problem", "verify"},
+    "run": {"problem", "model", "planning", "verify", "sizing", "outcome", "exports", "report", "relax", "tightening"},
+    "api": {"problem", "model", "sizing", "verify", "outcome", "exports"},
+    "paper": {"problem", "model", "identification", "sizing", "outcome", "exports", "report", "run"},
     "commands": {
         "problem",
         "model",
-        "identify",
+        "identification",
         "planning",
         "verify",
         "sizing",
-        "plan",
-        "export",
+        "outcome",
+        "exports",
         "report",
         "run",
         "view",

@@ -69,7 +69,7 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
     robot = load_robot(robot_file) if robot_file is not None else None if problem is None else problem.robot
     limits = None if problem is None else problem.task_limits
     if path.suffix.lower() == ".json":
-        from ssm_planner.export.plan_file import read_plan
+        from ssm_planner.exports.plan_file import read_plan
         from ssm_planner.verify.interpolation import Reading
 
         plan = read_plan(path)

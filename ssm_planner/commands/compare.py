@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
     from ssm_planner.commands.measured import read_measured
-    from ssm_planner.export.plan_file import read_plan
+    from ssm_planner.exports.plan_file import read_plan
     from ssm_planner.verify.compare import compare
 
     plan = read_plan(options.plan)

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
-    from ssm_planner.export.export import export
+    from ssm_planner.exports.export import export
 
     chosen: dict[str, Any] = {
         "rate": options.rate,

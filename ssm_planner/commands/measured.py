@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.export.epos4_axis import QUADRATURE
-from ssm_planner.identify.columns import parse_table
-from ssm_planner.identify.recording import read_recording
+from ssm_planner.exports.epos4_axis import QUADRATURE
+from ssm_planner.identification.columns import parse_table
+from ssm_planner.identification.recording import read_recording
 from ssm_planner.problem.values import Array, Joint, Robot
 from ssm_planner.verify.compare import Measured
 

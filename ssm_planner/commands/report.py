@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ssm_planner.export.plan_file import read_plan
+    from ssm_planner.exports.plan_file import read_plan
     from ssm_planner.report.html import write_report
     from ssm_planner.report.html_compare import write_comparison
 

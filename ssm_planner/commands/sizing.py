@@ -99,7 +99,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> Duty:
         return Duty.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
         raise TrajectoryError(f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot")
-    from ssm_planner.export.plan_file import read_plan
+    from ssm_planner.exports.plan_file import read_plan
 
     found = read_plan(path)
     return Duty.of_trajectory(found.trajectory, found.robot, str(path))
@@ -141,7 +141,7 @@ def write_results(sizing: Sizing, document: dict[str, Any], folder: Path) -> dic
     """sizing.json and the figures; their paths by name. Raises ExportError."""
     import json
 
-    from ssm_planner.export.atomic import replacing
+    from ssm_planner.exports.atomic import replacing
     from ssm_planner.report.sizing_figures import write_sizing_figures
 
     files = {name: str(path) for name, path in write_sizing_figures(sizing, folder).items()}

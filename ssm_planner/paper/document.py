@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ssm_planner.export.atomic import staging
+from ssm_planner.exports.atomic import staging
 from ssm_planner.paper.departures import departures_section
 from ssm_planner.paper.design import design_section
 from ssm_planner.paper.friction_maps import friction_section

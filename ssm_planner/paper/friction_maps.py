@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.identify.parameters import map_torque
+from ssm_planner.identification.parameters import map_torque
 from ssm_planner.model.inverse import inverse_task
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody

@@ -10,8 +10,8 @@ import numpy as np
 
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_rates
+from ssm_planner.outcome import Plan
 from ssm_planner.paper.published import TABLE_III, SpeedRow
-from ssm_planner.plan import Plan
 from ssm_planner.problem.values import TASK, Problem, Robot, Target
 from ssm_planner.run import plan
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify.fit import MapFit, fit_map
-from ssm_planner.identify.parameters import map_torque, with_parameters
-from ssm_planner.identify.prediction import nrmsd, predict
-from ssm_planner.identify.recording import read_recordings
-from ssm_planner.identify.rig_figures import TABLE
-from ssm_planner.identify.torque_map import TorqueMap, read_figures
+from ssm_planner.identification.fit import MapFit, fit_map
+from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.prediction import nrmsd, predict
+from ssm_planner.identification.recording import read_recordings
+from ssm_planner.identification.rig_figures import TABLE
+from ssm_planner.identification.torque_map import TorqueMap, read_figures
 from ssm_planner.model.friction import friction_of
 from ssm_planner.paper.inputs import Inputs
 from ssm_planner.paper.published import RIGS

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.identify.fit import MapFit
-from ssm_planner.identify.parameters import map_torque
+from ssm_planner.identification.fit import MapFit
+from ssm_planner.identification.parameters import map_torque
 from ssm_planner.paper.rigs import LAWS, RigResult
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
 from ssm_planner.report.style import COLOURS, FIFTH, RPM, SIZE, finish, new_figure

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.identify.fit import fit_map
+from ssm_planner.identification.fit import fit_map
 from ssm_planner.model.friction import friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.paper.rigs import RigResult, published_drive
 from ssm_planner.problem.values import Drive

@@ -17,7 +17,7 @@ EXCESS = 2e-7
 """Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
 BACKOFF = 1.2
 """Tightening per excess found."""
-ROUNDS = 8
+ROUNDS = 12
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -115,7 +115,7 @@ def _rounds(task: Task, start: Start, aim: Aim, time: tuple[float, float] | None
         if missed:
             kept, begin = kept | missed, {"x0": answer.point["x0"]}
         else:
-            slack = slack + tightening(excess)
+            slack = slack + rounds**0.5 * tightening(excess)
             begin = answer.point
     return Answer(answer.message, elements, answer.times, iterations, answer.point)
 

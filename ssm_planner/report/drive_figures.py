@@ -11,9 +11,9 @@ from ssm_planner.report.style import AXIS, COLOURS, RPM, SIZE, finish, new_figur
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ssm_planner.identify.fit import MapFit
-    from ssm_planner.identify.prediction import Prediction
-    from ssm_planner.identify.torque_map import TorqueMap
+    from ssm_planner.identification.fit import MapFit
+    from ssm_planner.identification.prediction import Prediction
+    from ssm_planner.identification.torque_map import TorqueMap
 
 MODEL: dict[str, Any] = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
 MEASURED: dict[str, Any] = {"color": "black", "linewidth": 0.8}
@@ -25,7 +25,7 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
 
     load: the constant effort of `fit_map`, N·m or N.
     """
-    from ssm_planner.identify.parameters import map_torque
+    from ssm_planner.identification.parameters import map_torque
 
     figure = new_figure(6.0, 3.8)
     axes = figure.subplots()

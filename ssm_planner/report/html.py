@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.export.atomic import replacing
-from ssm_planner.export.plan_file import PlanFile, read_plan
+from ssm_planner.exports.atomic import replacing
+from ssm_planner.exports.plan_file import PlanFile, read_plan
 from ssm_planner.report.html_elements import Markup, tag
 from ssm_planner.report.html_motors import TEMPERATURE, motor_map, without_temperature
 from ssm_planner.report.html_page import page

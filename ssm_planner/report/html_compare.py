@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.export.plan_file import PlanFile, read_plan
+from ssm_planner.exports.plan_file import PlanFile, read_plan
 from ssm_planner.report.html import stage, write_page
 from ssm_planner.report.html_elements import Markup, table, tag
 from ssm_planner.report.html_page import page

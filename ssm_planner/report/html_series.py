@@ -6,7 +6,7 @@ import base64
 
 import numpy as np
 
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.problem.values import JOINTS, Array, Joint
 from ssm_planner.report.html_motors import split_channels, split_panels, temperature_channels, temperature_panels

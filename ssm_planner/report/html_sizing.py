@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.report.html_elements import Markup, table, tag
 from ssm_planner.report.sizing_words import ANSWERS, gear_margin, missing_figures, motors_verdict
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from typing import Any
 
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.problem.values import Joint
 from ssm_planner.report.html_elements import Markup, join, table, tag
 from ssm_planner.report.html_sizing import sizing

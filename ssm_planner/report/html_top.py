@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.report.html_elements import Markup, join, tag
 from ssm_planner.report.sizing_words import motors_verdict
 

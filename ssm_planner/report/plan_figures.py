@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ssm_planner.export.plan_file import PlanFile
-    from ssm_planner.plan import Plan
+    from ssm_planner.exports.plan_file import PlanFile
+    from ssm_planner.outcome import Plan
     from ssm_planner.report.figure_process import FigureProcess
 
 SAMPLES = 1200

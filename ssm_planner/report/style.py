@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.export.atomic import replacing
+from ssm_planner.exports.atomic import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ssm_planner.plan import Plan
+from ssm_planner.outcome import Plan
 from ssm_planner.report.sizing_words import motors_verdict
 
 SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)}

@@ -97,7 +97,7 @@ class Jobs:
 
     def _outcome(self, job: Job, text: str | None) -> tuple[str, str | None]:
         job.progress("loading the planner")
-        from ssm_planner.export.plan_file import read_plan, write_plan
+        from ssm_planner.exports.plan_file import read_plan, write_plan
         from ssm_planner.problem.load import load_problem
         from ssm_planner.report.html import report_page
         from ssm_planner.run import plan

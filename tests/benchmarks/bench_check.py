@@ -22,7 +22,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from seeded import EXCESS, KINDS, seeded
 
-from ssm_planner.export.plan_file import read_plan
+from ssm_planner.exports.plan_file import read_plan
 from ssm_planner.problem.load import load_robot
 from ssm_planner.verify.check import check
 

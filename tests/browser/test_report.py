@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.export.plan_file import read_plan
+from ssm_planner.exports.plan_file import read_plan
 from ssm_planner.model.forward import tip_position
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.report.html import write_report

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.problem.values import Robot, TaskLimits
 
 sys.path.insert(0, str(Path(__file__).parent.parent))

@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.export.c_code import c_code
-from ssm_planner.export.c_writer import OPERATIONS, Argument, write_function
-from ssm_planner.export.export import export
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.c_code import c_code
+from ssm_planner.exports.c_writer import OPERATIONS, Argument, write_function
+from ssm_planner.exports.export import export
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.forward import forward
 from ssm_planner.model.inverse import inverse_task

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.csv import trajectory_table, write_csv
-from ssm_planner.export.export import export
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.csv import trajectory_table, write_csv
+from ssm_planner.exports.export import export
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
 

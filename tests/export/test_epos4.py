@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.export.epos4 import period_ms
-from ssm_planner.export.export import export
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.epos4 import period_ms
+from ssm_planner.exports.export import export
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.problem.values import Robot

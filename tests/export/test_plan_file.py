@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError, SsmPlannerError, TrajectoryError
-from ssm_planner.export.plan_file import PlanFile, read_plan
+from ssm_planner.exports.plan_file import PlanFile, read_plan
 from ssm_planner.problem.values import Robot
 from ssm_planner.verify.check import check
 

@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.export import export
-from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.points import spline_points
-from ssm_planner.export.rosbag import link_poses, quaternion
+from ssm_planner.exports.export import export
+from ssm_planner.exports.plan_file import PlanFile
+from ssm_planner.exports.points import spline_points
+from ssm_planner.exports.rosbag import link_poses, quaternion
 from ssm_planner.model.forward import forward
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody
@@ -204,8 +204,8 @@ def test_rates_that_make_no_bag(plan: PlanFile, tmp_path: Path, rate: float) -> 
 
 def test_a_spline_that_no_points_mend_is_refused(plan: PlanFile, monkeypatch: pytest.MonkeyPatch) -> None:
     """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
-    monkeypatch.setattr("ssm_planner.export.points.PARTS", (1,))
-    monkeypatch.setattr("ssm_planner.export.points.LARGEST_STRETCH", 1e-9)
+    monkeypatch.setattr("ssm_planner.exports.points.PARTS", (1,))
+    monkeypatch.setattr("ssm_planner.exports.points.LARGEST_STRETCH", 1e-9)
     joints = tuple(
         dataclasses.replace(joint, velocity=joint.velocity * 0.96) if joint.name == "tilt" else joint
         for joint in plan.robot.joints

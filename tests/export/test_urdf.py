@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from ssm_planner.export.export import export
-from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.urdf import effort_limit, rpy, urdf
+from ssm_planner.exports.export import export
+from ssm_planner.exports.plan_file import PlanFile
+from ssm_planner.exports.urdf import effort_limit, rpy, urdf
 from ssm_planner.model.forward import forward
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify.fit import fit_map
-from ssm_planner.identify.outliers import find_outliers
-from ssm_planner.identify.parameters import map_torque, with_parameters
-from ssm_planner.identify.torque_map import TorqueMap, read_figures
+from ssm_planner.identification.fit import fit_map
+from ssm_planner.identification.outliers import find_outliers
+from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.torque_map import TorqueMap, read_figures
 from ssm_planner.model.friction import friction_of
 from ssm_planner.problem.load import load_drive
 

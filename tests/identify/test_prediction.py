@@ -13,12 +13,12 @@ import pytest
 
 from ssm_planner.commands.drives import identify_command, predict_command
 from ssm_planner.errors import ProblemError, RecordingError
-from ssm_planner.identify.dynamic import fit_dynamic
-from ssm_planner.identify.fit import fit_map
-from ssm_planner.identify.prediction import Motion, nrmsd, predict, predict_torque
-from ssm_planner.identify.recording import Recording
-from ssm_planner.identify.rig_figures import rig_map
-from ssm_planner.identify.torque_map import read_figures
+from ssm_planner.identification.dynamic import fit_dynamic
+from ssm_planner.identification.fit import fit_map
+from ssm_planner.identification.prediction import Motion, nrmsd, predict, predict_torque
+from ssm_planner.identification.recording import Recording
+from ssm_planner.identification.rig_figures import rig_map
+from ssm_planner.identification.torque_map import read_figures
 from ssm_planner.model.friction import friction_of
 from ssm_planner.model.transmission import breakaway_torque, motor_torque, output_effort
 from ssm_planner.problem.load import load_drive

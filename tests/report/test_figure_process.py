@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.export.plan_file import PlanFile, read_plan
-from ssm_planner.plan import Plan
+from ssm_planner.exports.plan_file import PlanFile, read_plan
+from ssm_planner.outcome import Plan
 from ssm_planner.report import figure_process
 from ssm_planner.report.figure_process import FigureProcess
 from ssm_planner.report.plan_figures import DRAWN, write_figures
@@ -129,7 +129,7 @@ def test_ctrl_c_while_results_are_written_leaves_whole_files_and_no_process(tmp_
             print(process.pid, flush=True)
             return process
         figure_process._started = started
-        import ssm_planner.export.folder as folder
+        import ssm_planner.exports.folder as folder
         def slow(*a):
             print("writing", flush=True)
             time.sleep(30)

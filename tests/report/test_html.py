@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from ssm_planner.commands import report as command
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.export.plan_file import read_plan
+from ssm_planner.exports.plan_file import read_plan
 from ssm_planner.problem.load import load_problem
 from ssm_planner.problem.resolved import plain
 from ssm_planner.report.html import report_data, write_report

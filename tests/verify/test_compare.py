@@ -15,7 +15,7 @@ from ssm_planner.commands import compare as command
 from ssm_planner.commands.compare import assign
 from ssm_planner.commands.measured import read_measured
 from ssm_planner.errors import RecordingError
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.problem.values import Robot

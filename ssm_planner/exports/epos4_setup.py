@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.epos4_axis import Axis
+from ssm_planner.exports.epos4_axis import Axis
 
 MODES = {"csp": 8, "csv": 9, "cst": 10}
 """Mode of operation (0x6060)."""

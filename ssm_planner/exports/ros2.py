@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.points import SplinePoints, spline_points
+from ssm_planner.exports.plan_file import PlanFile
+from ssm_planner.exports.points import SplinePoints, spline_points
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.problem.values import Array
 from ssm_planner.verify.certificate import Certificate
@@ -55,7 +55,7 @@ def export_ros2(
     goal = f"goal{suffix}.yaml"
     _write(folder / goal, message, [*marks, "Goal of control_msgs/action/FollowJointTrajectory."], "trajectory")
     if bag:
-        from ssm_planner.export.rosbag import write_bag
+        from ssm_planner.exports.rosbag import write_bag
 
         write_bag(folder / f"bag{suffix}", plan, message, rate)
     return {

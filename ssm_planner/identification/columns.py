@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify.numbers import NUMBER, Notes
+from ssm_planner.identification.numbers import NUMBER, Notes
 from ssm_planner.problem.values import Array
 
 _RPM = math.pi / 30.0

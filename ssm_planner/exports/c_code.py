@@ -12,9 +12,9 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.export.c_writer import Argument, write_function
-from ssm_planner.export.manifest import robot_hash
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.c_writer import Argument, write_function
+from ssm_planner.exports.manifest import robot_hash
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.symbolic import forward_symbolic, joints_from_task_symbolic

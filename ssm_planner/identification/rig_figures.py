@@ -2,7 +2,7 @@
 
 Regenerate it, from the project's folder, with
 
-    python -m ssm_planner.identify.rig_figures problems/drives/rig_figures.csv \\
+    python -m ssm_planner.identification.rig_figures problems/drives/rig_figures.csv \\
         problems/drives/rig1_lead_screw.yaml=../shared/recordings/drive1_lead_screw/steady_state …
 """
 
@@ -12,15 +12,15 @@ import sys
 from pathlib import Path
 
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.identify.recording import read_recordings
-from ssm_planner.identify.torque_map import TorqueMap, kind_of, torque_map, write_figures
+from ssm_planner.identification.recording import read_recordings
+from ssm_planner.identification.torque_map import TorqueMap, kind_of, torque_map, write_figures
 from ssm_planner.problem.load import load_drive
 
 TABLE = "rig_figures.csv"
 """Name of the table, beside the drive files; its rigs are named by the files' stems."""
 
 SOURCE = """Mean motor speed and torque of steady-state recordings of three rigs, in each rig's positive direction.
-Computed by ssm_planner.identify.rig_figures from the maxon EPOS4 recordings in the public repository
+Computed by ssm_planner.identification.rig_figures from the maxon EPOS4 recordings in the public repository
 RViMLab/TRO2021-Dynamic-Modelling (MIT licence, copyright its authors), made for "Friction-Inclusive Modeling of
 Sliding Contact Transmission Systems in Robotics", IEEE Transactions on Robotics 37(4), 2021."""
 
@@ -36,7 +36,7 @@ def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
 def main(arguments: list[str]) -> int:
     """Write the table: OUTPUT DRIVE=RECORDINGS …"""
     if len(arguments) < 2 or any("=" not in pair for pair in arguments[1:]):
-        print("usage: python -m ssm_planner.identify.rig_figures OUTPUT DRIVE=RECORDINGS ...", file=sys.stderr)
+        print("usage: python -m ssm_planner.identification.rig_figures OUTPUT DRIVE=RECORDINGS ...", file=sys.stderr)
         return 2
     try:
         pairs = [pair.split("=", 1) for pair in arguments[1:]]

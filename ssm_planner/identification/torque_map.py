@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify.recording import Recording
+from ssm_planner.identification.recording import Recording
 from ssm_planner.model.friction import STANDSTILL
 from ssm_planner.problem.values import Array
 

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.friction import friction_of
 from ssm_planner.model.rigid_body import inertia_about_com
 from ssm_planner.model.transmission import motor_torque_rows

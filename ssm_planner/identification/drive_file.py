@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.identify.estimates import Estimate
-from ssm_planner.identify.fit import MapFit
+from ssm_planner.identification.estimates import Estimate
+from ssm_planner.identification.fit import MapFit
 from ssm_planner.model.friction import friction_of
 from ssm_planner.problem.values import Drive
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.identify.parameters import map_torque, with_parameters
+from ssm_planner.identification.parameters import map_torque, with_parameters
 from ssm_planner.problem.values import Array, Drive
 
 _STEP = 1e-6

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.atomic import replacing
-from ssm_planner.export.epos4_axis import INT32, axes_of, fits
-from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.points import at_times, spline_points
+from ssm_planner.exports.atomic import replacing
+from ssm_planner.exports.epos4_axis import INT32, axes_of, fits
+from ssm_planner.exports.plan_file import PlanFile
+from ssm_planner.exports.points import at_times, spline_points
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.rigid_body import RigidBody

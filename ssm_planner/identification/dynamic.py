@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.identify.estimates import CONFIDENCE, Estimate
-from ssm_planner.identify.prediction import Motion, nrmsd, predict_torque
-from ssm_planner.identify.recording import Recording
+from ssm_planner.identification.estimates import CONFIDENCE, Estimate
+from ssm_planner.identification.prediction import Motion, nrmsd, predict_torque
+from ssm_planner.identification.recording import Recording
 from ssm_planner.model.friction import friction_of
 from ssm_planner.problem.values import Array, Drive
 

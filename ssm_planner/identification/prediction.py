@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify.recording import Recording
-from ssm_planner.identify.torque_map import rest_mask
+from ssm_planner.identification.recording import Recording
+from ssm_planner.identification.torque_map import rest_mask
 from ssm_planner.model.friction import (
     friction_coefficient,
     friction_of,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify.columns import Column, Table, find_columns, parse_table
+from ssm_planner.identification.columns import Column, Table, find_columns, parse_table
 from ssm_planner.problem.values import Array
 
 MAX_BYTES = 32_000_000

@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identify import least_squares as ls
-from ssm_planner.identify.estimates import (
+from ssm_planner.identification import least_squares as ls
+from ssm_planner.identification.estimates import (
     Estimate,
     inseparable_groups,
     intervals_of,
     nearest_to_reference,
     separable_of,
 )
-from ssm_planner.identify.outliers import Outlier, find_outliers
-from ssm_planner.identify.parameters import (
+from ssm_planner.identification.outliers import Outlier, find_outliers
+from ssm_planner.identification.parameters import (
     ALL,
     LAWS,
     TYPICAL_MU,
@@ -28,7 +28,7 @@ from ssm_planner.identify.parameters import (
     rest_coefficient,
     with_parameters,
 )
-from ssm_planner.identify.torque_map import TorqueMap
+from ssm_planner.identification.torque_map import TorqueMap
 from ssm_planner.model.friction import friction_of
 from ssm_planner.model.transmission import nut_contact, output_effort
 from ssm_planner.problem.values import Array, Drive

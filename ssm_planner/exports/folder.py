@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ssm_planner.export.csv import write_csv
-from ssm_planner.export.plan_file import write_plan
-from ssm_planner.plan import Plan
+from ssm_planner.exports.csv import write_csv
+from ssm_planner.exports.plan_file import write_plan
+from ssm_planner.outcome import Plan
 from ssm_planner.report.figure_process import FigureProcess
 from ssm_planner.report.html import write_report
 from ssm_planner.report.plan_figures import write_figures

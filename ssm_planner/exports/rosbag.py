@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.points import at_times
-from ssm_planner.export.ros2 import split_time
-from ssm_planner.export.urdf import LINKS, TOOL, urdf
+from ssm_planner.exports.plan_file import PlanFile
+from ssm_planner.exports.points import at_times
+from ssm_planner.exports.ros2 import split_time
+from ssm_planner.exports.urdf import LINKS, TOOL, urdf
 from ssm_planner.model.screws import rotation
 from ssm_planner.problem.values import Array, Robot
 from ssm_planner.verify.readers_ros import INSTALL, Message

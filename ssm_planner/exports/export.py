@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.atomic import staging
-from ssm_planner.export.manifest import write_manifest
-from ssm_planner.export.plan_file import PlanFile, plan_document, plan_from_bytes, read_plan
+from ssm_planner.exports.atomic import staging
+from ssm_planner.exports.manifest import write_manifest
+from ssm_planner.exports.plan_file import PlanFile, plan_document, plan_from_bytes, read_plan
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
 from ssm_planner.verify.readers import MANIFEST
 
 if TYPE_CHECKING:
-    from ssm_planner.plan import Plan
+    from ssm_planner.outcome import Plan
 
 FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
 UNVERIFIED = "_unverified"
@@ -67,7 +67,7 @@ def verified(plan: PlanFile, force: bool) -> tuple[Certificate, bool]:
 def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:
     """The function that writes a format. Raises ExportError for options it does not take."""
     module = {"c": "c_code"}.get(to, to)
-    write: Callable[..., dict[str, Any]] = getattr(import_module(f"ssm_planner.export.{module}"), f"export_{to}")
+    write: Callable[..., dict[str, Any]] = getattr(import_module(f"ssm_planner.exports.{module}"), f"export_{to}")
     taken = list(inspect.signature(write).parameters)[4:]
     for name in options:
         if name not in taken:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.epos4_axis import INT16, INT32, Axis, axes_of, fits
-from ssm_planner.export.epos4_setup import MODES, setup_objects
-from ssm_planner.export.plan_file import PlanFile
-from ssm_planner.export.points import at_times
+from ssm_planner.exports.epos4_axis import INT16, INT32, Axis, axes_of, fits
+from ssm_planner.exports.epos4_setup import MODES, setup_objects
+from ssm_planner.exports.plan_file import PlanFile
+from ssm_planner.exports.points import at_times
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.problem.values import Array

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.export.plan_file import PlanFile, software
+from ssm_planner.exports.plan_file import PlanFile, software
 from ssm_planner.problem.resolved import plain
 from ssm_planner.problem.values import Robot
 from ssm_planner.verify.certificate import Certificate

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.export.atomic import replacing
+from ssm_planner.exports.atomic import replacing
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.resolved import plain, robot_from_plain, task_limits_from_plain
 from ssm_planner.problem.values import Robot, TaskLimits
@@ -20,7 +20,7 @@ from ssm_planner.sizing.size import size_motion
 from ssm_planner.verify.certificate import Certificate
 
 if TYPE_CHECKING:
-    from ssm_planner.plan import Plan
+    from ssm_planner.outcome import Plan
 
 FORMAT = "ssm_planner plan"
 VERSION = 1

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.identify import least_squares as ls
+from ssm_planner.identification import least_squares as ls
 from ssm_planner.problem.values import Array
 
 CONFIDENCE = 0.95

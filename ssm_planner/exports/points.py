@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.export.plan_file import PlanFile
+from ssm_planner.exports.plan_file import PlanFile
 from ssm_planner.model.trajectory import Samples
 from ssm_planner.problem.values import Array
 from ssm_planner.verify.certificate import Certificate, LimitCheck

@@ -1,0 +1,79 @@
+"""`check` and `size` as Python callers want them: of a plan, a file or a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.errors import TrajectoryError
+from ssm_planner.exports.plan_file import PlanFile, read_plan
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.outcome import Plan
+from ssm_planner.problem.load import load_motor
+from ssm_planner.problem.values import Motor, Robot, TaskLimits
+from ssm_planner.sizing import size as sizing
+from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.verify import check as checking
+from ssm_planner.verify.certificate import Certificate
+from ssm_planner.verify.readers import read_trajectory
+
+
+def check(
+    motion: Plan | Trajectory | str | Path, robot: Robot | None = None, limits: TaskLimits | None = None
+) -> Certificate:
+    """Certificate of a motion, found by code that did not plan it.
+
+    motion: a plan, a trajectory, or a file that `ssm-planner check` reads. robot and limits: those of the plan unless given;
+    a motion that is no plan needs a robot, and has its limits. Raises TrajectoryError or ProblemError.
+    """
+    if isinstance(motion, (str, Path)) and Path(motion).suffix.lower() != ".json":
+        robot = _given(robot, motion)
+        reading = read_trajectory(Path(motion), robot)
+        limits = limits or TaskLimits(robot.limits)
+        return checking.check(
+            reading.trajectory, robot, limits, interpolation=reading.interpolation, resolution=reading.resolution
+        )
+    if isinstance(motion, Trajectory):
+        robot = _given(robot, "a trajectory")
+        return checking.check(motion, robot, limits or TaskLimits(robot.limits))
+    trajectory, own, ranges = _parts(motion)
+    return checking.check(trajectory, robot or own, limits or ranges)
+
+
+def size(
+    plan: Plan | str | Path,
+    motors: Mapping[str, Sequence[Motor | str | Path]] | None = None,
+    payload: float = 0.0,
+    **conditions: Any,
+) -> sizing.Sizing:
+    """Which motors and gears a plan, or the plan in a plan.json, needs.
+
+    motors: candidates by joint name, motor files or what they hold; joints not named there are judged with their own.
+    payload: point mass at the tip, kg. conditions: fields of Conditions, SI: ambient, supply_voltage, current_limit, pause,
+    confidence, draws, spread. Raises TrajectoryError or ProblemError.
+    """
+    trajectory, robot, _ = _parts(plan)
+    candidates = {
+        joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in listed]
+        for joint, listed in (motors or {}).items()
+    }
+    duty = Duty.of_trajectory(trajectory, robot, str(plan) if isinstance(plan, (str, Path)) else plan.problem.name)
+    return sizing.size(duty, candidates, Conditions(**conditions), payload)
+
+
+def _parts(plan: Plan | PlanFile | str | Path) -> tuple[Trajectory, Robot, TaskLimits]:
+    if isinstance(plan, (str, Path)):
+        plan = read_plan(plan)
+    if isinstance(plan, PlanFile):
+        return plan.trajectory, plan.robot, plan.limits
+    if plan.trajectory is None:
+        raise TrajectoryError(f"{plan.problem.name}: this plan holds no trajectory (status: {plan.status})")
+    return plan.trajectory, plan.problem.robot, plan.problem.task_limits
+
+
+def _given(robot: Robot | None, motion: str | Path) -> Robot:
+    if robot is None:
+        raise TrajectoryError(f"{motion}: does not say which robot it is for: give one")
+    return robot

@@ -1,0 +1,162 @@
+"""From a drive file and recordings to the drive's friction, and from a drive to the torque of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
+from ssm_planner.identification.estimates import Estimate
+from ssm_planner.identification.fit import MapFit, fit_map
+from ssm_planner.identification.prediction import Prediction
+from ssm_planner.identification.prediction import predict as predict_recording
+from ssm_planner.identification.recording import Recording, read_recordings
+from ssm_planner.identification.rig_figures import TABLE
+from ssm_planner.identification.torque_map import TorqueMap, kind_of, read_figures, torque_map
+from ssm_planner.problem.load import load_drive
+from ssm_planner.problem.values import Drive
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What recordings say of a drive's friction."""
+
+    fit: MapFit
+    """Of the torque–velocity map."""
+    dynamic: DynamicFit | None
+    """Of start–stop recordings, where there are any."""
+    data: TorqueMap
+    moving: tuple[Recording, ...]
+    """The start–stop recordings."""
+    load: float
+    """Constant effort on the output, N·m or N."""
+    evidence: str
+    """Where the map comes from, in words."""
+
+    @property
+    def drive(self) -> Drive:
+        """With the identified friction."""
+        return self.fit.drive if self.dynamic is None else self.dynamic.drive
+
+    @property
+    def dynamic_estimates(self) -> dict[str, Estimate]:
+        return {} if self.dynamic is None else dict(self.dynamic.estimates)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The object that `identify --json` prints, without files; SI."""
+        fit, dynamic = self.fit, self.dynamic
+        estimates = {**fit.estimates, **self.dynamic_estimates}
+        rows = zip(fit.correlation_names, fit.correlation, strict=True)
+        return {
+            "law": fit.law,
+            "parameters": {name: _estimate(estimate) for name, estimate in estimates.items()},
+            "nrmsd": fit.nrmsd,
+            "repairs": [*self.data.repairs, *(f"{r.name}: {repair}" for r in self.moving for repair in r.repairs)],
+            "points": len(self.data.w),
+            "correlations": {a: dict(zip(fit.correlation_names, map(float, row), strict=True)) for a, row in rows},
+            "inseparable": [list(group) for group in fit.inseparable],
+            "outliers": [{"recording": n, "distance": d, "weight": w} for n, d, w in fit.outliers],
+            "criterion": {"name": "AICc", "laws": dict(fit.criterion)},
+            "start_stop": []
+            if dynamic is None
+            else [
+                {"recording": r.name, "nrmsd_map_only": before, "nrmsd": after}
+                for r, before, after in zip(self.moving, dynamic.before, dynamic.after, strict=True)
+            ],
+            "notes": [*fit.notes, *(() if dynamic is None else dynamic.notes)],
+        }
+
+
+def identify(
+    drive: str | Path,
+    recordings: Sequence[str | Path] = (),
+    *,
+    law: str = "auto",
+    fixed: Mapping[str, float] | None = None,
+    free: Sequence[str] = (),
+) -> Identification:
+    """Identify the friction of the drive in a file.
+
+    recordings: files or folders; steady-state ones make the torque–velocity map, start–stop ones give breakaway, dwell
+    and memory. Without steady-state recordings the map comes from the table of figures beside the drive file. law: a
+    law's name or `auto`. fixed: known parameters, SI. free: parameters fitted beyond the law's own (b_ov, preload).
+    Raises RecordingError or ProblemError.
+    """
+    here = load_drive(drive)
+    steady, moving = _sorted_by_kind(_read(here, recordings))
+    data, evidence = _map(drive, steady, moving)
+    load, inertia = _load(here)
+    fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
+    dynamic = fit_dynamic(fit.drive, moving, load, inertia) if moving else None
+    return Identification(fit, dynamic, data, tuple(moving), load, evidence)
+
+
+def predict(drive: str | Path, recordings: Sequence[str | Path]) -> list[Prediction]:
+    """Predict motor torque from the measured speed of recordings (files or folders), by the drive in a file.
+
+    A drive whose friction is still to be identified is identified first from the table of figures beside its file.
+    Raises RecordingError or ProblemError.
+    """
+    here = load_drive(drive)
+    if not recordings:
+        raise RecordingError("no recording to predict: name files or folders")
+    load, inertia = _load(here)
+    found = _read(here, recordings)
+    if here.friction is None:
+        here = fit_map(here, _map(drive, [], [])[0], load, reference=_reference(here)).drive
+    return [predict_recording(here, recording, load, inertia) for recording in found]
+
+
+def friction_origin(drive: str | Path) -> str:
+    """Where the friction that `predict` takes comes from, in words."""
+    return "the drive file" if load_drive(drive).friction is not None else _map(drive, [], [])[1]
+
+
+def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
+    nominal, direction = (None, 1) if drive.rig is None else (drive.rig.motor_nominal_torque, drive.rig.direction)
+    return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
+
+
+def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
+    kinds = [kind_of(recording) for recording in recordings]
+    pairs = list(zip(recordings, kinds, strict=True))
+    return [r for r, kind in pairs if kind == "steady"], [r for r, kind in pairs if kind == "start_stop"]
+
+
+def _load(drive: Drive) -> tuple[float, float]:
+    return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
+
+
+def _reference(drive: Drive) -> dict[str, float]:
+    """Values that decide what the data leave open: those published for a rig, else the friction the file has."""
+    if drive.rig is not None and drive.rig.published:
+        return dict(drive.rig.published)
+    f = drive.friction
+    return {} if f is None else {"mu": f.mu, "b_c": f.b_c, "b_v": f.b_v, "b_oc": f.b_oc}
+
+
+def _map(drive_path: str | Path, steady: list[Recording], moving: list[Recording]) -> tuple[TorqueMap, str]:
+    """The map to fit, and where it comes from in words."""
+    also = f" and {len(moving)} start-stop recordings" if moving else ""
+    if steady:
+        data = torque_map(steady)
+        return data, f"{len(data.w)} steady-state recordings ({data.names[0]} … {data.names[-1]}){also}"
+    table, rig = Path(drive_path).parent / TABLE, Path(drive_path).stem
+    if not table.is_file():
+        raise RecordingError(f"no steady-state recording given, and no table of figures {table} to fall back on")
+    data = read_figures(table, rig)
+    return data, f"the figures of {len(data.w)} steady-state recordings in {table.name}{also}"
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "value": float(estimate.value),
+        "low": float(estimate.low),
+        "high": float(estimate.high),
+        "fixed": bool(estimate.fixed),
+        "separable": bool(estimate.separable),
+        "at_bound": bool(estimate.at_bound),
+    }

@@ -1,0 +1,228 @@
+"""Seeded random problems over random robots, and what has to hold of whatever the planner makes of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.model.forward import tip_position
+from ssm_planner.model.inverse import inverse_task
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import task_from_joints
+from ssm_planner.model.workspace import tilt_interval
+from ssm_planner.plan import Plan
+from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.values import (
+    TASK,
+    Array,
+    Body,
+    Eye,
+    Geometry,
+    Joint,
+    Lens,
+    Motion,
+    Problem,
+    Robot,
+    Scan,
+    Target,
+    frozen,
+)
+
+NAMED = {"motor torque", "position", "velocity", "duration", "direction", "retina clearance", "lens clearance"}
+"""Constraints that a reason may name; all of them but the direction have a value required and one available."""
+DEPTH = (0.0, 0.03)
+Point = Callable[[], dict[str, float]]
+
+
+def random_problem(base: Problem, seed: int) -> Problem:
+    """One to three motions; any angles, mounting, speeds, motors; now and then every other feature of a problem."""
+    rng = np.random.default_rng(seed)
+    mechanism = Mechanism.from_angles(rng.uniform(0.15, 1.4), rng.uniform(0.3, 2.6))
+    robot = _robot(base.robot, mechanism, rng)
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    eye = _eye(mechanism, rng) if rng.random() < 0.15 else None
+    point = _points(mechanism, eye is not None, rng)
+    motions = [_motion(point, rng) for _ in range(rng.integers(1, 4))]
+    if rng.random() < 0.1:
+        motions.insert(int(rng.integers(len(motions) + 1)), Motion("dwell", "dwell", duration=0.1))
+    if eye is not None and rng.random() < 0.3:
+        motions = [*motions[:1], _scan(point(), rng)]
+    problem = dataclasses.replace(
+        base,
+        name=f"random {seed}",
+        robot=robot,
+        start=Target(task=point()),
+        motion=tuple(motions),
+        limits={"depth": DEPTH},
+        tip_speed=0.02 if rng.random() < 0.2 else None,
+        rates={name: _rate(name, rng) for name in TASK if rng.random() < 0.12},
+        eye=eye,
+        objective="time" if rng.random() < 0.35 else "time then heat",
+        file=None,
+    )
+    if rng.random() < 0.2:
+        # from hardly possible to leisurely
+        problem = dataclasses.replace(problem, objective="effort", duration=float(3 * 10 ** rng.uniform(-0.5, 1)))
+    return _with_end_rates(problem, rng)
+
+
+def _points(mechanism: Mechanism, within_eye: bool, rng: np.random.Generator) -> Point:
+    low, high = tilt_interval(mechanism)
+    inset = (0.3 if within_eye else 0.02) * (high - low)
+    turn = 0.25 if within_eye else 0.5
+    depth = (0.002, 0.02) if within_eye else DEPTH
+
+    def point() -> dict[str, float]:
+        tilt = rng.uniform(low + inset, high - inset)
+        return {"roll": rng.uniform(-turn, turn), "tilt": tilt, "spin": rng.uniform(-1, 1), "depth": rng.uniform(*depth)}
+
+    return point
+
+
+def _motion(point: Point, rng: np.random.Generator) -> Motion:
+    name, task = str(rng.choice(["straight", "free", "free", "tilt", "insert"])), point()
+    duration = float(2 * 10 ** rng.uniform(-0.5, 0.8)) if rng.random() < 0.08 else None
+    if name in ("tilt", "insert"):
+        key = {"tilt": "tilt", "insert": "depth"}[name]
+        task = {key: task[key]}
+    if name != "free":
+        return Motion("straight", name, Target(task=task), duration)
+    passed = tuple(Target(task=point()) for _ in range(rng.integers(1, 5))) if rng.random() < 0.35 else ()
+    return Motion("free", name, Target(task=task), duration, through=passed)
+
+
+def _rate(name: str, rng: np.random.Generator) -> float:
+    return float((0.02 if name == "depth" else 0.8) * 10 ** rng.uniform(-0.7, 0.3))
+
+
+def _scan(at: dict[str, float], rng: np.random.Generator) -> Motion:
+    kind, dwell = str(rng.choice(["ring", "triple ring", "raster"])), 0.05 if rng.random() < 0.3 else 0.0
+    diameters = {"ring": (1e-3,), "triple ring": (1e-3, 2e-3, 3e-3), "raster": ()}[kind]
+    rows, columns = (int(n) for n in rng.integers(1, 4, size=2)) if kind == "raster" else (0, 0)
+    return Motion("scan", kind, Target(task=at), scan=Scan(diameters, rows, columns, 1e-3, 2.5e-3, dwell))
+
+
+def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
+    """An eye about the middle of what the tool reaches, with its lens on one side in half of the cases."""
+    low, high = tilt_interval(mechanism)
+    middle = inverse_task(mechanism, np.array([[0.0, (low + high) / 2, 0.0, 1.0]])).joints[0, 0]
+    axis = tip_position(mechanism, middle[None, :])[0]
+    radius = rng.uniform(0.0105, 0.013)
+    side = np.cross(axis, rng.normal(size=3))
+    side /= np.linalg.norm(side)
+    # the port beside the axis of the eye, as in surgery
+    centre = radius * (np.cos(0.5) * axis + np.sin(0.5) * side)
+    lens = None
+    if rng.random() < 0.5:
+        to_front = np.cos(0.9) * -axis + np.sin(0.9) * side
+        to_front /= np.linalg.norm(to_front)
+        across = np.cross(to_front, axis)
+        across /= np.linalg.norm(across)
+        frame = np.column_stack([across, np.cross(to_front, across), to_front])
+        place = centre + 0.5 * radius * to_front
+        lens = Lens(frozen(place, (3,)), frozen([3e-3, 3e-3, 1.5e-3], (3,)), frozen(frame, (3, 3)))
+    return Eye(frozen(centre, (3,)), radius, clearance=5e-4, port=3e-3, shaft_radius=2.5e-4, lens=lens)
+
+
+def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
+    """Boundary rates along the motion at either end, in one problem of ten."""
+    first, last = problem.motion[0], problem.motion[-1]
+    if rng.random() < 0.1 and first.kind == "straight" and problem.start.task and first.target and first.target.task:
+        way = {name: value - problem.start.task[name] for name, value in first.target.task.items()}
+        problem = dataclasses.replace(problem, start_rate={name: 0.3 * x for name, x in way.items()})
+    if rng.random() < 0.1 and last.kind == "free":
+        problem = dataclasses.replace(problem, end_rate={"depth": float(rng.choice([-0.004, 0.004]))})
+    return problem
+
+
+def _robot(base: Robot, mechanism: Mechanism, rng: np.random.Generator) -> Robot:
+    axes = (mechanism.omega1, mechanism.omega2, mechanism.omega3, mechanism.omega3)
+    gravity = rng.normal(size=3)
+    gravity *= 9.81 / np.linalg.norm(gravity)
+    jerk = rng.random() < 0.4
+    bodies = [_body(body, axis, rng) for body, axis in zip(base.bodies, axes, strict=True)]
+    joints = [_joint(joint, jerk, rng) for joint in base.joints]
+    return dataclasses.replace(
+        base,
+        geometry=Geometry(mechanism.omega1, mechanism.omega2, mechanism.omega3, mechanism.tool_home),
+        bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
+        joints=(joints[0], joints[1], joints[2], joints[3]),
+        gravity=frozen(gravity, (3,)),
+        limits={},
+    )
+
+
+def _body(body: Body, axis: Array, rng: np.random.Generator) -> Body:
+    x = np.cross(axis, rng.normal(size=3))
+    x /= np.linalg.norm(x)
+    scale = rng.uniform(0.3, 1.5)
+    frame = frozen(np.column_stack([x, np.cross(axis, x), axis]), (3, 3))
+    return dataclasses.replace(body, mass=scale * body.mass, inertia=scale * body.inertia, frame=frame)
+
+
+def _joint(joint: Joint, jerk: bool, rng: np.random.Generator) -> Joint:
+    acceleration = joint.acceleration * 10 ** rng.uniform(-0.7, 0.5)
+    motor = joint.motor
+    if motor is not None:
+        motor = dataclasses.replace(motor, max_torque=motor.max_torque * 10 ** rng.uniform(-0.5, 0.2))
+    return dataclasses.replace(
+        joint,
+        position=(-6.5, 6.5) if joint.kind == "revolute" else joint.position,
+        velocity=joint.velocity * 10 ** rng.uniform(-0.5, 0.3),
+        acceleration=acceleration,
+        jerk=acceleration * 10 ** rng.uniform(0.5, 2) if jerk else None,
+        motor=motor,
+    )
+
+
+def faults(problem: Problem, result: Plan) -> list[str]:
+    """What does not hold of a plan, in words; nothing where it is a motion as asked for, or a named reason."""
+    if result.reason is not None:
+        return _faults_of_reason(result.reason)
+    if result.trajectory is None or result.certificate is None or not result.passed:
+        return ["neither a certificate nor a reason"]
+    found = []
+    if min(limit.margin for limit in result.certificate.limits) < -1e-6:
+        found.append("passed with a limit exceeded")
+    if result.trajectory.duration < (result.lower_bound or 0.0) * (1 - 1e-6):
+        found.append("shorter than its lower bound")
+    asked = problem.duration
+    if asked is not None and abs(result.trajectory.duration / asked - 1) > 1e-6:
+        found.append(f"takes {result.trajectory.duration:.9g} s instead of the {asked:.9g} s asked for")
+    return found + _faults_of_ends(problem, result)
+
+
+def _faults_of_reason(reason: Reason) -> list[str]:
+    if reason.constraint not in NAMED:
+        return [f"no named reason: {reason.message}"]
+    values = reason.required, reason.available
+    if None in values or not np.all(np.isfinite(np.array(values, dtype=float))):
+        return [f"a reason without values: {reason.message}"]
+    return [] if reason.where is not None else [f"a reason without a place: {reason.message}"]
+
+
+def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:
+    """Whether the motion begins and ends where, and as fast as, the problem says."""
+    trajectory: Any = result.trajectory
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    first = trajectory.sample(trajectory.breaks[:1])
+    last = trajectory.sample(trajectory.breaks[-1:], side="left")
+    found = []
+    start = task_from_joints(mechanism, first.q)[0]
+    for name, value in (problem.start.task or {}).items():
+        if abs(np.sin((start[TASK.index(name)] - value) / 2)) > 1e-9:
+            found.append(f"begins at another {name}")
+    target = problem.motion[-1].target
+    end = task_from_joints(mechanism, last.q)[0]
+    goal = {} if target is None or problem.motion[-1].kind == "scan" else target.task or {}
+    for name, value in goal.items():
+        if abs(np.sin((end[TASK.index(name)] - value) / 2)) > 1e-9:
+            found.append(f"ends at another {name}")
+    if not problem.start_rate and np.abs(first.qd).max() > 1e-9:
+        found.append("does not begin at rest")
+    if not problem.end_rate and np.abs(last.qd).max() > 1e-9:
+        found.append("does not end at rest")
+    return found
