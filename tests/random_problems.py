@@ -13,7 +13,7 @@ from ssm_planner.model.inverse import inverse_task
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
 from ssm_planner.model.workspace import tilt_interval
-from ssm_planner.plan import Plan
+from ssm_planner.outcome import Plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import (
     TASK,

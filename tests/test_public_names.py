@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pkgutil
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -65,7 +67,7 @@ def test_a_session_in_python(tmp_path: Path) -> None:
     assert found.to_dict() == plan.certificate.to_dict()
     assert ssm_planner.check(plan.trajectory, problem.robot, problem.task_limits).to_dict() == found.to_dict()
     assert ssm_planner.size(plan).to_dict() == plan.sizing.to_dict()
-    files, manifest = ssm_planner.export(plan, "csv", tmp_path / "csv")
+    files, manifest = ssm_planner.exports(plan, "csv", tmp_path / "csv")
     assert manifest["verified"] is True
     assert ssm_planner.check(files["trajectory.csv"], problem.robot, problem.task_limits).passed
     assert main(["check", str(files["trajectory.csv"]), "--problem", str(ROOT / "problems/tilt_insert.yaml")]) == 0
@@ -84,6 +86,18 @@ def test_a_trajectory_needs_a_robot(tmp_path: Path) -> None:
 
 
 def test_identify_and_predict_give_values() -> None:
-    found = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
+    found = ssm_planner.identification(ROOT / "problems/drives/rig3_worm.yaml")
     assert found.drive.friction is not None
     assert found.to_dict()["law"] == found.fit.law
+
+
+def test_the_lines_in_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = re.search(
+        r"## From Python\n\n```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+    )
+    assert found is not None
+    shutil.copytree(ROOT / "problems", tmp_path / "problems")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(found[1], names)
+    assert names["files"]

@@ -25,6 +25,11 @@ class Shape:
     joints: bool
     """The coordinates are joints: jerk limits of their own, and idle ones smoothed."""
 
+    def split(self, chosen: Array, parts: int) -> Shape:
+        """The same with the chosen elements (n,) cut into equal parts."""
+        counts = np.where(chosen, parts, 1)
+        return replace(self, share=tuple(np.bincount(self.segment, counts).astype(int).tolist()))
+
     @property
     def elements(self) -> int:
         return sum(self.share)
@@ -126,6 +131,7 @@ class Answer:
     """elements (n, 4 m + 1): u, u̇, ü, ü, length in scaled time; times (k,); point: what a warm start takes."""
 
     message: str
+    shape: Shape
     elements: Array
     times: Array
     iterations: int
@@ -143,3 +149,22 @@ class Answer:
     @property
     def solved(self) -> bool:
         return self.status == "solved"
+
+
+def split(elements: Array, chosen: Array, parts: int) -> Array:
+    """The same motion with the chosen elements (n,) of (n, 4 m + 1) cut into equal parts."""
+    m = elements.shape[1] // 4
+    counts = np.where(chosen, parts, 1)
+    whole = np.repeat(elements, counts, axis=0)
+    u, v, a0, a1 = (whole[:, k * m : (k + 1) * m] for k in range(4))
+    share = 1.0 / np.repeat(counts, counts)
+    index = np.arange(len(whole)) - np.repeat(np.cumsum(counts) - counts, counts)
+    begin, t = (index * share)[:, None], (index * share * whole[:, -1])[:, None]
+    rise = a1 - a0
+    states = (
+        u + t * (v + t * (a0 / 2 + begin * rise / 6)),
+        v + t * (a0 + begin * rise / 2),
+        a0 + begin * rise,
+        a0 + (begin + share[:, None]) * rise,
+    )
+    return np.column_stack([*states, whole[:, -1] * share])

@@ -8,7 +8,7 @@ collocation points, as far as they come near their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from ssm_planner.planning.free_stage import NUMBERS, RATED, WATCHED, FreeStage
 from ssm_planner.planning.limits import UNLIMITED, limit_table, limits_jerk
 from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.program import DENSE, Aim, RowName, shared
-from ssm_planner.planning.solving import Start, optimise
+from ssm_planner.planning.solving import PARTS, Start, optimise
 from ssm_planner.problem.values import TASK, Array, Indices, Problem
 
 ELEMENTS = 40
@@ -81,6 +81,10 @@ class _FreeTask:
     table: Array
     speeds: tuple[Array, Array]
     guesses: tuple[FreeGuess, ...]
+    share: tuple[int, ...]
+    """Elements of each segment."""
+    fractions: Array
+    """Length of every element as a share of its segment's, (n,)."""
 
     @classmethod
     def of(
@@ -100,7 +104,13 @@ class _FreeTask:
         way[np.abs(way) <= MOVES] = 0.0
         each = max(count // len(way), 8) if len(way) > 1 else count
         guesses = tuple(guess(w, table[:3], limits_jerk(robot), each, 2 if len(way) < 16 else 1) for w in way)
-        return cls(problem, mechanism, points, way, table, speeds, guesses)
+        share, fractions = tuple(len(g.fractions) for g in guesses), np.concatenate([g.fractions for g in guesses])
+        return cls(problem, mechanism, points, way, table, speeds, guesses, share, fractions)
+
+    def refined(self, chosen: Array) -> _FreeTask:
+        counts = np.where(chosen, PARTS, 1)
+        share = self.shape.split(chosen, PARTS).share
+        return replace(self, share=share, fractions=np.repeat(self.fractions / counts, counts))
 
     @cached_property
     def moving(self) -> Indices:
@@ -119,8 +129,7 @@ class _FreeTask:
     @cached_property
     def shape(self) -> Shape:
         moves = tuple(tuple((w[self.moving] != 0).tolist()) for w in self.way)
-        share = tuple(len(g.fractions) for g in self.guesses)
-        return Shape(moves, share, limits_jerk(self.problem.robot), hull=True, joints=True)
+        return Shape(moves, self.share, limits_jerk(self.problem.robot), hull=True, joints=True)
 
     @cached_property
     def start(self) -> Start:
@@ -131,14 +140,10 @@ class _FreeTask:
             orders = (0, 1, 2, 2)
             states.append(np.hstack([self._scaled(part, k) for part, k in zip(parts, orders, strict=True)]))
         times = np.array([g.duration for g in self.guesses]) / self.scale
-        return Start(np.vstack(states), times, times[self.shape.segment] * self._fractions)
+        return Start(np.vstack(states), times, times[self.shape.segment] * self.fractions)
 
     def _scaled(self, values: Array, order: int) -> Array:
         return (values * self.scale**order / np.where(self.unit > 0, self.unit, 1.0))[..., self.moving]
-
-    @cached_property
-    def _fractions(self) -> Array:
-        return np.concatenate([g.fractions for g in self.guesses])
 
     @cached_property
     def names(self) -> list[RowName]:
@@ -159,7 +164,7 @@ class _FreeTask:
         lower, upper, hull = course.bounds(self.shape, speed, acceleration)
         return Question(
             arguments=(self._sigma, self._numbers),
-            fractions=self._fractions,
+            fractions=self.fractions,
             lower=lower,
             upper=upper,
             speed=hull,
@@ -242,7 +247,6 @@ class _FreeTask:
 
         start = joints(u, 0), joints(v, 1), joints(a0, 2)
         after = joints(np.vstack([u[1:], end[0]]), 0), joints(np.vstack([v[1:], end[1]]), 1), joints(a1, 2)
-        lengths = answer.times[self.shape.segment] * self._fractions * self.scale
-        breaks = np.concatenate([[0.0], np.cumsum(lengths)])
-        borders = breaks[[*self.shape.borders, n]]
+        breaks = np.concatenate([[0.0], np.cumsum(answer.elements[:, -1] * self.scale)])
+        borders = breaks[[*answer.shape.borders, n]]
         return FreeResult(answer.status, answer.message, breaks, start, after, borders, answer.iterations)

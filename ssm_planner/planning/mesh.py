@@ -30,6 +30,14 @@ class Mesh:
     instants: Array
     interval: Array
 
+    def split(self, chosen: Array, parts: int) -> Mesh:
+        """The same with the chosen elements (n,) cut into equal parts."""
+        counts = np.where(chosen, parts, 1)
+        lengths = np.repeat(np.diff(self.instants) / counts, counts)
+        return Mesh(
+            np.concatenate([self.instants[:1], self.instants[0] + np.cumsum(lengths)]), np.repeat(self.interval, counts)
+        )
+
     @property
     def share(self) -> tuple[int, ...]:
         """Elements of each interval."""

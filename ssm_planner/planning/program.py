@@ -146,7 +146,7 @@ class Program:
         states, found = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
         elements = np.column_stack([states, found[shape.segment] * question.fractions])
         again = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
-        return Answer(str(stats["return_status"]), elements, found, int(stats["iter_count"]), again)
+        return Answer(str(stats["return_status"]), shape, elements, found, int(stats["iter_count"]), again)
 
 
 def point_of(states: Array, times: Array) -> dict[str, Any]:

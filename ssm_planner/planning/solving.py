@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from ssm_planner.planning.course import Answer, Question, Shape
+from ssm_planner.planning.course import Answer, Question, Shape, split
 from ssm_planner.planning.program import Aim, Program, RowName, Stage, point_of
 from ssm_planner.problem.values import Array, Objective
 
@@ -15,6 +15,11 @@ NEAR = 0.85
 """A row that stays below this share of its limit in the guess is left out until it is found exceeded."""
 EXCESS = 2e-7
 """Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
+ROUGH = 1e-3
+"""Where it does so by more than this, the element is cut instead."""
+PARTS = 3
+MOST_ELEMENTS = 3
+"""Times their first number."""
 BACKOFF = 1.2
 """Tightening per excess found."""
 ROUNDS = 12
@@ -44,6 +49,9 @@ class Task(Protocol):
     def largest(self, elements: Array) -> Array:
         """Largest value of every row in every element, (n, all rows)."""
 
+    def refined(self, chosen: Array) -> Task:
+        """The same problem with the chosen elements (n,) cut into PARTS."""
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
@@ -52,6 +60,10 @@ class Start:
     states: Array
     times: Array
     lengths: Array
+
+    @classmethod
+    def at(cls, answer: Answer) -> Start:
+        return cls(answer.elements[:, :-1], answer.times, answer.elements[:, -1])
 
     @property
     def elements(self) -> Array:
@@ -69,55 +81,55 @@ def optimise(task: Task, start: Start, objective: Objective, duration: float | N
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
     """
-    fastest = _rounds(task, start, "time")
+    fastest, task = _rounds(task, start, "time")
     total = float(fastest.times.sum())
     if not fastest.solved or (objective == "time" and duration is None) or (duration is not None and duration < total):
         return fastest
-    m = task.shape.coordinates
-    begin = Start(fastest.elements[:, : 4 * m], fastest.times, fastest.elements[:, 4 * m])
+    begin = Start.at(fastest)
     if duration is None:
-        least = _rounds(task, begin, "heat", (0.0, (1 + LONGER) * total))
+        least, _ = _rounds(task, begin, "heat", (0.0, (1 + LONGER) * total))
         if not least.solved:
             return fastest
     else:
-        least = _rounds(task, begin.stretched(duration / total), "effort", (duration, duration))
-    return Answer(least.message, least.elements, least.times, fastest.iterations + least.iterations, least.point)
+        least, _ = _rounds(task, begin.stretched(duration / total), "effort", (duration, duration))
+    return replace(least, iterations=fastest.iterations + least.iterations)
 
 
-def _rounds(task: Task, start: Start, aim: Aim, time: tuple[float, float] | None = None) -> Answer:
-    """time: bounds of the duration, where it is not the aim."""
+def _rounds(task: Task, start: Start, aim: Aim, time: tuple[float, float] | None = None) -> tuple[Answer, Task]:
+    """The answer, and the task on the mesh that it needed. time: bounds of the duration, where it is not the aim."""
     names = task.names
     elements = start.elements
     largest = task.largest(elements)
     near = largest.max(axis=0, initial=0.0) > NEAR
     kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
     slack = np.zeros_like(largest)
-
-    def question(elements: Array, slack: Array) -> Question:
-        asked = task.question(elements, slack)
-        return asked if time is None else asked.within(time)
-
     begin = point_of(start.states, start.times)
+    most = MOST_ELEMENTS * len(elements)
     iterations = 0
     for rounds in range(1, ROUNDS + 1):
         program = Program.of(task.shape, task.stage(kept, aim))
-        shown = [name in kept for name in names]
-        answer = program.solve(question(elements, slack[:, shown]), begin)
+        question = task.question(elements, slack[:, [name in kept for name in names]])
+        answer = program.solve(question if time is None else question.within(time), begin)
         iterations += answer.iterations
         elements = answer.elements
         if not answer.solved:
             break
         excess = task.largest(elements) - 1
         worst = excess.max(axis=0, initial=-1.0)
-        if worst.max(initial=-1.0) <= EXCESS or rounds == ROUNDS:
+        if worst.max(initial=-1.0) <= EXCESS:
             break
         missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
+        rough = excess.max(axis=1) > ROUGH
         if missed:
             kept, begin = kept | missed, {"x0": answer.point["x0"]}
+        elif rough.any() and len(elements) + (PARTS - 1) * rough.sum() <= most:
+            task, elements = task.refined(rough), split(elements, rough, PARTS)
+            slack = np.repeat(slack, np.where(rough, PARTS, 1), axis=0)
+            begin = point_of(elements[:, :-1], answer.times)
         else:
             slack = slack + rounds**0.5 * tightening(excess)
             begin = answer.point
-    return Answer(answer.message, elements, answer.times, iterations, answer.point)
+    return replace(answer, iterations=iterations), task
 
 
 def tightening(excess: Array) -> Array:

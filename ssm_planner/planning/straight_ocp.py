@@ -7,7 +7,7 @@ points every joint keeps its direction, so the friction law enters exactly (plan
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.program import DENSE, Aim, RowName, shared
 from ssm_planner.planning.retiming import Retiming
-from ssm_planner.planning.solving import Start, optimise
+from ssm_planner.planning.solving import PARTS, Start, optimise
 from ssm_planner.planning.stage import StraightStage
 from ssm_planner.problem.values import TASK, Array, Objective, Robot, TaskLimits
 
@@ -124,6 +124,9 @@ class _StraightTask:
             allowed=np.ones((n, slack.shape[1])) - slack,
             starting=self._starting,
         )
+
+    def refined(self, chosen: Array) -> _StraightTask:
+        return replace(self, mesh=self.mesh.split(chosen, PARTS))
 
     def largest(self, elements: Array) -> Array:
         rows = call(
