@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,8 +15,12 @@ GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 HALVINGS = 2
 BARELY = 1e-6
 """Share by which a relaxation goes beyond the value that is needed, so that rounding does not spoil it."""
+TO_MOVE = 5e-3
+"""Share of a torque that has to be left for acceleration: with none the motion creeps."""
 SHARES = (0.1, 1.0)
 """By how much limits are relaxed one by one where it is not known which one stands in the way."""
+PATIENCE = 4.0
+"""Process time after which no other relaxation is tried, s."""
 UNITS = {"rad": ("deg", 57.29577951308232), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "s": ("s", 1.0), "": ("", 1.0)}
 
 Attempt = Callable[[Problem], "float | Reason"]
@@ -40,47 +45,80 @@ class Relaxation:
         )
 
 
-def tried(problem: Problem, reason: Reason, attempt: Attempt) -> str | None:
-    """What would do, in words, with the duration of the motion that it gives; None where nothing that was tried did."""
+@dataclass(frozen=True, eq=False)
+class Cure:
+    """A relaxation tried at one value; outcome: the duration of the motion that it gives, or the reason why there is none."""
+
+    relaxation: Relaxation
+    value: float
+    outcome: float | Reason
+
+    @property
+    def works(self) -> bool:
+        return isinstance(self.outcome, float)
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with the value tried."""
+        return self.relaxation.problem(self.value)
+
+    @property
+    def text(self) -> str:
+        if isinstance(self.outcome, Reason):
+            return f"{self.relaxation.text(self.value)}: tried, does not do alone: {self.outcome.message}"
+        return f"{self.relaxation.text(self.value)}: tried, takes {self.outcome:.4g} s"
+
+
+def tried(problem: Problem, reason: Reason, attempt: Attempt, patience: float = PATIENCE) -> Cure | None:
+    """The smallest change of one limit that was found to do, or what the limit that the reason names does not do alone.
+
+    None where nothing that was tried did. patience: process time after which no other attempt is begun, s.
+    """
     fast = replace(problem, objective="time" if problem.objective == "time then heat" else problem.objective)
     known = _known(fast, reason)
-    if known is not None:
-        return _least(known, attempt)
-    return _any(fast, attempt)
+    begin = time.process_time()
+
+    def patient() -> bool:
+        return time.process_time() - begin < patience
+
+    return _any(fast, attempt, patient) if known is None else _least(known, attempt, patient)
 
 
-def _least(relaxation: Relaxation, attempt: Attempt) -> str | None:
+def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
     """The least value of one relaxation that does, to a few per cent of the way beyond what is needed at least."""
-    step = relaxation.needed - relaxation.present
-    last = 0.0
-    other: Reason | None = None
+
+    def cure(growth: float) -> Cure:
+        step = relaxation.needed - relaxation.present
+        value = relaxation.present + step * growth * (1 + BARELY)
+        return Cure(relaxation, value, attempt(relaxation.problem(value)))
+
+    short = 0.0
     for growth in GROWTH:
-        outcome = attempt(relaxation.problem(relaxation.present + step * growth * (1 + BARELY)))
-        if isinstance(outcome, float):
+        found = cure(growth)
+        if found.works or not patient():
             break
-        other, last = outcome, growth
-    else:
-        if other is None:
-            return None
-        return f"{relaxation.text(relaxation.present + step)} alone does not do: {other.message}"
-    for _ in range(HALVINGS if last else 0):
-        middle = (last + growth) / 2
-        found = attempt(relaxation.problem(relaxation.present + step * middle * (1 + BARELY)))
-        if isinstance(found, float):
-            growth, outcome = middle, found
+        short = growth
+    for _ in range(HALVINGS if short and found.works else 0):
+        if not patient():
+            break
+        less = cure((short + growth) / 2)
+        if less.works:
+            found, growth = less, (short + growth) / 2
         else:
-            last = middle
-    return f"{relaxation.text(relaxation.present + step * growth * (1 + BARELY))}: tried, takes {outcome:.4g} s"
+            short = (short + growth) / 2
+    return found
 
 
-def _any(problem: Problem, attempt: Attempt) -> str | None:
+def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
     """The relaxation by the smallest share, of all limits one by one."""
     for share in SHARES:
         for relaxation in _every(problem):
+            if not patient():
+                return None
             value = relaxation.present + share * (relaxation.needed - relaxation.present)
-            outcome = attempt(relaxation.problem(value))
-            if isinstance(outcome, float):
-                return f"{relaxation.text(value)}: tried, takes {outcome:.4g} s"
+            found = Cure(relaxation, value, attempt(relaxation.problem(value)))
+            if found.works:
+                return found
     return None
 
 
@@ -114,7 +152,8 @@ def _torque(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation
     def changed(value: float) -> Problem:
         return _with_joint(problem, i, motor=replace(motor, max_torque=value))
 
-    return Relaxation(f"largest motor torque of joint {joint.name} of", "N·m", motor.max_torque, needed, changed)
+    enough = max(needed, motor.max_torque) * (1 + TO_MOVE)
+    return Relaxation(f"largest motor torque of joint {joint.name} of", "N·m", motor.max_torque, enough, changed)
 
 
 def _position(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation:

@@ -43,7 +43,7 @@ def plan(
     if reason is not None:
         progress("looking for what would do")
         cure = tried(problem, reason, _duration_or_reason)
-        reason = reason if cure is None else replace(reason, relaxation=cure)
+        reason = reason if cure is None else replace(reason, relaxation=cure.text)
     seconds = time.perf_counter() - begin
     return Plan(problem, planned.status, planned.trajectory, planned.legs, certificate, sizing, reason, seconds)
 

@@ -77,7 +77,12 @@ def _points(mechanism: Mechanism, within_eye: bool, rng: np.random.Generator) ->
 
     def point() -> dict[str, float]:
         tilt = rng.uniform(low + inset, high - inset)
-        return {"roll": rng.uniform(-turn, turn), "tilt": tilt, "spin": rng.uniform(-1, 1), "depth": rng.uniform(*depth)}
+        return {
+            "roll": rng.uniform(-turn, turn),
+            "tilt": tilt,
+            "spin": rng.uniform(-1, 1),
+            "depth": rng.uniform(*depth),
+        }
 
     return point
 

@@ -67,7 +67,7 @@ def test_a_session_in_python(tmp_path: Path) -> None:
     assert found.to_dict() == plan.certificate.to_dict()
     assert ssm_planner.check(plan.trajectory, problem.robot, problem.task_limits).to_dict() == found.to_dict()
     assert ssm_planner.size(plan).to_dict() == plan.sizing.to_dict()
-    files, manifest = ssm_planner.exports(plan, "csv", tmp_path / "csv")
+    files, manifest = ssm_planner.export(plan, "csv", tmp_path / "csv")
     assert manifest["verified"] is True
     assert ssm_planner.check(files["trajectory.csv"], problem.robot, problem.task_limits).passed
     assert main(["check", str(files["trajectory.csv"]), "--problem", str(ROOT / "problems/tilt_insert.yaml")]) == 0
@@ -86,7 +86,7 @@ def test_a_trajectory_needs_a_robot(tmp_path: Path) -> None:
 
 
 def test_identify_and_predict_give_values() -> None:
-    found = ssm_planner.identification(ROOT / "problems/drives/rig3_worm.yaml")
+    found = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
     assert found.drive.friction is not None
     assert found.to_dict()["law"] == found.fit.law
 

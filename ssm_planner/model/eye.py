@@ -19,8 +19,8 @@ RETINA = "retina clearance"
 LENS = "lens clearance"
 """Names by which results speak of the two limits."""
 
-LENIENCE = 4.0
-"""At the remote centre retina_row forgives so many times what the retina alone would make it there."""
+ROUNDING = 1e-3
+"""Of the edge in retina_row."""
 NO_LENGTH = 1e-12
 """Square of the scaled length below which a shaft is a point and has no direction."""
 
@@ -63,17 +63,17 @@ def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]
 
 
 def retina_row(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """A row ≤ 0, once continuously differentiable, no unit: the tip keeps its clearance from the retina.
+    """A row ≤ 0, smooth, no unit: the tip keeps its clearance from the retina.
 
-    (|p − c|² − r² − K max(0, 1 − |p|²/port²)²) / r² with r = R − clearance and K = 4 max(0, |c|² − r²). Outside the port
-    it is exact. Within the port it allows nothing that retina_distance forbids, and forbids a little of what that
-    allows: places beside the eye, and a shaft so oblique that it leaves the port where it just reaches the clearance.
+    With u = 1 − |p − c|²/(R − clearance)² and v = 1 − |p|²/port² the tip may be where u ≥ 0 or v ≥ 0, that is where
+    u + v + √(u² + v²) ≥ 0 (Rvachev's R-disjunction). The root is rounded off as (u² + v²)/√(u² + v² + ROUNDING²), which is
+    below it: the row allows nothing that retina_distance forbids, and forbids less than ROUNDING/3 of u or v where port and
+    clearance meet, ROUNDING²/2|v| of u at a distance from there.
     """
-    allowed = (eye.radius - eye.clearance) ** 2
-    beyond = max(0.0, float(eye.centre @ eye.centre) - allowed)
-    share = 1.0 - _square(tip) / eye.port**2
-    share = xp.where(share > 0.0, share, 0.0)
-    return (_square(_minus(tip, eye.centre)) - allowed - LENIENCE * beyond * share * share) / allowed
+    u = 1.0 - _square(_minus(tip, eye.centre)) / (eye.radius - eye.clearance) ** 2
+    v = 1.0 - _square(tip) / eye.port**2
+    squares = u * u + v * v
+    return -(u + v + squares / xp.sqrt(squares + ROUNDING**2))
 
 
 def lens_row(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:

@@ -25,7 +25,9 @@ def _time(robot: Robot, i: int, positions: Array, at_rest: bool) -> float:
     runs = _runs(positions)
     if not at_rest:
         return sum(runs) / joint.velocity
-    return sum(rest_to_rest(run, joint.velocity, joint.acceleration, joint.jerk).duration for run in runs)
+    # where it turns back its velocity is zero, but with a jerk limit its acceleration need not be
+    jerk = joint.jerk if len(runs) == 1 else None
+    return sum(rest_to_rest(run, joint.velocity, joint.acceleration, jerk).duration for run in runs)
 
 
 def _runs(positions: Array) -> list[float]:

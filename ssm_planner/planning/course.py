@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.problem.values import Array, Indices
+
+LARGEST_BLOCK = 20
+"""Elements of a block; more freedom than this leaves the optimisation undecided about where to put its elements."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,8 @@ class Shape:
     """By segment and coordinate: whether it moves there."""
     share: tuple[int, ...]
     """Elements of each segment."""
+    blocks: tuple[int, ...]
+    """Elements of each block; the elements of a block share its time in fixed proportion."""
     smooth: bool
     """The acceleration is continuous."""
     hull: bool
@@ -28,7 +34,8 @@ class Shape:
     def split(self, chosen: Array, parts: int) -> Shape:
         """The same with the chosen elements (n,) cut into equal parts."""
         counts = np.where(chosen, parts, 1)
-        return replace(self, share=tuple(np.bincount(self.segment, counts).astype(int).tolist()))
+        share, blocks = (tuple(np.bincount(index, counts).astype(int).tolist()) for index in (self.segment, self.block))
+        return replace(self, share=share, blocks=blocks)
 
     @property
     def elements(self) -> int:
@@ -42,6 +49,11 @@ class Shape:
     def segment(self) -> Indices:
         """Segment of each element, (n,)."""
         return np.repeat(np.arange(len(self.share)), self.share)
+
+    @property
+    def block(self) -> Indices:
+        """Block of each element, (n,)."""
+        return np.repeat(np.arange(len(self.blocks)), self.blocks)
 
     @property
     def moving(self) -> Indices:
@@ -102,7 +114,9 @@ class Question:
     arguments: tuple[Array, ...]
     """The stage's further arguments, (length,) or (n, length)."""
     fractions: Array
-    """Length of every element as a share of its segment, (n,)."""
+    """Length of every element as a share of its block, (n,)."""
+    times: Array
+    """Least time of every block, (b,)."""
     lower: Array
     upper: Array
     """Bounds of u, u̇, ü, ü, (n, 4 m)."""
@@ -128,7 +142,7 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """elements (n, 4 m + 1): u, u̇, ü, ü, length in scaled time; times (k,); point: what a warm start takes."""
+    """elements (n, 4 m + 1): u, u̇, ü, ü, length in scaled time; times (b,) of the blocks; point: what a warm start takes."""
 
     message: str
     shape: Shape
@@ -149,6 +163,15 @@ class Answer:
     @property
     def solved(self) -> bool:
         return self.status == "solved"
+
+
+def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
+    """Blocks for arcs of so many elements: an arc, or parts of it of at most LARGEST_BLOCK elements."""
+    blocks: list[int] = []
+    for count in arcs:
+        parts = -(-count // LARGEST_BLOCK)
+        blocks += [count // parts + (k < count % parts) for k in range(parts)]
+    return tuple(blocks)
 
 
 def split(elements: Array, chosen: Array, parts: int) -> Array:

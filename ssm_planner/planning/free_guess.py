@@ -25,10 +25,8 @@ class FreeGuess:
     duration: float
     instants: Array
     states: tuple[Array, Array, Array, Array]
-
-    @property
-    def fractions(self) -> Array:
-        return np.diff(self.instants) / self.duration
+    arcs: tuple[int, ...]
+    """Elements between two switching points."""
 
 
 def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> FreeGuess:
@@ -41,9 +39,10 @@ def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> Fre
     alone = {k: _alone(distances[k], limits[:, k], jerk) for k in moving}
     slowest = max(moving, key=lambda k: alone[k].duration)
     leader = alone[slowest]
-    instants = [np.zeros(1)]
+    instants, arcs = [np.zeros(1)], []
     for start, end in pairwise(leader.switches):
         n = max(fewest, round(count * (end - start) / leader.duration))
+        arcs.append(n)
         instants.append(np.linspace(start, end, n + 1)[1:])
     t = np.concatenate(instants)
     middle = (t[1:] + t[:-1]) / 2
@@ -58,7 +57,7 @@ def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> Fre
         half = 0.5 * np.diff(t) * (profile.at(middle + 1e-9)[2] - here) / 1e-9
         for state, value in zip(states, (position[:-1], velocity[:-1], here - half, here + half), strict=True):
             state[:, k] = np.sign(way[k]) * value
-    return FreeGuess(leader.duration, t, states)
+    return FreeGuess(leader.duration, t, states, tuple(arcs))
 
 
 def _alone(distance: float, limits: Array, jerk: bool) -> Profile:

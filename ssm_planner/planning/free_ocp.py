@@ -17,13 +17,13 @@ from ssm_planner.model.eye import LENS, RETINA
 from ssm_planner.model.functions import call
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
-from ssm_planner.planning.course import Answer, Course, Question, Shape
+from ssm_planner.planning.course import Answer, Course, Question, Shape, blocks_of
 from ssm_planner.planning.free_guess import FreeGuess, guess
 from ssm_planner.planning.free_stage import NUMBERS, RATED, WATCHED, FreeStage
 from ssm_planner.planning.limits import UNLIMITED, limit_table, limits_jerk
 from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.program import DENSE, Aim, RowName, shared
-from ssm_planner.planning.solving import PARTS, Start, optimise
+from ssm_planner.planning.solving import PARTS, SHORTEST, Start, optimise
 from ssm_planner.problem.values import TASK, Array, Indices, Problem
 
 ELEMENTS = 40
@@ -81,10 +81,11 @@ class _FreeTask:
     table: Array
     speeds: tuple[Array, Array]
     guesses: tuple[FreeGuess, ...]
-    share: tuple[int, ...]
-    """Elements of each segment."""
+    shape: Shape
     fractions: Array
-    """Length of every element as a share of its segment's, (n,)."""
+    """Length of every element as a share of its block, (n,)."""
+    times: Array
+    """Time of every block in the guess, (b,), in scaled time."""
 
     @classmethod
     def of(
@@ -104,13 +105,34 @@ class _FreeTask:
         way[np.abs(way) <= MOVES] = 0.0
         each = max(count // len(way), 8) if len(way) > 1 else count
         guesses = tuple(guess(w, table[:3], limits_jerk(robot), each, 2 if len(way) < 16 else 1) for w in way)
-        share, fractions = tuple(len(g.fractions) for g in guesses), np.concatenate([g.fractions for g in guesses])
-        return cls(problem, mechanism, points, way, table, speeds, guesses, share, fractions)
+        blocks = blocks_of([n for g in guesses for n in g.arcs])
+        shape = Shape(
+            moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
+            share=tuple(sum(g.arcs) for g in guesses),
+            blocks=blocks,
+            smooth=limits_jerk(robot),
+            hull=True,
+            joints=True,
+        )
+        lengths = np.concatenate([np.diff(g.instants) for g in guesses])
+        times = np.bincount(shape.block, lengths)
+        return cls(
+            problem,
+            mechanism,
+            points,
+            way,
+            table,
+            speeds,
+            guesses,
+            shape,
+            lengths / times[shape.block],
+            times / times.sum(),
+        )
 
     def refined(self, chosen: Array) -> _FreeTask:
         counts = np.where(chosen, PARTS, 1)
-        share = self.shape.split(chosen, PARTS).share
-        return replace(self, share=share, fractions=np.repeat(self.fractions / counts, counts))
+        shape = self.shape.split(chosen, PARTS)
+        return replace(self, shape=shape, fractions=np.repeat(self.fractions / counts, counts))
 
     @cached_property
     def moving(self) -> Indices:
@@ -127,11 +149,6 @@ class _FreeTask:
         return sum(g.duration for g in self.guesses)
 
     @cached_property
-    def shape(self) -> Shape:
-        moves = tuple(tuple((w[self.moving] != 0).tolist()) for w in self.way)
-        return Shape(moves, self.share, limits_jerk(self.problem.robot), hull=True, joints=True)
-
-    @cached_property
     def start(self) -> Start:
         states = []
         for guess_, point in zip(self.guesses, self.points, strict=False):
@@ -139,8 +156,7 @@ class _FreeTask:
             parts = [(y + point - self.points[0]), *rates]
             orders = (0, 1, 2, 2)
             states.append(np.hstack([self._scaled(part, k) for part, k in zip(parts, orders, strict=True)]))
-        times = np.array([g.duration for g in self.guesses]) / self.scale
-        return Start(np.vstack(states), times, times[self.shape.segment] * self.fractions)
+        return Start(np.vstack(states), self.times, self.times[self.shape.block] * self.fractions)
 
     def _scaled(self, values: Array, order: int) -> Array:
         return (values * self.scale**order / np.where(self.unit > 0, self.unit, 1.0))[..., self.moving]
@@ -165,6 +181,7 @@ class _FreeTask:
         return Question(
             arguments=(self._sigma, self._numbers),
             fractions=self.fractions,
+            times=SHORTEST * self.times,
             lower=lower,
             upper=upper,
             speed=hull,

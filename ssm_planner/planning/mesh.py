@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.retiming import Retiming
-from ssm_planner.problem.values import Array
+from ssm_planner.problem.values import Array, Indices
 
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration join their neighbour."""
@@ -25,18 +25,21 @@ EVEN = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Elements between the instants (n + 1,); interval (n,): the stretch between turning points that each lies in."""
+    """Elements between the instants (n + 1,).
+
+    interval (n,): the stretch between turning points that each lies in; block (n,): those that share their time.
+    """
 
     instants: Array
-    interval: Array
+    interval: Indices
+    block: Indices
 
     def split(self, chosen: Array, parts: int) -> Mesh:
         """The same with the chosen elements (n,) cut into equal parts."""
         counts = np.where(chosen, parts, 1)
         lengths = np.repeat(np.diff(self.instants) / counts, counts)
-        return Mesh(
-            np.concatenate([self.instants[:1], self.instants[0] + np.cumsum(lengths)]), np.repeat(self.interval, counts)
-        )
+        instants = np.concatenate([self.instants[:1], self.instants[0] + np.cumsum(lengths)])
+        return Mesh(instants, np.repeat(self.interval, counts), np.repeat(self.block, counts))
 
     @property
     def share(self) -> tuple[int, ...]:
@@ -44,10 +47,20 @@ class Mesh:
         return tuple(np.bincount(self.interval).tolist())
 
     @property
+    def blocks(self) -> tuple[int, ...]:
+        """Elements of each block."""
+        return tuple(np.bincount(self.block).tolist())
+
+    @property
+    def times(self) -> Array:
+        """Duration of each block, (b,), in all 1."""
+        return np.bincount(self.block, np.diff(self.instants)) / float(self.instants[-1])
+
+    @property
     def fractions(self) -> Array:
-        """Length of every element as a share of its interval, (n,)."""
+        """Length of every element as a share of its block, (n,)."""
         lengths = np.diff(self.instants)
-        return np.asarray(lengths / np.bincount(self.interval, lengths)[self.interval])
+        return np.asarray(lengths / np.bincount(self.block, lengths)[self.block])
 
     @classmethod
     def along(cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None) -> Mesh:
@@ -70,7 +83,7 @@ class Mesh:
         pieces = _pieces(borders, _bend(guess, borders), count)
         instants = np.append(np.concatenate(pieces), duration)
         interval = np.clip(np.searchsorted(turns, (instants[1:] + instants[:-1]) / 2) - 1, 0, len(turns) - 2)
-        return cls(instants, interval)
+        return cls(instants, interval, interval)
 
     def guess(self, motion: Retiming) -> Array:
         """s, ṡ and s̈ at both ends of the elements, (n, 4), of the re-timed motion; time scaled to a duration of 1."""

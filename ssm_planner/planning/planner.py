@@ -21,6 +21,10 @@ from ssm_planner.planning.straight_ocp import solve_straight
 from ssm_planner.problem.values import Array, Problem
 
 
+CREEPING = 10.0
+"""TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
+
+
 @dataclass(frozen=True, eq=False)
 class PlannedLeg:
     """A leg with its duration, TOPP-RA's duration for the same path and limits, and the solver's account."""
@@ -117,14 +121,19 @@ def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array |
     retiming = retime(path, problem.robot, limits=limits, speeds=speeds)
     if not retiming.solved:
         return no_motion(problem, leg, path, retiming.message)
-    motion = solve_straight(problem.robot, path, retiming, limits, tighten, problem.objective, asked, speeds)
+    least = lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
+    guess = retiming
+    if retiming.duration > CREEPING * least:
+        # a motor that barely starts creeps over TOPP-RA's first interval, where a real one breaks away at a point
+        kinetic = retime(path, problem.robot, limits=limits, speeds=speeds, static=False)
+        guess = kinetic if kinetic.solved else retiming
+    motion = solve_straight(problem.robot, path, guess, limits, tighten, problem.objective, asked, speeds)
     if not motion.solved:
         return no_motion(problem, leg, path, motion.message)
     if asked is not None and motion.duration > asked * (1 + 1e-6):
         return too_short(leg.motion.name, asked, motion.duration)
     breaks, coefficients = joint_pieces(path, motion, end_speed=speeds[1])
-    bound = asked or lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
-    return PlannedLeg(leg, motion.duration, retiming.duration, bound, motion.iterations), breaks, coefficients
+    return PlannedLeg(leg, motion.duration, retiming.duration, asked or least, motion.iterations), breaks, coefficients
 
 
 def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:

@@ -1,8 +1,8 @@
 """The nonlinear program behind every optimised motion: coordinates as cubic pieces on a mesh of elements.
 
-    variables   u, u̇, ü at the start and ü at the end of every element; the time T_k of every segment
-    objective   w_t Σ T_k + w_c ∫ cost dt (heat or effort of the motors); for joints a trace of ∫ ü² besides, which smooths
-                what decides nothing
+    variables   u, u̇, ü at the start and ü at the end of every element; the time T_k of every block
+    objective   w_t Σ T_k + w_c ∫ cost dt (heat or effort of the motors); besides a trace of ∫ ü² of joints, and of unevenness
+                of the mesh, which decide what is otherwise undecided
     dynamics    u and u̇ continuous (ü too where jerk is limited)
     limits      rows ≤ 1 of the stage at the collocation points of every element; static friction where a joint starts;
                 of the coordinates themselves: the Bernstein coefficients of u̇, and the slope of ü
@@ -28,8 +28,8 @@ from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.problem.values import Array
 
 SMOOTHING = 1e-6
-SHORTEST = 1e-3
-"""Least time of a segment, in scaled time."""
+EVEN = 1e-5
+"""Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 KEPT_PROGRAMS = 24
 KEPT_STAGES = 64
 RowName = tuple[str, int | None]
@@ -81,11 +81,11 @@ class Program:
     @classmethod
     def _build(cls, shape: Shape, stage: Stage) -> Program:
         n, m = shape.elements, shape.coordinates
-        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.share))
+        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.blocks))
         arguments = [ca.MX.sym(f"argument{i}", size, n if own else 1) for i, (size, own) in enumerate(stage.arguments)]
         fractions, end, weights = ca.MX.sym("fractions", 1, n), ca.MX.sym("end", m, 2), ca.MX.sym("weights", 2)
-        jerk = ca.MX.sym("jerk", m)
-        h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, k) for i, k in enumerate(shape.share)))
+        jerk, least = ca.MX.sym("jerk", m), ca.MX.sym("least", len(shape.blocks))
+        h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, k) for i, k in enumerate(shape.blocks)))
         wide = ca.repmat(h, m, 1)
         u, v, a0, a1 = (x[k * m : (k + 1) * m, :] for k in range(4))
         moving = shape.moving
@@ -106,12 +106,14 @@ class Program:
             for k, side in shape.starts
         ]
         equations, starting = ca.vertcat(*equal), ca.vertcat(*starts)
-        energy = ca.sum2(ca.sum1(wide * (a0**2 + a0 * a1 + a1**2))) if shape.joints else 0.0
+        energy = ca.sum2(ca.sum1(wide * (a0**2 + a0 * a1 + a1**2))) if shape.joints else ca.MX(0)
         total = ca.sum1(times)
+        pace = times / least
+        uneven = ca.sumsqr(pace - ca.sum1(pace) / pace.numel()) / pace.numel()
         cold, warm = assemble(
             ca.vertcat(ca.vec(x), times),
-            ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, weights),
-            weights[0] * total + SMOOTHING * energy,
+            ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, weights, least),
+            weights[0] * total + SMOOTHING * energy + EVEN * uneven,
             ca.vertcat(equations, hull, slopes, starting, total),
             stage,
             Mesh(z, tuple(arguments)),
@@ -132,25 +134,26 @@ class Program:
             *(question.starting.ravel(), question.time[1:], allowed),
         )
         arguments = (a.ravel() for a in question.arguments)
-        segments = len(shape.share)
         answer, stats = ipopt(
             self.warm if "lam_g0" in point else self.cold,
             **point,
-            p=np.concatenate([*arguments, question.fractions, question.end, question.jerk, question.weights]),
-            lbx=np.append(question.lower.ravel(), np.full(segments, SHORTEST)),
-            ubx=np.append(question.upper.ravel(), np.full(segments, np.inf)),
+            p=np.concatenate(
+                [*arguments, question.fractions, question.end, question.jerk, question.weights, question.times]
+            ),
+            lbx=np.append(question.lower.ravel(), question.times),
+            ubx=np.append(question.upper.ravel(), np.full(len(shape.blocks), np.inf)),
             lbg=np.concatenate(low),
             ubg=np.concatenate(high),
         )
         x = answer["x"].full().ravel()
         states, found = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
-        elements = np.column_stack([states, found[shape.segment] * question.fractions])
+        elements = np.column_stack([states, found[shape.block] * question.fractions])
         again = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
         return Answer(str(stats["return_status"]), shape, elements, found, int(stats["iter_count"]), again)
 
 
 def point_of(states: Array, times: Array) -> dict[str, Any]:
-    """Where to start from: states (n, 4 m) and times (k,)."""
+    """Where to start from: states (n, 4 m) and times (b,)."""
     return {"x0": np.append(states.ravel(), times)}
 
 

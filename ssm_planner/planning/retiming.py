@@ -83,8 +83,13 @@ def retime(
     points: int = 1000,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
+    *,
+    static: bool = True,
 ) -> Retiming:
-    """Time-optimal motion along the path on `points` grid intervals; speeds: ṡ at both ends, 1/s."""
+    """Time-optimal motion along the path on `points` grid intervals; speeds: ṡ at both ends, 1/s.
+
+    static: friction at a start from rest is static.
+    """
     knots, signs = path.directions
     grid = _grid(knots, points)
     samples = path.sample(grid)
@@ -102,7 +107,7 @@ def retime(
         np.full(points, -2),
     )
     for count in range(1, PASSES + 1):
-        rows = path_rows(robot, samples, load, signs[interval], ceiling, tangent, starts=speeds[0] == 0.0)
+        rows = path_rows(robot, samples, load, signs[interval], ceiling, tangent, starts=static and speeds[0] == 0.0)
         found = _solve(grid, rows, tangent, speeds)
         if found is None:
             if best.solved:

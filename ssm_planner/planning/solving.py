@@ -22,6 +22,8 @@ MOST_ELEMENTS = 3
 """Times their first number."""
 BACKOFF = 1.2
 """Tightening per excess found."""
+SHORTEST = 0.2
+"""Least time of a block, as a share of the guess's."""
 ROUNDS = 12
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
@@ -55,7 +57,7 @@ class Task(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A guess: states (n, 4 m), times (k,), lengths of the elements (n,), in scaled time."""
+    """A guess: states (n, 4 m), times (b,), lengths of the elements (n,), in scaled time."""
 
     states: Array
     times: Array

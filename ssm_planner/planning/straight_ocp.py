@@ -23,7 +23,7 @@ from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.program import DENSE, Aim, RowName, shared
 from ssm_planner.planning.retiming import Retiming
-from ssm_planner.planning.solving import PARTS, Start, optimise
+from ssm_planner.planning.solving import PARTS, SHORTEST, Start, optimise
 from ssm_planner.planning.stage import StraightStage
 from ssm_planner.problem.values import TASK, Array, Objective, Robot, TaskLimits
 
@@ -70,8 +70,7 @@ def solve_straight(
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     table = limit_table(robot) * (1.0 if tighten is None else tighten)
     task = _StraightTask(robot, path, mesh, signs, table, scale, limits, (speeds[0] * scale, speeds[1] * scale))
-    times = np.bincount(mesh.interval, np.diff(mesh.instants)) / mesh.instants[-1]
-    start = Start(mesh.guess(guess), times, times[mesh.interval] * mesh.fractions)
+    start = Start(mesh.guess(guess), mesh.times, np.diff(mesh.instants) / mesh.instants[-1])
     answer: Answer = optimise(task, start, objective, None if duration is None else duration / scale)
     elements = answer.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     return PathMotion(answer.status, answer.message, elements, answer.iterations)
@@ -94,7 +93,7 @@ class _StraightTask:
     def shape(self) -> Shape:
         limited = self._fastest < UNLIMITED
         moves = ((True,),) * len(self.mesh.share)
-        return Shape(moves, self.mesh.share, limits_jerk(self.robot), hull=limited, joints=False)
+        return Shape(moves, self.mesh.share, self.mesh.blocks, limits_jerk(self.robot), hull=limited, joints=False)
 
     @cached_property
     def names(self) -> list[RowName]:
@@ -116,6 +115,7 @@ class _StraightTask:
         return Question(
             arguments=(self._sigma, self._local(elements), self._numbers),
             fractions=self.mesh.fractions,
+            times=SHORTEST * self.mesh.times,
             lower=lower,
             upper=upper,
             speed=speed,

@@ -59,7 +59,7 @@ def document(sections: list[tuple[Section, str]], quick: bool, seconds: float) -
         "",
         f"Written by `make bench`{' (quick)' if quick else ''} in {seconds / 60:.1f} minutes. "
         "Medians with the range in brackets; ways of one table take turns in one run, ratios are of the same turn. "
-        "One thread each. Where a peer is better, the table says so.",
+        "One thread each.",
         "",
         "## What was asked",
         "",

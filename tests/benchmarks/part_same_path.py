@@ -21,6 +21,9 @@ JERK = 35.0
 TOLERANCE = 1e-6
 """Share of a limit up to which it counts as kept."""
 SHARES = (("motors at full torque", 1.0), ("motors × 0.35", 0.35), (f"motors × {WEAK:g}", WEAK))
+EXACT = "TOPP-RA, exact friction (this project)"
+TOPPRA = {EXACT: "TOPP-RA as this project calls it", "toppra, friction at the mean weight": "toppra's own constraints"}
+"""Ways whose time of motion is the measure of ours where the motors do not bind."""
 INTRODUCTION = (
     "The shipped robot tilts from −85° to −135° along a straight line in task space, under velocity, acceleration and motor "
     "torque limits; the peers on 1 000 grid intervals. Users of toppra and copp-py pass dry friction as one constant torque "
@@ -69,7 +72,7 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
 
     ways: dict[str, Callable[[int], Any]] = {"this planner": ours}
     if problem.robot.joints[0].jerk is None:
-        ways["TOPP-RA, exact friction (this project)"] = exact
+        ways[EXACT] = exact
         for which, user in users.items():
             ways[f"toppra, friction at the {which} weight"] = lambda _, user=user: toppra_speeds(path, user)
             ways[f"copp-py, friction at the {which} weight"] = lambda _, user=user: copp_speeds(path, user)
@@ -108,13 +111,13 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
             section.asked(
                 f"torque above limit at 10 kHz, {title}", "≤ 1e-6", f"{max(worst[0], 0.0):.1g}", worst[0] <= TOLERANCE
             )
-        if name.startswith("TOPP-RA") and "full" in title:
+        if "full" in title and name in TOPPRA:
             ratio = results["this planner"][-1].duration / trajectory.duration
             section.asked(
-                "acceleration-limited straight motion against TOPP-RA, 1 000 points",
+                f"acceleration-limited straight motion against {TOPPRA[name]}, 1 000 points",
                 "1.0000–1.0005 ×",
-                f"{ratio:.5f} ×",
-                1 - 5e-5 <= ratio <= 1.0005 + 5e-5,
+                f"{ratio:.5f} ×, its worst excess {excess(found)[1]}",
+                1 <= ratio <= 1.0005,
             )
     section.say(f"**{title[0].upper()}{title[1:]}**")
     section.table(("", "time of motion", "run time", "÷ ours", "torque excess", "worst excess"), rows)

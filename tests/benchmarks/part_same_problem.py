@@ -19,14 +19,15 @@ from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.values import Problem
 
-OURS, OPTI, ROCKIT = "this planner", "CasADi Opti", "rockit"
-EXPANDED = {f"{OPTI}, expand": OPTI, f"{ROCKIT}, expand": ROCKIT}
-WAYS = (OURS, OPTI, f"{OPTI}, expand", ROCKIT, f"{ROCKIT}, expand")
+OURS, OPTI, ROCKIT = "this planner", "CasADi Opti, default options", "rockit, default options"
+OPTI_EXPANDED, ROCKIT_EXPANDED = "CasADi Opti, expand", "rockit, expand"
+EXPANDED = {OPTI_EXPANDED: OPTI, ROCKIT_EXPANDED: ROCKIT}
+WAYS = (OURS, OPTI, OPTI_EXPANDED, ROCKIT, ROCKIT_EXPANDED)
 MOTIONS = ("straight", "straight, weak motors", "free, weak motors")
 COUNTS = {"straight": 64, "free": 40}
 """Elements of the peers' meshes: this planner's default."""
 GUESS = {"straight": 2.0, "free": 1.5}
-ASKED = {OPTI: 15.0, ROCKIT: 8.0}
+ASKED = {OPTI: 15.0, OPTI_EXPANDED: 15.0, ROCKIT: 8.0, ROCKIT_EXPANDED: 8.0}
 
 
 INTRODUCTION = (

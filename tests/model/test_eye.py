@@ -10,7 +10,16 @@ import casadi
 import numpy as np
 import pytest
 
-from ssm_planner.model.eye import eye_limits, eye_rows, lens_limit, lens_ratio, lens_row, retina_distance, retina_row
+from ssm_planner.model.eye import (
+    ROUNDING,
+    eye_limits,
+    eye_rows,
+    lens_limit,
+    lens_ratio,
+    lens_row,
+    retina_distance,
+    retina_row,
+)
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import NUMPY, casadi_namespace
 from ssm_planner.model.task import pose_from_task
@@ -139,33 +148,31 @@ def test_symbolic_equals_numeric(kind) -> None:
         assert np.abs(function(tips.T).full() - np.stack(numeric)).max() < 1e-13
 
 
-def test_the_retina_row_is_exact_outside_the_port_and_safe_inside() -> None:
+def test_the_retina_row_allows_what_is_allowed_but_for_a_rim() -> None:
     rng = np.random.default_rng(6)
     for _ in range(50):
         eye = random_eye(rng)
-        tips = np.vstack((tips_in(rng, eye), rng.uniform(-1, 1, (300, 3)) * 1.2 * eye.port))
-        allowed = retina_distance(NUMPY, eye, tips.T) >= eye.clearance
+        edge = rng.standard_normal((400, 3))
+        edge *= eye.port / np.linalg.norm(edge, axis=1)[:, None] * rng.uniform(0.98, 1.02, (400, 1))
+        tips = np.vstack((tips_in(rng, eye), rng.uniform(-1, 1, (300, 3)) * 1.2 * eye.port, edge))
         row = retina_row(NUMPY, eye, tips.T) <= 0
-        outside = np.linalg.norm(tips, axis=1) >= eye.port
-        assert np.array_equal(row[outside], allowed[outside])
-        assert not np.any(row & ~allowed)
-        assert retina_row(NUMPY, eye, eye.centre) == pytest.approx(-1.0)
+        assert not np.any(row & (retina_distance(NUMPY, eye, tips.T) < eye.clearance))
+        u = 1 - np.linalg.norm(tips - eye.centre, axis=1) ** 2 / (eye.radius - eye.clearance) ** 2
+        v = 1 - np.linalg.norm(tips, axis=1) ** 2 / eye.port**2
+        assert row[(u > ROUNDING / 3) | (v > ROUNDING / 3)].all()
+        far = (v < -1) & (u > ROUNDING**2)
+        assert far.sum() > 10
+        assert row[far].all()
 
 
-def test_a_shaft_that_leaves_the_port_within_the_clearance_may_be_inserted_all_the_way() -> None:
-    """From the remote centre inwards along any line on which the row is kept by a little where it leaves the port."""
+def test_a_tip_as_near_to_the_retina_as_allowed_is_on_the_edge_of_the_row() -> None:
     rng = np.random.default_rng(7)
-    inserted = 0
-    for _ in range(200):
+    for _ in range(50):
         eye = random_eye(rng)
-        along = eye.centre / np.linalg.norm(eye.centre) + rng.uniform(-1, 1, 3)
-        along /= np.linalg.norm(along)
-        if retina_row(NUMPY, eye, along * eye.port) > -0.02:
-            continue
-        inserted += 1
-        path = np.linspace(0.0, eye.port, 2000)[:, None] * along
-        assert retina_row(NUMPY, eye, path.T).max() <= 0
-    assert inserted > 50
+        away = rng.standard_normal((100, 3))
+        tips = eye.centre + (eye.radius - eye.clearance) * away / np.linalg.norm(away, axis=1)[:, None]
+        tips = tips[np.linalg.norm(tips, axis=1) > 2 * eye.port]
+        assert np.abs(retina_row(NUMPY, eye, tips.T)).max() < ROUNDING**2
 
 
 def test_rows_are_once_continuously_differentiable() -> None:

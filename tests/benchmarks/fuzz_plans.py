@@ -1,0 +1,152 @@
+"""Random problems over random robots: how they end, which are slow, and whether the unsolved ones could be solved.
+
+    python tests/benchmarks/fuzz_plans.py [--count 1000] [--first 20000] [--processes 2]
+
+Asked: each ends in a certificate or a named reason; of those that a finer mesh or another guess solves at least 99 % are
+solved; none takes over 10 s of process time. Exit status 1 where that is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from random_problems import faults, random_problem
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.planning import free_ocp, planner, straight_ocp
+from ssm_planner.problem.load import load_problem
+from ssm_planner.run import plan
+
+SECONDS, SHARE = 10.0, 0.99
+CERTAIN = {"position", "velocity", "direction", "retina clearance", "lens clearance"}
+"""Reasons that follow from the places alone: no solver is involved."""
+OTHERWISE = ((3, 1.0), (2, 3.0), (1, 1.5))
+"""Second looks: times as many elements, the guess stretched by this factor."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How one problem ended: "certified", the name of a reason, "refused" (bad input) or "crashed"."""
+
+    seed: int
+    how: str
+    seconds: float
+    faults: tuple[str, ...]
+    words: str
+    solvable: bool
+    """It was solved, or at least one second look solved it."""
+
+    @property
+    def solved(self) -> bool:
+        return self.how == "certified"
+
+    def line(self) -> str:
+        second = "" if self.solved or not self.solvable else " — SOLVABLE"
+        return f"seed {self.seed}: {self.how}, {self.seconds:.1f} s{second}; {'; '.join(self.faults) or self.words}"
+
+
+def ending(seed: int) -> Ending:
+    """Plan one problem."""
+    problem = random_problem(load_problem(ROOT / "problems/tilt_insert.yaml"), seed)
+    begin = time.process_time()
+    try:
+        result = plan(problem)
+    except ProblemError as error:
+        return Ending(seed, "refused", time.process_time() - begin, (), str(error), False)
+    except Exception:  # noqa: BLE001  a crash is what is looked for
+        words = traceback.format_exc(limit=-2)
+        return Ending(seed, "crashed", time.process_time() - begin, (words,), words, False)
+    seconds = time.process_time() - begin
+    found = tuple(faults(problem, result))
+    if result.reason is None:
+        return Ending(seed, "certified", seconds, found, "", True)
+    words = f"{result.reason.message}; {result.reason.relaxation or 'no relaxation found'}"
+    solvable = result.reason.constraint not in CERTAIN and any(_solved(problem, *way) for way in OTHERWISE)
+    return Ending(seed, result.reason.constraint, seconds, found, words, solvable)
+
+
+def _solved(problem: Any, finer: int, stretched: float) -> bool:
+    with _otherwise(finer, stretched):
+        try:
+            return plan(problem).passed
+        except Exception:  # noqa: BLE001  no solution either
+            return False
+
+
+@contextmanager
+def _otherwise(finer: int, stretched: float) -> Iterator[None]:
+    """Plans made within begin from a stretched guess on a finer mesh."""
+    kept = planner.solve_free, planner.solve_straight, free_ocp.optimise, straight_ocp.optimise
+
+    def optimise(task: Any, start: Any, *arguments: Any) -> Any:
+        return kept[2](task, start.stretched(stretched), *arguments)
+
+    planner.solve_free = partial(kept[0], count=finer * free_ocp.ELEMENTS)  # type: ignore[assignment]
+    planner.solve_straight = partial(kept[1], count=finer * straight_ocp.ELEMENTS)  # type: ignore[assignment]
+    free_ocp.optimise = straight_ocp.optimise = optimise  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        planner.solve_free, planner.solve_straight, free_ocp.optimise, straight_ocp.optimise = kept
+
+
+def lines(endings: Sequence[Ending]) -> list[str]:
+    """Counts, the slowest, and what went wrong."""
+    counts = Counter(e.how for e in endings)
+    solved, solvable = counts["certified"], sum(e.solvable for e in endings)
+    slowest = sorted(endings, key=lambda e: -e.seconds)
+    late = [e for e in slowest if e.seconds > SECONDS]
+    wrong = [e for e in endings if e.faults]
+    missed = [e for e in endings if e.solvable and not e.solved]
+    return [
+        f"{len(endings)} problems: " + ", ".join(f"{n} {how}" for how, n in counts.most_common()),
+        f"solved {solved} of {solvable} solvable: {100 * solved / max(solvable, 1):.2f} % (asked: {100 * SHARE:g} %)",
+        f"process time: mean {sum(e.seconds for e in endings) / len(endings):.2f} s, "
+        f"largest {slowest[0].seconds:.1f} s; {len(late)} over {SECONDS:g} s (asked: none)",
+        "slowest: " + ", ".join(f"{e.seed} {e.seconds:.1f} s" for e in slowest[:10]),
+        f"without certificate and without named reason, or with a fault: {len(wrong)} (asked: none)",
+        *(f"  {e.line()}" for e in wrong),
+        f"solvable but not solved: {len(missed)}",
+        *(f"  {e.line()}" for e in missed),
+    ]
+
+
+def reached(endings: Sequence[Ending]) -> bool:
+    solvable = [e for e in endings if e.solvable]
+    in_time = all(e.seconds <= SECONDS for e in endings)
+    return in_time and not any(e.faults for e in endings) and sum(e.solved for e in solvable) >= SHARE * len(solvable)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=20_000, help="first seed")
+    parser.add_argument("--processes", type=int, default=2)
+    options = parser.parse_args()
+    seeds = range(options.first, options.first + options.count)
+    endings = []
+    with ProcessPoolExecutor(options.processes) as pool:
+        for done in pool.map(ending, seeds, chunksize=1):
+            endings.append(done)
+            if done.faults or done.seconds > SECONDS or (done.solvable and not done.solved):
+                print(done.line(), file=sys.stderr, flush=True)
+    print("\n".join(lines(endings)))
+    return 0 if reached(endings) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
