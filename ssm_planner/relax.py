@@ -173,6 +173,12 @@ def _velocity(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxati
     return Relaxation(what, unit, joint.velocity, needed, lambda value: _with_joint(problem, i, velocity=value))
 
 
+def _acceleration(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation:
+    unit = "rad" if joint.kind == "revolute" else "m"
+    what = f"acceleration limit of joint {joint.name} (per second squared) of"
+    return Relaxation(what, unit, joint.acceleration, needed, lambda value: _with_joint(problem, i, acceleration=value))
+
+
 def _friction(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation | None:
     drive = joint.drive
     if drive is None or drive.friction is None:
@@ -193,6 +199,7 @@ _OF_JOINT: dict[str, Callable[[Problem, int, Joint, float], Relaxation | None]] 
     "motor torque": _torque,
     "position": _position,
     "velocity": _velocity,
+    "acceleration": _acceleration,
     "self-locking": _friction,
 }
 

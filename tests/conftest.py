@@ -20,3 +20,9 @@ def robot() -> Robot:
 def tilt_insert() -> Problem:
     """The shipped problem."""
     return load_problem(ROOT / "problems/tilt_insert.yaml")
+
+
+@pytest.fixture(scope="session")
+def laser_scan() -> Problem:
+    """The shipped problem with an eye and a scan of its retina."""
+    return load_problem(ROOT / "problems/laser_scan.yaml")

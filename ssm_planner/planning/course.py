@@ -124,8 +124,9 @@ class Question:
     """Lowest and highest u̇ within each element, (n, m)."""
     end: Array
     """u and u̇ at the end, (2 m,)."""
+    acceleration: Array
     jerk: Array
-    """(m,), where the coordinates are joints."""
+    """Limits, (m,), where the coordinates are joints."""
     allowed: Array
     """What each element's rows may reach, (n, rows)."""
     starting: Array
@@ -134,6 +135,12 @@ class Question:
     """Bounds of the whole duration."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Of time and of the cost."""
+
+    @property
+    def parameters(self) -> tuple[Array, ...]:
+        """All that the program takes beside the stage's arguments, in its order."""
+        weights = np.array(self.weights)
+        return self.fractions, self.end, self.jerk, self.acceleration, weights, self.times
 
     def within(self, time: tuple[float, float]) -> Question:
         """The same, for the least cost within these bounds of the duration."""

@@ -27,6 +27,8 @@ from ssm_planner.planning.solving import PARTS, SHORTEST, Start, optimise
 from ssm_planner.problem.values import TASK, Array, Indices, Problem
 
 ELEMENTS = 40
+SHORTEST_PASSING = 0.01
+"""Least time of a block where points are passed, as a share of the guess's, which rests at each of them."""
 MOVES = 1e-9
 """A joint that has less than this to go (rad, m) stands."""
 ANYWHERE = 1e3
@@ -103,7 +105,7 @@ class _FreeTask:
             table[0, 3] = min(table[0, 3], problem.rates["depth"])
         way = np.diff(points, axis=0)
         way[np.abs(way) <= MOVES] = 0.0
-        each = max(count // len(way), 8) if len(way) > 1 else count
+        each = max(2 * count // len(way), 8) if len(way) > 1 else count
         guesses = tuple(guess(w, table[:3], limits_jerk(robot), each, 2 if len(way) < 16 else 1) for w in way)
         blocks = blocks_of([n for g in guesses for n in g.arcs])
         shape = Shape(
@@ -181,11 +183,12 @@ class _FreeTask:
         return Question(
             arguments=(self._sigma, self._numbers),
             fractions=self.fractions,
-            times=SHORTEST * self.times,
+            times=(SHORTEST if len(self.way) == 1 else SHORTEST_PASSING) * self.times,
             lower=lower,
             upper=upper,
             speed=hull,
             end=np.concatenate([points[-1], end_speed]),
+            acceleration=acceleration,
             jerk=jerk,
             allowed=np.ones((len(elements), slack.shape[1])) - slack,
             starting=self._starting,

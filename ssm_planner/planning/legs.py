@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,8 +10,9 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.model.inverse import inverse_task, inverse_tip
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.solutions import Solutions
-from ssm_planner.model.task import task_from_joints, task_rates
+from ssm_planner.model.task import task_from_joints
 from ssm_planner.model.workspace import tilt_interval
+from ssm_planner.planning.end_speeds import with_speeds
 from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.places import misplaced
 from ssm_planner.planning.reason import Reason
@@ -186,56 +187,3 @@ def _refuse_standstill(problem: Problem, motion: Motion, way: Array, point: int 
             line=motion.line,
             key=motion.name,
         )
-
-
-def with_speeds(problem: Problem, mechanism: Mechanism, legs: tuple[Leg, ...]) -> tuple[tuple[Leg, ...], Reason | None]:
-    """The legs with q̇ at the start of the first and the end of the last, or the reason why they cannot have them.
-
-    Raises ProblemError where a straight motion would leave its line.
-    """
-    changed = list(legs)
-    for key, rates, k in (("start_rate", problem.start_rate, 0), ("end_rate", problem.end_rate, -1)):
-        rate = np.array([rates.get(name, 0.0) for name in TASK])
-        if not rate.any():
-            continue
-        leg = changed[k]
-        if leg.motion.kind == "dwell":
-            raise ProblemError("a dwell has no speed", file=problem.file, line=leg.motion.line, key=key)
-        if leg.path is not None:
-            way = leg.end - leg.start
-            along = way * (way @ rate) / (way @ way)
-            if way @ rate < 0 or np.abs(rate - along).max() > 1e-9 * np.abs(rate).max():
-                raise ProblemError(
-                    f"a straight motion ({leg.motion.name}) keeps to its line, from its start to its target",
-                    file=problem.file,
-                    key=key,
-                    allowed="rates of the coordinates that the motion changes, in their ratio, and in its direction",
-                )
-        q = leg.points[k]
-        by_joint = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
-        speed = np.linalg.solve(by_joint, rate)
-        speed[np.abs(speed) < 1e-12 * np.abs(speed).max()] = 0.0
-        step = leg.points[1] - leg.points[0] if k == 0 else leg.points[-1] - leg.points[-2]
-        reason = _too_fast(problem, leg, key, speed, step)
-        if reason is not None:
-            return legs, reason
-        changed[k] = replace(leg, first_speed=speed) if k == 0 else replace(leg, last_speed=speed)
-    return tuple(changed), None
-
-
-def _too_fast(problem: Problem, leg: Leg, key: str, speed: Array, step: Array) -> Reason | None:
-    """A joint that would be faster than its limit, or move against its way in a free motion."""
-    place = f"{leg.motion.name}, {key.replace('_', ' ')}"
-    for i, joint in enumerate(problem.robot.joints):
-        if abs(speed[i]) > joint.velocity:
-            text = (
-                f"joint {joint.name} would move at {abs(speed[i]):.4g}, its limit is {joint.velocity:.4g} ({place}; SI)"
-            )
-            return Reason("velocity", joint.name, place, float(abs(speed[i])), joint.velocity, None, text)
-        if leg.path is None and speed[i] * np.sign(step[i]) <= 0 and speed[i] != 0:
-            text = (
-                f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
-                "add a point where it turns, or leave this rate out"
-            )
-            return Reason("direction", joint.name, place, float(np.sign(step[i])), float(np.sign(speed[i])), None, text)
-    return None

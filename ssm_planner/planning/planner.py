@@ -20,7 +20,6 @@ from ssm_planner.planning.straight import joint_pieces
 from ssm_planner.planning.straight_ocp import solve_straight
 from ssm_planner.problem.values import Array, Problem
 
-
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
 

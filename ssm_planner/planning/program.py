@@ -27,7 +27,8 @@ from ssm_planner.planning.course import Answer, Question, Shape
 from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.problem.values import Array
 
-SMOOTHING = 1e-6
+SMOOTHING = 3e-6
+"""Weight of ∫ (ü/limit)² of joints."""
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 KEPT_PROGRAMS = 24
@@ -84,7 +85,7 @@ class Program:
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.blocks))
         arguments = [ca.MX.sym(f"argument{i}", size, n if own else 1) for i, (size, own) in enumerate(stage.arguments)]
         fractions, end, weights = ca.MX.sym("fractions", 1, n), ca.MX.sym("end", m, 2), ca.MX.sym("weights", 2)
-        jerk, least = ca.MX.sym("jerk", m), ca.MX.sym("least", len(shape.blocks))
+        jerk, unit, least = ca.MX.sym("jerk", m), ca.MX.sym("unit", m), ca.MX.sym("least", len(shape.blocks))
         h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, k) for i, k in enumerate(shape.blocks)))
         wide = ca.repmat(h, m, 1)
         u, v, a0, a1 = (x[k * m : (k + 1) * m, :] for k in range(4))
@@ -106,13 +107,14 @@ class Program:
             for k, side in shape.starts
         ]
         equations, starting = ca.vertcat(*equal), ca.vertcat(*starts)
-        energy = ca.sum2(ca.sum1(wide * (a0**2 + a0 * a1 + a1**2))) if shape.joints else ca.MX(0)
+        b0, b1 = (a / ca.repmat(unit, 1, n) for a in (a0, a1))
+        energy = ca.sum2(ca.sum1(wide * (b0**2 + b0 * b1 + b1**2))) if shape.joints else ca.MX(0)
         total = ca.sum1(times)
         pace = times / least
         uneven = ca.sumsqr(pace - ca.sum1(pace) / pace.numel()) / pace.numel()
         cold, warm = assemble(
             ca.vertcat(ca.vec(x), times),
-            ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, weights, least),
+            ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, unit, weights, least),
             weights[0] * total + SMOOTHING * energy + EVEN * uneven,
             ca.vertcat(equations, hull, slopes, starting, total),
             stage,
@@ -137,9 +139,7 @@ class Program:
         answer, stats = ipopt(
             self.warm if "lam_g0" in point else self.cold,
             **point,
-            p=np.concatenate(
-                [*arguments, question.fractions, question.end, question.jerk, question.weights, question.times]
-            ),
+            p=np.concatenate([*arguments, *question.parameters]),
             lbx=np.append(question.lower.ravel(), question.times),
             ubx=np.append(question.upper.ravel(), np.full(len(shape.blocks), np.inf)),
             lbg=np.concatenate(low),

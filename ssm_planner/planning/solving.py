@@ -11,16 +11,16 @@ from ssm_planner.planning.course import Answer, Question, Shape, split
 from ssm_planner.planning.program import Aim, Program, RowName, Stage, point_of
 from ssm_planner.problem.values import Array, Objective
 
-NEAR = 0.85
+NEAR = 0.8
 """A row that stays below this share of its limit in the guess is left out until it is found exceeded."""
-EXCESS = 2e-7
+EXCESS = 5e-7
 """Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
-ROUGH = 1e-3
+ROUGH = 4e-3
 """Where it does so by more than this, the element is cut instead."""
 PARTS = 3
 MOST_ELEMENTS = 3
 """Times their first number."""
-BACKOFF = 1.2
+BACKOFF = 2.0
 """Tightening per excess found."""
 SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
@@ -83,28 +83,41 @@ def optimise(task: Task, start: Start, objective: Objective, duration: float | N
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
     """
-    fastest, task = _rounds(task, start, "time")
+    fastest, found = _rounds(task, start, "time")
     total = float(fastest.times.sum())
     if not fastest.solved or (objective == "time" and duration is None) or (duration is not None and duration < total):
         return fastest
     begin = Start.at(fastest)
     if duration is None:
-        least, _ = _rounds(task, begin, "heat", (0.0, (1 + LONGER) * total))
+        least, _ = _rounds(found.task, begin, "heat", (0.0, (1 + LONGER) * total), found)
         if not least.solved:
             return fastest
     else:
-        least, _ = _rounds(task, begin.stretched(duration / total), "effort", (duration, duration))
+        least, _ = _rounds(found.task, begin.stretched(duration / total), "effort", (duration, duration))
     return replace(least, iterations=fastest.iterations + least.iterations)
 
 
-def _rounds(task: Task, start: Start, aim: Aim, time: tuple[float, float] | None = None) -> tuple[Answer, Task]:
-    """The answer, and the task on the mesh that it needed. time: bounds of the duration, where it is not the aim."""
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What an answer needed: the task on its mesh, the rows kept and by how much they were tightened."""
+
+    task: Task
+    kept: frozenset[RowName]
+    slack: Array
+
+
+def _rounds(
+    task: Task, start: Start, aim: Aim, time: tuple[float, float] | None = None, found: _Found | None = None
+) -> tuple[Answer, _Found]:
+    """time: bounds of the duration, where it is not the aim; found: for a motion near this one."""
     names = task.names
     elements = start.elements
-    largest = task.largest(elements)
-    near = largest.max(axis=0, initial=0.0) > NEAR
-    kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
-    slack = np.zeros_like(largest)
+    if found is None:
+        near = task.largest(elements).max(axis=0, initial=0.0) > NEAR
+        kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
+        slack = np.zeros((len(elements), len(names)))
+    else:
+        kept, slack = found.kept, found.slack
     begin = point_of(start.states, start.times)
     most = MOST_ELEMENTS * len(elements)
     iterations = 0
@@ -131,7 +144,7 @@ def _rounds(task: Task, start: Start, aim: Aim, time: tuple[float, float] | None
         else:
             slack = slack + rounds**0.5 * tightening(excess)
             begin = answer.point
-    return replace(answer, iterations=iterations), task
+    return replace(answer, iterations=iterations), _Found(task, kept, slack)
 
 
 def tightening(excess: Array) -> Array:

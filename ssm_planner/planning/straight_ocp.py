@@ -120,6 +120,7 @@ class _StraightTask:
             upper=upper,
             speed=speed,
             end=np.array([1.0, self.speeds[1]]),
+            acceleration=np.ones(1),
             jerk=np.zeros(1),
             allowed=np.ones((n, slack.shape[1])) - slack,
             starting=self._starting,

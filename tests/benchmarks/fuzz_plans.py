@@ -144,6 +144,8 @@ def main() -> int:
             endings.append(done)
             if done.faults or done.seconds > SECONDS or (done.solvable and not done.solved):
                 print(done.line(), file=sys.stderr, flush=True)
+            if len(endings) % 20 == 0:
+                print(f"{len(endings)} of {options.count}", file=sys.stderr, flush=True)
     print("\n".join(lines(endings)))
     return 0 if reached(endings) else 1
 

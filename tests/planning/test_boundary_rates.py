@@ -1,0 +1,135 @@
+"""Motions that begin or end at speed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import task_rates
+from ssm_planner.outcome import Plan
+from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
+from ssm_planner.run import plan
+
+WithJerk = Callable[[Robot, float, float], Robot]
+
+WAY = {"roll": 0.2, "tilt": -0.5, "depth": 0.008}
+START = {"roll": 0.0, "tilt": -1.6, "spin": 0.0, "depth": 0.004}
+JOINTS = (0.3, -0.2, 0.5, -0.015)
+
+
+def straight(problem: Problem, **changes: Any) -> Problem:
+    """Over WAY, with a third of it per second as the unit of rates."""
+    goal = Target(task={name: START[name] + way for name, way in WAY.items()})
+    motion = (Motion("straight", "straight", goal),)
+    return dataclasses.replace(problem, start=Target(task=START), motion=motion, **{"objective": "time", **changes})
+
+
+def free(problem: Problem, **changes: Any) -> Problem:
+    motion, start = (Motion("free", "free", Target(joints=JOINTS)),), Target(joints=(-0.5, 0.6, 0.0, 0.0))
+    limits = {"depth": (0.0, 0.03)}
+    return dataclasses.replace(problem, start=start, motion=motion, limits=limits, **{"objective": "time", **changes})
+
+
+def along(share: float) -> dict[str, float]:
+    return {name: share * way for name, way in WAY.items()}
+
+
+def end_rates(result: Plan) -> tuple[Array, Array]:
+    """Rates of the task coordinates at both ends, by the model's Jacobian."""
+    assert result.passed
+    mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
+    trajectory = result.trajectory
+    ends = trajectory.sample(trajectory.breaks[:1]), trajectory.sample(trajectory.breaks[-1:], side="left")
+    first, last = (task_rates(mechanism, s.q, s.qd)[0] for s in ends)
+    return first, last
+
+
+def as_array(rates: dict[str, float]) -> Array:
+    return np.array([rates.get(name, 0.0) for name in TASK])
+
+
+@pytest.mark.parametrize("jerk", [False, True])
+def test_a_straight_motion_meets_its_rates_and_is_faster(tilt_insert: Problem, with_jerk: WithJerk, jerk: bool) -> None:
+    if jerk:
+        tilt_insert = dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0))
+    durations = [plan(straight(tilt_insert)).duration]
+    for start, end in ((0.3, 0.0), (0.3, 0.2)):
+        result = plan(straight(tilt_insert, start_rate=along(start), end_rate=along(end)))
+        first, last = end_rates(result)
+        assert first == pytest.approx(as_array(along(start)), abs=1e-9)
+        assert last == pytest.approx(as_array(along(end)), abs=1e-9)
+        durations.append(result.duration)
+    assert durations[0] > durations[1] + 0.02 > durations[2] + 0.03
+
+
+@pytest.mark.parametrize("objective", ["time", "time then heat"])
+def test_a_free_motion_meets_them_too(tilt_insert: Problem, objective: str) -> None:
+    rate = {"depth": 0.008}
+    result = plan(free(tilt_insert, start_rate=rate, end_rate=rate, objective=objective))
+    first, last = end_rates(result)
+    assert first == pytest.approx(as_array(rate), abs=1e-9)
+    assert last == pytest.approx(as_array(rate), abs=1e-9)
+    assert result.duration <= 1.001 * plan(free(tilt_insert)).duration
+
+
+def test_one_joint_alone_gains_what_the_closed_form_says(tilt_insert: Problem) -> None:
+    """From rest to a speed takes speed / acceleration, on a way that otherwise is made at the speed of cruising."""
+    alone = (Motion("free", "free", Target(joints=(-0.5, 0.6, 0.0, -0.015))),)
+    problem = dataclasses.replace(free(tilt_insert), motion=alone)
+    speed, joint = 0.008, tilt_insert.robot.joints[3]
+    moving = plan(dataclasses.replace(problem, start_rate={"depth": speed})).duration
+    gain = speed / joint.acceleration - speed**2 / (2 * joint.acceleration * joint.velocity)
+    assert moving == pytest.approx(plan(problem).duration - gain, rel=5e-4)
+
+
+def test_rates_hold_at_the_two_ends_of_all_and_rest_between(tilt_insert: Problem) -> None:
+    problem = straight(tilt_insert, start_rate=along(0.3), end_rate={"depth": 0.01})
+    insert = Motion("straight", "insert", Target(task={"depth": 0.02}))
+    result = plan(dataclasses.replace(problem, motion=(*problem.motion, insert)))
+    first, last = end_rates(result)
+    assert first == pytest.approx(as_array(along(0.3)), abs=1e-9)
+    assert last == pytest.approx(as_array({"depth": 0.01}), abs=1e-9)
+    border = result.trajectory.sample(np.array([result.legs[0].duration]))
+    assert np.abs(border.qd).max() < 1e-9
+
+
+def test_a_rate_too_high_or_against_the_way_is_a_reason(tilt_insert: Problem) -> None:
+    fast = plan(free(tilt_insert, start_rate={"depth": 0.03}))
+    assert (fast.status, fast.reason.constraint, fast.reason.joint) == ("infeasible", "velocity", "insertion")
+    assert (fast.reason.required, fast.reason.available) == pytest.approx((0.03, 0.02))
+    against = plan(free(tilt_insert, end_rate={"depth": -0.005}))
+    assert (against.status, against.reason.constraint, against.reason.joint) == ("infeasible", "direction", "insertion")
+    assert "add a point where it turns" in against.reason.message
+
+
+def test_an_end_too_near_to_stop_at_is_a_reason(tilt_insert: Problem) -> None:
+    """15 mm/s in half a millimetre take v²/(2 d) = 225 mm/s²."""
+    near = (Motion("straight", "insert", Target(task={"depth": 0.0045})),)
+    result = plan(dataclasses.replace(straight(tilt_insert), motion=near, start_rate={"depth": 0.015}))
+    assert (result.status, result.reason.constraint, result.reason.joint) == ("infeasible", "acceleration", "insertion")
+    assert (result.reason.required, result.reason.available) == pytest.approx((0.225, 0.1))
+    assert "instead of 100 mm: tried" in result.reason.relaxation
+
+
+@pytest.mark.parametrize(
+    "rates", [{"start_rate": {"tilt": 0.3}}, {"end_rate": {"spin": 0.1}}, {"start_rate": along(-0.2)}]
+)
+def test_a_rate_off_the_line_of_a_straight_motion_is_bad_input(
+    tilt_insert: Problem, rates: dict[str, dict[str, float]]
+) -> None:
+    (key,) = rates
+    with pytest.raises(ProblemError, match=f"{key}: a straight motion .* keeps to its line"):
+        plan(straight(tilt_insert, **rates))
+
+
+def test_a_dwell_has_no_speed(tilt_insert: Problem) -> None:
+    problem = straight(tilt_insert)
+    dwell = Motion("dwell", "dwell", duration=0.2)
+    with pytest.raises(ProblemError, match="end_rate: a dwell has no speed"):
+        plan(dataclasses.replace(problem, motion=(*problem.motion, dwell), end_rate={"depth": 0.01}))

@@ -1,0 +1,175 @@
+"""What an optimisation is told of one element: exact derivatives by the chain rule, and integrals of costs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from ssm_planner.model.actuation import motor_motion
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.trajectory import Samples
+from ssm_planner.planning.element import SIMPSON, element_functions
+from ssm_planner.planning.free_stage import FreeStage
+from ssm_planner.planning.limits import limit_table
+from ssm_planner.planning.local_path import fit
+from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.stage import StraightStage, element_state
+from ssm_planner.problem.values import Array, Eye, Lens, Problem, Robot, frozen
+
+WithJerk = Callable[[Robot, float, float], Robot]
+AIMS = ("time", "heat", "effort")
+LENS = Lens(frozen([9e-3, 0, -2e-3], (3,)), frozen([4.8e-3, 4e-3, 2e-3], (3,)), frozen(np.eye(3), (3, 3)))
+EYE = Eye(frozen([9e-3, 0, -8e-3], (3,)), 11.5e-3, 1e-3, 2.5e-3, 2.5e-4, LENS)
+ROWS = frozenset(
+    [(f"{name} range", None) for name in ("roll", "spin")]
+    + [(f"{name} rate", None) for name in ("roll", "tilt", "spin")]
+    + [("tip speed", None), ("retina clearance", None), ("lens clearance", None)]
+    + [("motor torque", i) for i in (0, 1, 3)]
+)
+Case = tuple[Any, list[Array]]
+
+
+def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
+    """A stage with every row of a straight motion, and a random element of a real path with all its arguments."""
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    start, end = np.array([0.1, -1.7, 0.2, 4e-3]), np.array([-0.3, -2.2, 0.5, 15e-3])
+    path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
+    local = fit(path, RigidBody.from_robot(robot), np.array([0.4]), np.array([0.45]))[0]
+    sigma = np.sign(path.sample(np.array([0.42])).dq[0])
+    z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
+    numbers = np.concatenate([limit_table(robot).ravel(), [0.02, 1.7]])
+    return StraightStage(robot, True, None, aim), [z, sigma, local, numbers]
+
+
+def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
+    """The same for a free motion of all joints."""
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    moving = (0, 1, 2, 3)
+    first, unit = np.array([-0.5, 0.6, 0.1, -2e-3]), np.array([0.8, 0.8, 0.5, 15e-3])
+    sigma = rng.choice([-1.0, 1.0], 4)
+    position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
+    z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
+    watched = [0.02, 0.1, 0.4, -0.2, 0.7]
+    numbers = np.concatenate([first, unit, limit_table(robot).ravel(), watched, [0.4, 0.5, 0.6], [1.7]])
+    return FreeStage(robot, mechanism, moving, ROWS, EYE, aim), [z, sigma, numbers]
+
+
+CASES = {"straight": straight_case, "free": free_case}
+
+
+def reference(stage: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Rows and their Jacobian, cost and its gradient, Hessian of λᵀ rows + κ cost: all by CasADi from the whole element."""
+    z = ca.MX.sym("z", stage.size)
+    arguments = [ca.MX.sym(f"a{i}", size) for i, (size, _) in enumerate(stage.arguments)]
+    symbol = ca.SX.sym("z", stage.size)
+    points = ca.Function("states", [symbol], stage.states(symbol))(z)
+    rows = ca.vertcat(*(stage.point(point, *arguments) for point in points))
+    cost = ca.MX(0)
+    if stage.cost is not None:
+        cost = sum(share * z[-1] * stage.cost(point, *arguments) for point, share in zip(points, SIMPSON, strict=True))
+    lam, kappa = ca.MX.sym("lam", rows.numel()), ca.MX.sym("kappa")
+    hessian = ca.hessian(ca.dot(lam, rows) + kappa * cost, z)[0]
+    inputs = [z, *arguments]
+    return (
+        ca.Function("rows", inputs, [rows, ca.jacobian(rows, z)]),
+        ca.Function("cost", inputs, [cost, ca.gradient(cost, z)]),
+        ca.Function("hessian", [*inputs, ca.vertcat(lam, kappa)], [hessian]),
+    )
+
+
+def assert_close(mine: Any, its: Any) -> None:
+    mine, its = ca.DM(mine).full(), ca.DM(its).full()
+    assert np.abs(mine - its).max(initial=0.0) <= 1e-9 * max(np.abs(its).max(initial=0.0), 1e-12)
+
+
+@pytest.mark.parametrize("aim", AIMS)
+@pytest.mark.parametrize("kind", CASES)
+def test_derivatives_are_those_of_the_whole_element(
+    tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: str
+) -> None:
+    rng = np.random.default_rng(7)
+    robot = with_jerk(tilt_insert.robot, 35.0, 1.0)
+    stage, _ = CASES[kind](robot, aim, rng)
+    mine, (rows, cost, hessian) = element_functions(stage), reference(stage)
+    names = {name for name, _ in stage.names}
+    assert {"motor torque", "tip speed"} <= names
+    assert len(names) >= 5
+    assert (mine.cost is None) == (aim == "time")
+    for _ in range(5):
+        _, numbers = CASES[kind](robot, aim, rng)
+        values, jacobian = rows(*numbers)
+        assert_close(mine.rows(*numbers), values)
+        assert_close(mine.jacobian(*numbers), jacobian)
+        multipliers = rng.uniform(0, 1, values.numel())
+        kappa = [] if mine.cost is None else [2.3]
+        found = mine.hessian(*numbers, np.append(multipliers, kappa))
+        assert_close(found, hessian(*numbers, np.append(multipliers, kappa or [0.0])))
+        assert_close(found, ca.DM(found).T)
+        if mine.cost is not None and mine.gradient is not None:
+            value, gradient = cost(*numbers)
+            assert_close(mine.cost(*numbers), value)
+            assert_close(mine.gradient(*numbers), gradient)
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str) -> None:
+    """Simpson's rule: halves of an element are sixteen times nearer to the integral by Gauss' rule."""
+    stage, numbers = CASES[kind](tilt_insert.robot, "heat", np.random.default_rng(3))
+    z, *arguments = numbers
+    z[-1] *= 10
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    x = ca.SX.sym("z", stage.size)
+    state = stage.state if kind == "free" else element_state
+    values = [float(stage.cost(ca.Function("s", [x], [state(x, float(c))])(z), *arguments)) for c in (nodes + 1) / 2]
+    exact = z[-1] / 2 * float(weights @ values)
+    cost = element_functions(stage).cost
+    assert cost is not None
+    whole = float(cost(z, *arguments)) - exact
+    halves = sum(float(cost(half, *arguments)) for half in _halves(z)) - exact
+    assert abs(whole) < 1e-2 * exact
+    assert abs(halves) < abs(whole) / 10
+
+
+def _halves(z: Array) -> tuple[Array, Array]:
+    """An element cut in two: the cubic stays the same."""
+    m = (len(z) - 1) // 4
+    u, v, a0, a1 = (z[k * m : (k + 1) * m] for k in range(4))
+    t, middle = z[-1] / 2, (a0 + a1) / 2
+    slope = (a1 - a0) / z[-1]
+    position = u + v * t + a0 * t**2 / 2 + slope * t**3 / 6
+    speed = v + a0 * t + slope * t**2 / 2
+    return np.concatenate([u, v, a0, middle, [t]]), np.concatenate([position, speed, middle, a1, [t]])
+
+
+def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
+    """Against the model's motors, which the check uses too, to the smoothing between the two sides of a mesh."""
+    robot, rng = tilt_insert.robot, np.random.default_rng(5)
+    nominal = np.array([joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints])
+    for _ in range(10):
+        stage, (z, sigma, numbers) = free_case(robot, "heat", rng)
+        state = z[:4], z[4:8], z[8:12]
+        scale, unit = numbers[-1], numbers[4:8]
+        q, qd, qdd = numbers[:4] + unit * state[0], unit * state[1] / scale, unit * state[2] / scale**2
+        samples = Samples(np.zeros(1), q[None], qd[None], qdd[None], 0 * q[None])
+        motor = motor_motion(robot, RigidBody.from_robot(robot), samples, sigma[None], np.zeros((1, 4), dtype=bool))
+        exact = np.nansum((motor.torque[0] / nominal) ** 2)
+        found = float(stage.cost(np.concatenate(state), sigma, numbers))
+        assert found == pytest.approx(exact, rel=5e-3, abs=1e-5)
+
+
+def test_effort_counts_only_what_speed_and_acceleration_ask(tilt_insert: Problem) -> None:
+    """At an endlessly slow pace there is none, whatever weight and friction are."""
+    stage, (z, sigma, numbers) = free_case(tilt_insert.robot, "effort", np.random.default_rng(5))
+    heat = dataclasses.replace(stage, aim="heat")
+    efforts = []
+    for slower in (1.0, 10.0, 100.0):
+        state = np.concatenate([z[:4], z[4:8] / slower, z[8:12] / slower**2])
+        efforts.append(float(stage.cost(state, sigma, numbers)))
+    assert efforts[0] > 20 * efforts[1] > 400 * efforts[2]
+    assert float(heat.cost(state, sigma, numbers)) > 100 * efforts[2]

@@ -1,0 +1,120 @@
+"""Limits of the task: rates, tip speed, the retina and the lens. Each kept, and used where it stands in the way."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.model.eye import LENS, RETINA
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.outcome import Plan
+from ssm_planner.planning.free_ocp import solve_free
+from ssm_planner.problem.values import Eye, Lens, Motion, Problem, Target, frozen
+from ssm_planner.run import plan
+from ssm_planner.verify.certificate import LimitCheck
+from ssm_planner.verify.check import check
+
+START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}
+GOAL = {"roll": 0.2, "tilt": -2.2, "spin": 0.6, "depth": 0.014}
+RATES = {"roll": 0.25, "tilt": 0.3, "spin": 0.35, "depth": 0.006}
+LIMIT = {"roll": "roll rate", "tilt": "tilt rate", "spin": "spin rate", "depth": "insertion speed"}
+SWING = {"roll": 0.0, "tilt": -1.65, "spin": 0.0, "depth": 0.003}
+FAR = {"roll": 0.0, "tilt": -2.25, "spin": 0.0, "depth": 0.015}
+
+
+def moving(problem: Problem, kind: Any, start: dict[str, float], goal: dict[str, float], **changes: Any) -> Problem:
+    motion = (Motion(kind, kind, Target(task=goal)),)
+    return dataclasses.replace(
+        problem,
+        start=Target(task=start),
+        motion=motion,
+        limits={"depth": (0.0, 0.03)},
+        **{"objective": "time", **changes},
+    )
+
+
+def limit(result: Plan, name: str) -> LimitCheck:
+    assert result.certificate is not None
+    return next(found for found in result.certificate.limits if found.name == name)
+
+
+@pytest.mark.parametrize("kind", ["straight", "free"])
+@pytest.mark.parametrize("name", RATES)
+def test_a_rate_that_binds_is_kept_and_used(tilt_insert: Problem, kind: str, name: str) -> None:
+    loose = plan(moving(tilt_insert, kind, START, GOAL))
+    result = plan(moving(tilt_insert, kind, START, GOAL, rates={name: RATES[name]}))
+    assert result.passed
+    assert -1e-6 <= limit(result, LIMIT[name]).margin < 1e-3
+    # a coordinate that could not go faster takes at least its way over its rate
+    assert result.duration > loose.duration
+    assert result.duration > abs(GOAL[name] - START[name]) / RATES[name]
+
+
+@pytest.mark.parametrize("kind", ["straight", "free"])
+def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -> None:
+    result = plan(moving(tilt_insert, kind, START, GOAL, rates=RATES, tip_speed=0.006, objective="time then heat"))
+    assert result.passed
+    assert {LIMIT[name] for name in RATES} | {"tip speed"} <= {found.name for found in result.certificate.limits}
+
+
+def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: Problem) -> None:
+    """From beside the port: inserted as fast as it swings, the tip would come too near to the wall."""
+    start = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.003}
+    goal = {"roll": 0.0, "tilt": float(np.radians(-112)), "spin": 0.0, "depth": 0.018}
+    with_eye = moving(laser_scan, "free", start, goal, rates={})
+    without = plan(dataclasses.replace(with_eye, eye=None))
+    against = check(without.trajectory, laser_scan.robot, with_eye.task_limits)
+    violated = next(found for found in against.limits if found.name == RETINA)
+    assert violated.margin < -1e-3
+    result = plan(with_eye)
+    assert result.passed
+    assert limit(result, RETINA).margin >= -1e-6
+    assert result.duration > without.duration
+
+
+def in_the_way(problem: Problem) -> Eye:
+    """A small lens on the way of a shaft that swings from SWING to FAR while it is inserted."""
+    tilt, depth = -1.95, 0.0075
+    place = depth * np.array([-np.cos(tilt), 0.0, np.sin(tilt)])
+    assert problem.eye is not None
+    lens = Lens(frozen(place, (3,)), frozen([1.2e-3, 1.2e-3, 1.2e-3], (3,)), frozen(np.eye(3), (3, 3)))
+    return dataclasses.replace(problem.eye, lens=lens, clearance=0.5e-3)
+
+
+@pytest.mark.parametrize("objective", ["time", "time then heat"])
+def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective: str) -> None:
+    """It swings over the lens first and is inserted behind it."""
+    problem = moving(laser_scan, "free", SWING, FAR, rates={}, objective=objective, eye=in_the_way(laser_scan))
+    without = plan(dataclasses.replace(problem, eye=None))
+    against = check(without.trajectory, problem.robot, problem.task_limits)
+    assert next(found for found in against.limits if found.name == LENS).margin < -0.02
+    result = plan(problem)
+    assert result.passed
+    assert -1e-6 <= limit(result, LENS).margin < 1e-2
+    assert result.duration > without.duration
+    tilted = result.trajectory.uniform(1000.0)
+    straight = SWING["depth"] + (FAR["depth"] - SWING["depth"]) * 0.5
+    half = int(np.argmin(np.abs(tilted.q[:, 1] - tilted.q[[0, -1], 1].mean())))
+    assert -tilted.q[half, 3] < straight
+
+
+def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -> None:
+    problem = moving(laser_scan, "straight", SWING, FAR, rates={}, eye=in_the_way(laser_scan))
+    result = plan(problem)
+    assert (result.status, result.reason.constraint) == ("infeasible", LENS)
+    assert result.reason.available < 1 < result.reason.required
+    assert "% of the way" in result.reason.where
+
+
+def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
+    """Three times as many elements gain less than 0.2 %."""
+    problem = moving(laser_scan, "free", SWING, FAR, rates={}, eye=in_the_way(laser_scan))
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    points = plan(problem).legs[0].leg.points
+    coarse, fine = (solve_free(problem, mechanism, points, count=n) for n in (40, 120))
+    assert coarse.solved
+    assert fine.solved
+    assert coarse.breaks[-1] / fine.breaks[-1] - 1 < 2e-3

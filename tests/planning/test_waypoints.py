@@ -1,0 +1,135 @@
+"""Free motions through points without stopping."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.model.forward import tip_position
+from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.model.task import task_from_joints
+from ssm_planner.outcome import Plan
+from ssm_planner.planning.free_ocp import solve_free
+from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
+from ssm_planner.run import plan
+
+Weaker = Callable[[Robot, float], Robot]
+WithJerk = Callable[[Robot, float, float], Robot]
+
+FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
+BETWEEN = (0.1, 0.3, 0.3, -0.004)
+"""On the way of every joint, but not on the straight line."""
+ASIDE = (0.1, 0.7, 0.3, 0.0)
+"""Joint 2 turns back there, joint 4 has not begun to move."""
+
+
+def through(problem: Problem, *points: tuple[float, ...], first: tuple[float, ...] = FIRST) -> Problem:
+    """The problem from `first` to the last point through the others."""
+    *passed, goal = (Target(joints=point) for point in points)
+    motion = (Motion("free", "free", goal, through=tuple(passed)),)
+    return dataclasses.replace(problem, start=Target(joints=first), motion=motion, limits={"depth": (0.0, 0.03)})
+
+
+def passing(result: Plan, point: tuple[float, ...]) -> tuple[float, Array]:
+    """When the motion is nearest to a point, of the ends of its pieces, and the velocities then."""
+    assert result.passed
+    at_breaks = result.trajectory.sample(result.trajectory.breaks)
+    distance = np.abs(at_breaks.q - point).max(axis=1)
+    k = int(np.argmin(distance))
+    assert distance[k] <= 1e-9
+    return float(at_breaks.t[k]), at_breaks.qd[k]
+
+
+def unmotored(robot: Robot) -> Robot:
+    return dataclasses.replace(
+        robot, joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints)
+    )
+
+
+@pytest.mark.parametrize("jerk", [False, True])
+def test_a_point_on_the_way_is_passed_at_speed(tilt_insert: Problem, with_jerk: WithJerk, jerk: bool) -> None:
+    if jerk:
+        tilt_insert = dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0))
+    whole = plan(through(tilt_insert, BETWEEN, LAST))
+    _, speed = passing(whole, BETWEEN)
+    limit = np.array([joint.velocity for joint in tilt_insert.robot.joints])
+    assert np.all(speed * np.subtract(LAST, FIRST) > 0)
+    assert (np.abs(speed) / limit).max() > 0.3
+    parts = plan(through(tilt_insert, BETWEEN)), plan(through(tilt_insert, LAST, first=BETWEEN))
+    without = plan(through(tilt_insert, LAST))
+    slack = 1.001 * 1.0005  # the motion of least heat, on a mesh
+    assert without.duration / slack <= whole.duration <= 0.95 * sum(part.duration for part in parts)
+
+
+def test_a_joint_that_turns_back_or_stands_is_at_rest_and_the_others_go_on(tilt_insert: Problem) -> None:
+    _, speed = passing(plan(through(tilt_insert, ASIDE, LAST)), ASIDE)
+    assert speed[[1, 3]] == pytest.approx(0.0, abs=1e-12)
+    assert np.all(np.abs(speed[[0, 2]]) > 0.1)
+
+
+def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> None:
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    middle = (-0.2, 0.5, 0.1, -0.002)
+    task = task_from_joints(mechanism, np.array([middle]))[0]
+    tip = tip_position(mechanism, np.array([BETWEEN]))[0]
+    spin = float(task_from_joints(mechanism, np.array([BETWEEN]))[0, 2])
+    problem = through(tilt_insert, middle, BETWEEN, LAST)
+    points = Target(task=dict(zip(TASK, task.tolist(), strict=True))), Target(tip=tuple(tip.tolist()), spin=spin)
+    same = dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], through=points),))
+    result = plan(same)
+    assert 0 < passing(result, middle)[0] < passing(result, BETWEEN)[0] < result.duration
+    assert result.duration == pytest.approx(plan(problem).duration, rel=1e-6)
+
+
+def test_another_order_takes_another_time(tilt_insert: Problem) -> None:
+    middle = (-0.2, 0.5, 0.1, -0.002)
+    forth, back = plan(through(tilt_insert, middle, BETWEEN, LAST)), plan(through(tilt_insert, BETWEEN, middle, LAST))
+    assert passing(back, BETWEEN)[0] < passing(back, middle)[0]
+    assert back.duration > 1.2 * forth.duration
+
+
+def test_the_mesh_is_fine_enough(tilt_insert: Problem, weaker: Weaker) -> None:
+    """Three times as many elements gain less than 0.2 %, where motors bind."""
+    problem = through(tilt_insert, ASIDE, LAST)
+    problem = dataclasses.replace(problem, robot=weaker(problem.robot, 0.36), objective="time")
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    coarse, fine = (solve_free(problem, mechanism, np.array([FIRST, ASIDE, LAST]), count=n) for n in (40, 120))
+    assert coarse.solved
+    assert fine.solved
+    assert abs(coarse.breaks[-1] / fine.breaks[-1] - 1) < 2e-3
+
+
+def test_without_motors_time_scales_with_the_limits_and_the_way_back_takes_as_long(tilt_insert: Problem) -> None:
+    """Velocities twice, accelerations four times as high: half the time. The same points in reverse: the same time."""
+    robot = unmotored(tilt_insert.robot)
+    problem = dataclasses.replace(through(tilt_insert, ASIDE, BETWEEN, LAST), robot=robot, objective="time")
+    joints = (
+        dataclasses.replace(joint, velocity=2 * joint.velocity, acceleration=4 * joint.acceleration)
+        for joint in robot.joints
+    )
+    faster = dataclasses.replace(problem, robot=dataclasses.replace(robot, joints=tuple(joints)))
+    back = dataclasses.replace(through(tilt_insert, BETWEEN, ASIDE, FIRST, first=LAST), robot=robot, objective="time")
+    duration = plan(problem).duration
+    assert 2 * plan(faster).duration == pytest.approx(duration, rel=1e-6)
+    assert plan(back).duration == pytest.approx(duration, rel=1e-3)
+
+
+def test_many_points(tilt_insert: Problem) -> None:
+    """Twenty points along a straight line in joint space cost little time."""
+    shares = np.linspace(0.0, 1.0, 22)[1:]
+    curve = np.array(FIRST) + np.subtract(LAST, FIRST) * (shares + 0.05 * np.sin(2 * np.pi * shares))[:, None]
+    result = plan(dataclasses.replace(through(tilt_insert, *map(tuple, curve.tolist())), objective="time"))
+    for point in curve:
+        passing(result, tuple(point))
+    assert result.duration < 1.05 * plan(through(tilt_insert, LAST)).duration
+
+
+def test_standing_still_between_two_points_is_bad_input(tilt_insert: Problem) -> None:
+    with pytest.raises(ProblemError, match=r"goes nowhere: through\[1\] is where the motion already is"):
+        plan(through(tilt_insert, BETWEEN, BETWEEN, LAST))
+    with pytest.raises(ProblemError, match="goes nowhere: its target is where the motion already is"):
+        plan(through(tilt_insert, LAST, LAST))
