@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ssm_planner.problem.values import Array, Robot
@@ -20,6 +22,26 @@ def limit_table(robot: Robot) -> Array:
             table[0, i] = min(joint.velocity, joint.motor.max_speed / joint.drive.ratio)
             table[3, i] = joint.motor.max_torque
     return table
+
+
+def tightened(robot: Robot, factors: Array | None) -> Robot:
+    """The robot with factors (4, 4) on velocity, acceleration, jerk and motor-torque limits (rows) of its joints."""
+    if factors is None:
+        return robot
+    joints = []
+    for joint, (velocity, acceleration, jerk, torque) in zip(robot.joints, factors.T, strict=True):
+        motor = joint.motor
+        joints.append(
+            replace(
+                joint,
+                velocity=joint.velocity * velocity,
+                acceleration=joint.acceleration * acceleration,
+                jerk=None if joint.jerk is None else joint.jerk * jerk,
+                motor=None if motor is None else replace(motor, max_torque=motor.max_torque * torque),
+            )
+        )
+    first, second, third, fourth = joints
+    return replace(robot, joints=(first, second, third, fourth))
 
 
 def limits_jerk(robot: Robot) -> bool:

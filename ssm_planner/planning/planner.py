@@ -14,14 +14,17 @@ from ssm_planner.planning.diagnosis import no_motion, too_short, too_weak
 from ssm_planner.planning.free_ocp import solve_free
 from ssm_planner.planning.joint_path import StepPath, TravelledPath
 from ssm_planner.planning.legs import Leg, legs_of
+from ssm_planner.planning.limits import tightened
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming import retime
 from ssm_planner.planning.straight import joint_pieces
-from ssm_planner.planning.straight_ocp import solve_straight
+from ssm_planner.planning.straight_ocp import PathMotion, solve_straight
 from ssm_planner.problem.values import Array, Problem
 
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
+BETWEEN = 2e-5
+"""By how much TOPP-RA's motion keeps off the limits, for what happens between its grid points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +120,18 @@ def _dwell(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | No
 def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
     path, limits, asked = leg.straight, problem.task_limits, leg.motion.duration
     speeds = path.speed_at(0.0, leg.first_speed), path.speed_at(1.0, leg.last_speed)
-    retiming = retime(path, problem.robot, limits=limits, speeds=speeds)
+    least = lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
+    alone = problem.planner == "toppra"
+    robot = problem.robot
+    if alone:
+        factors = np.ones((4, len(robot.joints))) if tighten is None else tighten
+        robot = tightened(robot, factors * (1 - BETWEEN))
+    retiming = retime(path, robot, limits=limits, speeds=speeds)
     if not retiming.solved:
         return no_motion(problem, leg, path, retiming.message)
-    least = lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
+    if alone:
+        breaks, coefficients = joint_pieces(path, PathMotion.of(retiming), subdivision=1, end_speed=speeds[1])
+        return PlannedLeg(leg, retiming.duration, retiming.duration, least, 0), breaks, coefficients
     guess = retiming
     if retiming.duration > CREEPING * least:
         # a motor that barely starts creeps over TOPP-RA's first interval, where a real one breaks away at a point

@@ -39,6 +39,14 @@ class PathMotion:
     elements: Array
     iterations: int
 
+    @classmethod
+    def of(cls, retiming: Retiming) -> PathMotion:
+        """TOPP-RA's motion: ṡ² linear in s, so that s̈ is constant, between its grid points."""
+        s, speed = retiming.s, np.sqrt(retiming.speed_squared)
+        acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
+        elements = np.column_stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(retiming.times)])
+        return cls(retiming.status, retiming.message, elements, 0)
+
     @property
     def solved(self) -> bool:
         return self.status == "solved"

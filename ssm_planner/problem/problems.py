@@ -35,6 +35,8 @@ def problem_from(section: Section) -> Problem:
     entries = enumerate(model.motion)
     motion = tuple(_motion(section.sub("motion", i), entry, robot, limits, eye) for i, entry in entries)
     _refuse_durations(section, model, motion)
+    if model.planner == "toppra":
+        _refuse_for_toppra(section, model, motion, robot)
     return Problem(
         name=model.name or section.file.stem,
         robot=robot,
@@ -44,6 +46,7 @@ def problem_from(section: Section) -> Problem:
         tip_speed=model.limits.tip_speed,
         objective=model.objective,
         duration=model.duration,
+        planner=model.planner,
         start_rate=_rates(model.start_rate),
         end_rate=_rates(model.end_rate),
         file=str(section.file),
@@ -68,6 +71,17 @@ def _refuse_durations(section: Section, model: ProblemModel, motion: tuple[Motio
         raise section.error("every motion has a duration of its own already", "duration")
     if fixed >= model.duration:
         raise section.error(f"dwells and timed motions alone take {fixed:g} s", "duration", allowed="more than that")
+
+
+def _refuse_for_toppra(section: Section, model: ProblemModel, motion: tuple[Motion, ...], robot: Robot) -> None:
+    """Raises where a problem asks of TOPP-RA what it cannot do."""
+    asks = [f"a jerk limit of joint {joint.name}" for joint in robot.joints if joint.jerk is not None]
+    asks += [f"a {entry.kind} motion ({entry.name})" for entry in motion if entry.kind not in ("straight", "dwell")]
+    asks += [f"a duration of {entry.name}" for entry in motion if entry.duration is not None and entry.kind != "dwell"]
+    if model.duration is not None or model.objective == "effort":
+        asks.append("a duration or effort as the objective")
+    if asks:
+        raise section.error(f"TOPP-RA cannot take {asks[0]}", "planner", allowed="straight motions as fast as possible")
 
 
 def _narrowed(section: Section, robot: Robot, own: Mapping[str, Range]) -> dict[str, Range]:

@@ -315,6 +315,7 @@ class Motion:
 
 
 Objective = Literal["time", "time then heat", "effort"]
+Planner = Literal["optimal", "toppra"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,6 +337,8 @@ class Problem:
     end_rate: Mapping[str, float] = field(default_factory=dict)
     duration: float | None = None
     """Of everything together where it is asked for, s."""
+    planner: Planner = "optimal"
+    """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
 
     @property
     def task_limits(self) -> TaskLimits:

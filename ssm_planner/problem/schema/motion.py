@@ -84,5 +84,6 @@ class ProblemModel(Model):
     eye: EyeModel | None = None
     objective: Literal["time", "time then heat", "effort"] = "time then heat"
     duration: Annotated[float, quantity("time", above=0)] | None = None
+    planner: Literal["optimal", "toppra"] = "optimal"
     start_rate: RateModel = RateModel()
     end_rate: RateModel = RateModel()
