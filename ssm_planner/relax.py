@@ -156,6 +156,18 @@ def _torque(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation
     return Relaxation(f"largest motor torque of joint {joint.name} of", "N·m", motor.max_torque, enough, changed)
 
 
+def _continuous_torque(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation | None:
+    motor = joint.motor
+    if motor is None:
+        return None
+
+    def changed(value: float) -> Problem:
+        return _with_joint(problem, i, motor=replace(motor, nominal_torque=value))
+
+    what = f"continuous torque of joint {joint.name} of"
+    return Relaxation(what, "N·m", motor.nominal_torque, needed, changed)
+
+
 def _position(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation:
     low, high = joint.position
     side = 0 if needed < low else 1
@@ -197,6 +209,7 @@ def _friction(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxati
 
 _OF_JOINT: dict[str, Callable[[Problem, int, Joint, float], Relaxation | None]] = {
     "motor torque": _torque,
+    "continuous torque": _continuous_torque,
     "position": _position,
     "velocity": _velocity,
     "acceleration": _acceleration,

@@ -19,6 +19,7 @@ from ssm_planner.sizing.size import size_motion
 from ssm_planner.tightening import Strictness
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
+from ssm_planner.verify.mean_square import CONTINUOUS
 
 ATTEMPTS = 4
 
@@ -53,18 +54,21 @@ def _attempt(
 ) -> tuple[Planned, Certificate | None, Reason | None]:
     """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
     strict: Strictness | None = Strictness.of(problem)
+    exceeding: tuple[Planned, Certificate | None, Reason | None] | None = None
     attempt = 1
     while True:
         assert strict is not None
         planned = plan_motion(strict.problem, strict.factors, progress)
         if planned.trajectory is None:
-            return planned, None, planned.reason
+            # under stricter limits than the problem's, which are not what stands in the way
+            return exceeding or (planned, None, planned.reason)
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits)
         strict = strict.more(certificate)
+        exceeding = planned, certificate, None if certificate.passed else _exceeded(certificate)
         if certificate.passed or attempt == ATTEMPTS or strict is None:
-            return planned, certificate, None if certificate.passed else _exceeded(certificate)
+            return exceeding
         attempt += 1
 
 
@@ -109,4 +113,11 @@ def _exceeded(certificate: Certificate) -> Reason:
             f"the drive{joint} does not hold by itself: its friction coefficient may be as low as {available:.4g}, "
             f"self-locking needs {required:.4g}; the load would drive it back"
         )
-    return Reason(worst.name, worst.joint, f"t = {worst.time:.4f} s", required, available, None, text)
+    where: str | None = f"t = {worst.time:.4f} s"
+    if worst.name == CONTINUOUS:
+        where = None
+        text = (
+            f"the motor{joint} would run at an RMS torque of {1e3 * required:.6g} mN·m, it may do "
+            f"{1e3 * available:.6g} mN·m for all time; the motion is not written"
+        )
+    return Reason(worst.name, worst.joint, where, required, available, None, text)

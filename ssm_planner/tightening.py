@@ -8,8 +8,10 @@ import numpy as np
 
 from ssm_planner.problem.values import Array, Eye, Problem
 from ssm_planner.verify.certificate import Certificate, LimitCheck
+from ssm_planner.verify.mean_square import CONTINUOUS
 
-ROWS = {"velocity": 0, "motor speed": 0, "acceleration": 1, "jerk": 2, "motor torque": 3}
+TORQUE = 3
+ROWS = {"velocity": 0, "motor speed": 0, "acceleration": 1, "jerk": 2, "motor torque": TORQUE}
 """Row of the planner's table of factors, by the name of the limit."""
 RATES = {"roll rate": "roll", "tilt rate": "tilt", "spin rate": "spin", "insertion speed": "depth"}
 MORE = 1.5
@@ -35,6 +37,12 @@ class Strictness:
         for limit in certificate.violations:
             if limit.name in ROWS and limit.joint in names:
                 factors[ROWS[limit.name], names.index(limit.joint)] *= _factor(limit)
+                held = True
+                continue
+            if limit.name == CONTINUOUS and limit.joint in names:
+                # a smaller peak helps only where acceleration makes the heat; against friction and weight nothing does
+                i = names.index(limit.joint)
+                factors[TORQUE, i] = min(factors[TORQUE, i], _share_of_peak(certificate, limit.joint)) * _factor(limit)
                 held = True
                 continue
             stricter = _stricter(problem, limit)
@@ -69,5 +77,12 @@ def _thicker(eye: Eye, ratio: float) -> Eye:
     return replace(eye, shaft_radius=eye.shaft_radius + ratio * float(np.min(eye.lens.semi_axes)))
 
 
+def _share_of_peak(certificate: Certificate, joint: str | None) -> float:
+    """The largest torque of a motor as a share of what it may give for a short time."""
+    peaks = (limit for limit in certificate.limits if (limit.name, limit.joint) == ("motor torque", joint))
+    return max((peak.worst / peak.limit for peak in peaks), default=1.0)
+
+
 def _factor(limit: LimitCheck) -> float:
-    return 1 + MORE * limit.margin
+    """1 + MORE·margin for a small excess, never 0 for a large one: (limit / worst)^MORE."""
+    return float((1 - limit.margin) ** -MORE)

@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.planning.element import Stage, element_functions
+from ssm_planner.planning.element import ElementFunctions
 
 IPOPT: dict[str, Any] = {
     "print_level": 0,
@@ -64,7 +64,7 @@ def assemble(
     p: ca.MX,
     objective: ca.MX,
     plain: ca.MX,
-    stage: Stage,
+    element: ElementFunctions,
     mesh: Mesh,
     weight: ca.MX,
 ) -> tuple[ca.Function, ca.Function]:
@@ -73,7 +73,6 @@ def assemble(
     x (n, 1) variables, p parameters. Returns two solvers, the second for warm starts.
     """
     count = mesh.count
-    element = element_functions(stage)
     rows = ca.vec(mesh.map(element.rows))
     g = ca.vertcat(plain, rows)
     of_x = ca.jacobian(ca.vec(mesh.z), x)
@@ -93,6 +92,8 @@ def assemble(
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
+        "no_nlp_grad": True,  # for the multipliers of p, which nobody asks for
+        "calc_lam_p": False,
         "grad_f": ca.Function("grad_f", [x, p], [total, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
         "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),

@@ -23,8 +23,9 @@ import numpy as np
 
 from ssm_planner.planning import element
 from ssm_planner.planning.assembly import Mesh, assemble, ipopt
+from ssm_planner.planning.compiled import stages
 from ssm_planner.planning.course import Answer, Question, Shape
-from ssm_planner.planning.element import COLLOCATION
+from ssm_planner.planning.element import COLLOCATION, ElementFunctions
 from ssm_planner.problem.values import Array
 
 SMOOTHING = 3e-6
@@ -75,12 +76,14 @@ class Program:
 
     @classmethod
     def of(cls, shape: Shape, stage: Stage) -> Program:
-        """The program, built once for each shape and key of a stage."""
-        found: Program = _recent(_programs, (shape, stage.key), lambda: cls._build(shape, stage), KEPT_PROGRAMS)
+        """The program, built once for each shape and key of a stage; again when the stage has been compiled."""
+        functions, compiled = stages.functions(stage, stage.key)
+        key = (shape, stage.key, compiled)
+        found: Program = _recent(_programs, key, lambda: cls._build(shape, stage, functions), KEPT_PROGRAMS)
         return found
 
     @classmethod
-    def _build(cls, shape: Shape, stage: Stage) -> Program:
+    def _build(cls, shape: Shape, stage: Stage, functions: ElementFunctions) -> Program:
         n, m = shape.elements, shape.coordinates
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.blocks))
         arguments = [ca.MX.sym(f"argument{i}", size, n if own else 1) for i, (size, own) in enumerate(stage.arguments)]
@@ -117,7 +120,7 @@ class Program:
             ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, unit, weights, least),
             weights[0] * total + SMOOTHING * energy + EVEN * uneven,
             ca.vertcat(equations, hull, slopes, starting, total),
-            stage,
+            functions,
             Mesh(z, tuple(arguments)),
             weights[1],
         )
@@ -157,7 +160,7 @@ def point_of(states: Array, times: Array) -> dict[str, Any]:
     return {"x0": np.append(states.ravel(), times)}
 
 
-_programs: OrderedDict[tuple[Shape, tuple[Any, ...]], Program] = OrderedDict()
+_programs: OrderedDict[tuple[Shape, tuple[Any, ...], bool], Program] = OrderedDict()
 _stages: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
 S = TypeVar("S", bound=Stage)
 

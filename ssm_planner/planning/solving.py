@@ -22,6 +22,8 @@ MOST_ELEMENTS = 3
 """Times their first number."""
 BACKOFF = 2.0
 """Tightening per excess found."""
+BESIDE = 0.5
+"""Share of an element's tightening that its neighbours get."""
 SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
 ROUNDS = 12
@@ -131,7 +133,7 @@ def _rounds(
             break
         excess = task.largest(elements) - 1
         worst = excess.max(axis=0, initial=-1.0)
-        if worst.max(initial=-1.0) <= EXCESS:
+        if worst.max(initial=-1.0) <= EXCESS or rounds == ROUNDS:
             break
         missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
         rough = excess.max(axis=1) > ROUGH
@@ -149,4 +151,8 @@ def _rounds(
 
 def tightening(excess: Array) -> Array:
     """By how much to lower rows that were found exceeded between the collocation points."""
-    return np.asarray(np.where(excess > 0, BACKOFF * excess + EXCESS, 0.0))
+    own = np.where(excess > 0, BACKOFF * excess + EXCESS, 0.0)
+    none = np.zeros_like(own[:1])
+    # what is pressed down in one element comes up in the next
+    beside = np.maximum(np.vstack([own[1:], none]), np.vstack([none, own[:-1]]))
+    return np.asarray(np.maximum(own, BESIDE * beside))

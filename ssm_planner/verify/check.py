@@ -3,7 +3,7 @@
 It knows nothing of how the trajectory came about: it takes polynomials in time. What is a polynomial itself (position,
 velocity, acceleration, jerk, motor speed) has its extremes found exactly; the rest is looked at densely, on both sides of
 every break and of every reversal, and ever closer where something worse may hide. Starts and reversals are treated with
-static friction.
+static friction. Motor torques are held against what the motors may give for all time too, as root mean squares.
 """
 
 from __future__ import annotations
@@ -54,6 +54,7 @@ def check(
         for joint in robot.joints
         if joint.drive is None or joint.motor is None
     ]
+    found += scan.heating.checks(robot, trajectory)
     if resolution is not None:
         found, more = linear_limits(trajectory, robot, resolution, found)
         unchecked += more

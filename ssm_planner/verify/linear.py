@@ -24,7 +24,7 @@ from ssm_planner.verify.quantities import INSERTION_SPEED, RATES
 FINEST = 1e-12
 """rad or m: positions are never taken to be known better."""
 UNDEFINED = ("acceleration", "jerk", "motor torque", "nut contact")
-"""Limits that mean nothing on straight pieces."""
+"""Quantities that mean nothing on straight pieces; without motor torque there is no continuous torque either."""
 
 
 def linear_limits(
@@ -48,7 +48,8 @@ def linear_limits(
         unit = "rad/s" if joint.kind == "revolute" else "m/s"
         worst, limit, time = float(jump[k]), float(allowed[k]), float(trajectory.breaks[k])
         found.append(LimitCheck("velocity jump", joint.name, worst, limit, 1 - worst / limit, time, unit))
-    undefined = "acceleration, jerk and motor torque: not defined on straight pieces (linear interpolation); "
+    undefined = "acceleration, jerk, motor torque and continuous torque: "
+    undefined += "not defined on straight pieces (linear interpolation); "
     undefined += "velocity jumps are held against what the acceleration limit allows within one interval"
     notes = [undefined]
     if resolution.max() > FINEST:

@@ -24,6 +24,7 @@ from ssm_planner.model.transmission import nut_contact
 from ssm_planner.problem.values import Array, Eye, Indices, Robot
 from ssm_planner.verify import screen
 from ssm_planner.verify.instructions import dense
+from ssm_planner.verify.mean_square import MeanSquares
 from ssm_planner.verify.motor_law import motor_law
 from ssm_planner.verify.pieces import Flags, Pieces, still
 from ssm_planner.verify.quantities import RATES, Quantity, Worst
@@ -37,6 +38,8 @@ HALVINGS = 10
 MOST = 2048
 """Intervals of a block that are halved at a time, those first that may hold the worst."""
 SHARES = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
+LONG = 10.0
+"""Mean lengths of a piece, beyond which one look at its middle does not stand for the whole of it."""
 
 
 class Scan:
@@ -49,7 +52,9 @@ class Scan:
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
+        self.heating = MeanSquares(self.quantities)
         self.instants = 0
+        self.longest = LONG * trajectory.duration / (len(trajectory.breaks) - 1)
         self.slopes: Array | None = None
         if self.quantities and len(trajectory.breaks) > screen.WORTHWHILE:
             self.slopes = screen.sensitivity(trajectory, robot, lambda *at: self.law(*at)[0])
@@ -64,16 +69,21 @@ class Scan:
             return
         piece, begin, end = pieces.segments(self.robot)
         if self.slopes is not None:
-            wanted = self._screened(pieces, self.slopes)[piece] | (end - begin < 1.0)
+            certain = pieces.length > self.longest
+            certain[piece[end - begin < 1.0]] = True
+            wanted = self._screened(pieces, self.slopes, certain)[piece]
             piece, begin, end = piece[wanted], begin[wanted], end[wanted]
         intervals = _intervals(pieces, self.robot, piece, begin, end, self.rate)
-        for _ in range(HALVINGS):
+        for halving in range(HALVINGS):
             if not len(intervals.piece):
                 break
-            intervals = intervals.halves(self._evaluate(pieces, intervals))
+            intervals = intervals.halves(self._evaluate(pieces, intervals, first=halving == 0))
 
-    def _evaluate(self, pieces: Pieces, at: Intervals) -> Indices:
-        """Look at intervals; returns those that may hold something worse than what is known."""
+    def _evaluate(self, pieces: Pieces, at: Intervals, *, first: bool) -> Indices:
+        """Look at intervals; returns those that may hold something worse than what is known.
+
+        first: the intervals have not been part of any looked at before, so that they add to the heating.
+        """
         s = np.minimum(at.begin + SHARES * at.width, 1.0)
         state = pieces.at(at.piece, s)
         static = np.zeros(state[0].shape)
@@ -82,6 +92,8 @@ class Scan:
         q, qd, qdd, direction, breakaway = (x.reshape(4, -1) for x in (*state, directions, static))
         values = self._values(q, qd, qdd, direction, breakaway).reshape(len(self.quantities), 4, -1)
         self._offer(values, pieces.time(at.piece, s))
+        if first:
+            self.heating.add_intervals(values, at.starting, at.width * pieces.length[at.piece])
         near_start, near_end = _inner_control(values)
         highest, lowest = values.max(axis=1), values.min(axis=1)
         over = np.maximum(np.maximum(near_start, near_end) - highest, 0.0)
@@ -91,15 +103,18 @@ class Scan:
         open_ = np.flatnonzero(gain > 0)
         return open_ if len(open_) <= MOST else open_[np.argsort(gain[open_])[-MOST:]]
 
-    def _screened(self, pieces: Pieces, slopes: Array) -> Flags:
-        """(m,): pieces that may hold something worse than what is known, or friction at rest."""
+    def _screened(self, pieces: Pieces, slopes: Array, certain: Flags) -> Flags:
+        """(m,): the certain pieces, and those that may hold something worse than what is known, or friction at rest."""
         state = screen.middle(pieces)
         moving = pieces.moving(self.robot)
         q, qd, qdd = state
         values = self._values(q, qd, qdd, np.sign(qd) * moving, np.zeros_like(qd))
         self._offer(values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5)))
         around = screen.spread(pieces, state, slopes)
-        return np.asarray((self._gain(values - around, values + around) > 0) | screen.starting(pieces, self.robot))
+        worse = self._gain(values - around, values + around) > 0
+        wanted = np.asarray(certain | worse | screen.starting(pieces, self.robot))
+        self.heating.add_middles(values, np.where(wanted, 0.0, pieces.length))
+        return wanted
 
     def _values(self, q: Array, qd: Array, qdd: Array, direction: Array, breakaway: Array) -> Array:
         """The quantities (k, n) at q, qd, qdd (4, n)."""

@@ -1,0 +1,66 @@
+"""Compiled stages: the interpreter's numbers to the last bit, kept by content, and nothing without a compiler."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.planning import compiled
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.values import Problem
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
+
+
+@pytest.fixture
+def stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.Stages]:
+    monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    fresh = compiled.Stages()
+    monkeypatch.setattr("ssm_planner.planning.program.stages", fresh)
+    yield fresh
+    fresh.wait()
+
+
+def tilts(problem: Problem, degrees: float) -> Problem:
+    target = dataclasses.replace(problem.motion[0].target, task={"tilt": np.radians(degrees)})
+    return dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], target=target),))
+
+
+def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path) -> None:
+    problems = [tilts(tilt_insert, degrees) for degrees in (-135, -133, -131, -129, -127, -125)]
+    interpreted = [plan_motion(problem) for problem in problems]
+    stages.wait()
+    assert any(used.compiled for used in stages._used.values())
+    for problem, before in zip(problems, interpreted, strict=True):
+        after = plan_motion(problem)
+        assert np.array_equal(after.trajectory.coefficients, before.trajectory.coefficients)
+    kept = list((tmp_path / "ssm_planner").iterdir())
+    assert [path.suffix for path in kept] == [".so"] * len(kept)
+
+
+def test_a_single_plan_compiles_nothing(tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path) -> None:
+    plan_motion(tilt_insert)
+    assert not (tmp_path / "ssm_planner").exists()
+
+
+def test_a_folder_that_others_can_write_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stages: compiled.Stages
+) -> None:
+    folder = tmp_path / "ssm_planner"
+    folder.mkdir()
+    folder.chmod(0o777)
+    assert compiled.cache() is None
+    folder.chmod(0o700)
+    assert compiled.cache() == folder
+
+
+def test_it_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, stages: compiled.Stages) -> None:
+    monkeypatch.setenv("SSM_PLANNER_COMPILE", "0")
+    assert compiled.cache() is None

@@ -1,0 +1,152 @@
+"""The RMS of motor torques in the certificate: against the sizing's and in closed form."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.exports.plan_file import read_plan
+from ssm_planner.model.actuation import STILL
+from ssm_planner.model.rigid_body import RigidBody
+from ssm_planner.model.trajectory import Trajectory, hermite
+from ssm_planner.model.transmission import motor_torque, output_effort
+from ssm_planner.problem.values import Robot, TaskLimits
+from ssm_planner.sizing.requirements import motor_requirements
+from ssm_planner.verify import screen
+from ssm_planner.verify.certificate import Certificate, LimitCheck
+from ssm_planner.verify.check import check
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import smooth, trapezoids
+
+ROOT = Path(__file__).parent.parent.parent
+HOME = np.array([[0.3, 0.5, 0.1, -0.005]])
+ZERO = np.zeros((1, 4))
+
+
+def continuous(certificate: Certificate) -> dict[str | None, LimitCheck]:
+    return {limit.joint: limit for limit in certificate.limits if limit.name == "continuous torque"}
+
+
+def by_sizing(trajectory: Trajectory, robot: Robot, rate: float = 2000.0) -> dict[str, float]:
+    return {each.joint: each.rms_torque for each in motor_requirements(trajectory, robot, rate)}
+
+
+def with_static_friction(robot: Robot, mu: float) -> Robot:
+    joints = []
+    for joint in robot.joints:
+        if joint.drive is not None:
+            friction = dataclasses.replace(joint.drive.friction, mu_static=mu)
+            joint = dataclasses.replace(joint, drive=dataclasses.replace(joint.drive, friction=friction))
+        joints.append(joint)
+    return dataclasses.replace(robot, joints=tuple(joints))
+
+
+def back_and_forth(robot: Robot, count: int) -> Trajectory:
+    """Sines of all joints, quintic by quintic: turns within pieces, at different instants in every joint."""
+    t = np.linspace(0.0, 4.0, count)
+    angle = t[:, None] * [3.1, 4.3, 2.2, 5.7] + [0.1, 0.7, 1.3, 2.0]
+    rate, size = np.array([3.1, 4.3, 2.2, 5.7]), np.array([0.15, 0.1, 0.2, 0.003])
+    q, qd, qdd = HOME + size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)
+    return Trajectory(t, hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:])), ())
+
+
+def test_it_is_the_rms_of_the_sizing_on_the_shipped_plan() -> None:
+    plan = read_plan(ROOT / "results/tilt_insert/plan.json")
+    found = continuous(check(plan.trajectory, plan.robot, plan.limits))
+    sized = by_sizing(plan.trajectory, plan.robot)
+    assert set(found) == set(sized) == {"roll", "tilt", "insertion"}
+    for joint, limit in found.items():
+        assert limit.worst == pytest.approx(sized[joint], rel=1e-6)
+
+
+@pytest.mark.parametrize("make", [trapezoids, smooth, lambda robot: back_and_forth(robot, 9)])
+def test_it_is_the_rms_of_the_sizing_with_starts_turns_and_jumps(robot: Robot, make) -> None:
+    robot = with_static_friction(robot, 0.6)
+    trajectory = make(robot)
+    found = continuous(check(trajectory, robot))
+    for joint, rms in by_sizing(trajectory, robot, 20_000.0).items():
+        assert found[joint].worst == pytest.approx(rms, rel=1e-6)
+
+
+def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
+    """The insertion goes at constant speed, where nothing changes its load, for a quarter of the time; then all rest."""
+    speed, times = -0.004, np.array([0.0, 0.5, 2.0])
+    moved = HOME + [[0.0, 0.0, 0.0, speed * times[1]]]
+    rate = np.array([[0.0, 0.0, 0.0, speed]])
+    pieces = [
+        hermite(times[:2], (HOME, rate, ZERO), (moved, rate, ZERO)),
+        hermite(times[1:], (moved, ZERO, ZERO), (moved, ZERO, ZERO)),
+    ]
+    trajectory = Trajectory(times, np.concatenate(pieces), ())
+    joint = robot.joints[3]
+    assert joint.velocity * STILL < abs(speed)
+    load = RigidBody.from_robot(robot).inverse_dynamics(HOME, rate, ZERO)[0, 3]
+    effort = output_effort(joint.drive, load, speed, 0.0)
+    torque = abs(float(motor_torque(joint.drive, effort, joint.drive.ratio * speed, 0.0)))
+    found = continuous(check(trajectory, robot))
+    assert found["insertion"].worst == pytest.approx(torque * np.sqrt(0.25), rel=1e-9)
+    assert found["insertion"].limit == joint.motor.nominal_torque
+    assert found["insertion"].margin == pytest.approx(1 - torque / 2 / joint.motor.nominal_torque, rel=1e-9)
+    assert (found["insertion"].time, found["insertion"].unit) == (2.0, "N·m")
+    # drives that lock themselves hold without torque
+    assert found["roll"].worst == found["tilt"].worst == 0.0
+
+
+def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> None:
+    """Holding torque without friction: the load by the ratio, all the time."""
+    drive = robot.joints[0].drive
+    friction = dataclasses.replace(drive.friction, mu=1e-9, mu_static=1e-9, b_c=0.0, b_oc=0.0)
+    free = dataclasses.replace(robot.joints[0], drive=dataclasses.replace(drive, friction=friction, self_locking=False))
+    robot = dataclasses.replace(robot, joints=(free, *robot.joints[1:]))
+    times = np.array([0.0, 3.0])
+    found = continuous(check(Trajectory(times, hermite(times, (HOME, ZERO, ZERO), (HOME, ZERO, ZERO)), ()), robot))
+    load = float(RigidBody.from_robot(robot).gravity_load(HOME)[0, 0])
+    assert found["roll"].worst == pytest.approx(abs(load) * drive.gamma * np.tan(drive.lead_angle), rel=1e-6)
+    assert found["roll"].worst > 0
+
+
+def test_static_friction_is_a_peak_and_no_heat(robot: Robot) -> None:
+    trajectory = smooth(robot)
+    low, high = (check(trajectory, with_static_friction(robot, mu)) for mu in (0.1, 0.9))
+    for joint in ("roll", "tilt", "insertion"):
+        peaks = [next(x.worst for x in c.limits if (x.name, x.joint) == ("motor torque", joint)) for c in (low, high)]
+        assert peaks[1] > 1.05 * peaks[0]
+        assert continuous(high)[joint].worst == pytest.approx(continuous(low)[joint].worst, rel=1e-12)
+
+
+def test_many_short_pieces_give_what_few_give(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the screen, one look at the middle of most pieces."""
+    trajectory = back_and_forth(robot, 4001)
+    full = continuous(check(trajectory, robot))
+    monkeypatch.setattr(screen, "WORTHWHILE", 10)
+    screened = check(trajectory, robot)
+    assert screened.instants < 3 * 4000
+    for joint, limit in continuous(screened).items():
+        assert limit.worst == pytest.approx(full[joint].worst, rel=1e-6)
+
+
+def test_one_long_piece_among_many_short_ones_is_not_judged_by_its_middle(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A torque in one piece that takes half the time, least at its middle, where the acceleration is 0."""
+    short = back_and_forth(robot, 2001)
+    end = short.sample(short.breaks[-1:], "left")
+    there = end.q + np.array([[0.3, 0.0, 0.0, 0.0]])
+    long = np.array([short.breaks[-1], 2 * short.breaks[-1]])
+    piece = hermite(long, (end.q, end.qd, end.qdd), (there, ZERO, ZERO))
+    trajectory = Trajectory(np.append(short.breaks, long[1]), np.concatenate([short.coefficients, piece]), ())
+    full = continuous(check(trajectory, robot))
+    monkeypatch.setattr(screen, "WORTHWHILE", 10)
+    for joint, limit in continuous(check(trajectory, robot)).items():
+        assert limit.worst == pytest.approx(full[joint].worst, rel=1e-6)
+
+
+def test_it_is_left_out_where_there_is_no_acceleration(robot: Robot) -> None:
+    certificate = check(smooth(robot), robot, TaskLimits(), resolution=np.full(4, 1e-9))
+    assert not continuous(certificate)
+    assert any("continuous torque" in what and "not defined" in what for what in certificate.unchecked)
