@@ -16,7 +16,7 @@ HALVINGS = 2
 BARELY = 1e-6
 """Share by which a relaxation goes beyond the value that is needed, so that rounding does not spoil it."""
 TO_MOVE = 5e-3
-"""Share of a torque that has to be left for acceleration: with none the motion creeps."""
+"""Share of a torque or an acceleration beyond what is needed at least: with none the motion creeps, or is the only one."""
 SHARES = (0.1, 1.0)
 """By how much limits are relaxed one by one where it is not known which one stands in the way."""
 PATIENCE = 4.0
@@ -188,7 +188,8 @@ def _velocity(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxati
 def _acceleration(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation:
     unit = "rad" if joint.kind == "revolute" else "m"
     what = f"acceleration limit of joint {joint.name} (per second squared) of"
-    return Relaxation(what, unit, joint.acceleration, needed, lambda value: _with_joint(problem, i, acceleration=value))
+    enough = max(needed, joint.acceleration) * (1 + TO_MOVE)
+    return Relaxation(what, unit, joint.acceleration, enough, lambda value: _with_joint(problem, i, acceleration=value))
 
 
 def _friction(problem: Problem, i: int, joint: Joint, needed: float) -> Relaxation | None:

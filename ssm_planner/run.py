@@ -24,6 +24,8 @@ from ssm_planner.verify.mean_square import CONTINUOUS
 ATTEMPTS = 4
 
 Progress = Callable[[str], None]
+Outcome = tuple[Planned, Certificate | None, Reason | None]
+"""What was planned, its certificate, and the reason where it is none that passed."""
 
 
 def plan(
@@ -51,25 +53,38 @@ def plan(
 
 def _attempt(
     problem: Problem, progress: Progress, found: Callable[[Trajectory], None]
-) -> tuple[Planned, Certificate | None, Reason | None]:
+) -> Outcome:
     """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
     strict: Strictness | None = Strictness.of(problem)
-    exceeding: tuple[Planned, Certificate | None, Reason | None] | None = None
+    first: Outcome | None = None
     attempt = 1
     while True:
         assert strict is not None
         planned = plan_motion(strict.problem, strict.factors, progress)
         if planned.trajectory is None:
-            # under stricter limits than the problem's, which are not what stands in the way
-            return exceeding or (planned, None, planned.reason)
+            return _blamed(first, (planned, None, planned.reason))
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits)
         strict = strict.more(certificate)
-        exceeding = planned, certificate, None if certificate.passed else _exceeded(certificate)
-        if certificate.passed or attempt == ATTEMPTS or strict is None:
-            return exceeding
+        outcome = planned, certificate, None if certificate.passed else _exceeded(certificate)
+        if certificate.passed:
+            return outcome
+        if attempt == ATTEMPTS or strict is None:
+            return _blamed(first, outcome)
+        first = first or outcome
         attempt += 1
+
+
+def _blamed(first: Outcome | None, last: Outcome) -> Outcome:
+    """Of an attempt under the problem's own limits and one under stricter ones, that whose reason is to be given.
+
+    Where a motor gets too hot over the whole motion, smaller peaks may not help, and what stands in the way of a motion
+    with these is no limit of the problem.
+    """
+    if first is not None and first[2] is not None and first[2].constraint == CONTINUOUS:
+        return first
+    return last
 
 
 def _duration_or_reason(problem: Problem) -> float | Reason:

@@ -24,7 +24,9 @@ BENT = {
     "lens clearance": 0,
 }  # fmt: skip
 """Derivative of q that is bent in the middle of the interval."""
-KINDS = list(BENT)
+OVERALL = "continuous torque"
+"""Of the motion as a whole: nothing is bent."""
+KINDS = [*BENT, OVERALL]
 WHICH = {
     "tilt range": (1,), "tip speed": (0, 1), "roll rate": (0,), "tilt rate": (1,), "spin rate": (2,),
     "insertion speed": (3,), "retina clearance": (1, 3), "lens clearance": (0, 1),
@@ -73,6 +75,7 @@ class Case:
                     motor,
                     max_speed=high if here == "motor speed" else 1e6,
                     max_torque=high if here == "motor torque" else LOOSE,
+                    nominal_torque=high if here == OVERALL else LOOSE,
                 )
             joints.append(
                 dataclasses.replace(
@@ -108,10 +111,30 @@ def _eye(kind: str, high: float) -> Eye:
 
 def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
     """A random motion; in the middle of one interval it is bent until a quantity has its peak there."""
+    if kind == OVERALL:
+        return _overall(rng, robot)
     while True:
         case = _bent(rng, robot, kind)
         if case is not None:
             return case
+
+
+def _overall(rng: np.random.Generator, robot: Robot) -> Case:
+    """A random motion and the root mean square of one motor's torque."""
+    joint = int(rng.choice((0, 1, 3)))
+    t, states = _samples(rng)
+    trajectory = Trajectory(t, _quintics(t, _drifting(t, states)), ())
+    count = INTERVALS * DENSE
+    middles = (np.arange(count) + 0.5) / count * t[-1]
+    torque = _motor(trajectory.sample(middles), robot, "motor torque", joint)
+    rms = float(np.sqrt(np.mean(np.square(torque))))
+    return Case(trajectory, robot, (OVERALL, robot.joints[joint].name), joint, rms, (float(t[-1]), float(t[-1])))
+
+
+def _drifting(t: np.ndarray, states: list[np.ndarray]) -> list[np.ndarray]:
+    """The same motion without reversals, at which the torque jumps: a dense look takes such a place only roughly."""
+    drift = 1.5 * np.abs(states[1]).max(axis=0)
+    return [states[0] + drift * t[:, None], states[1] + drift, states[2]]
 
 
 def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
@@ -119,9 +142,7 @@ def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
     joint = -1 if kind in WHICH else joint
     t, states = _samples(rng)
     if kind == "motor torque":
-        # without reversals, at which the torque jumps: a dense look finds such a peak only roughly
-        drift = 1.5 * np.abs(states[1]).max(axis=0)
-        states[0], states[1] = states[0] + drift * t[:, None], states[1] + drift
+        states = _drifting(t, states)
     pieces = _quintics(t, states)
     k = int(rng.integers(1, INTERVALS - 1))
     values = _values(Trajectory(t, pieces, ()), robot, kind, joint)

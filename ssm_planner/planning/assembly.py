@@ -20,7 +20,6 @@ from ssm_planner.planning.element import ElementFunctions
 IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
-    "max_iter": 300,
     "tol": 1e-8,
     "mu_init": 1e-4,
     "bound_push": 1e-2,
@@ -67,6 +66,7 @@ def assemble(
     element: ElementFunctions,
     mesh: Mesh,
     weight: ca.MX,
+    iterations: int,
 ) -> tuple[ca.Function, ca.Function]:
     """Ipopt for min objective(x) + weight Σ cost(z_i) subject to bounds on g = [plain(x, p); element rows of every z_i].
 
@@ -99,7 +99,10 @@ def assemble(
         "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
     }
     nlp: Any = {"x": x, "p": p, "f": total, "g": g}
-    cold, warm = (ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt}) for ipopt in (IPOPT, WARM))
+    cold, warm = (
+        ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": {**ipopt, "max_iter": iterations}})
+        for ipopt in (IPOPT, WARM)
+    )
     return cold, warm
 
 

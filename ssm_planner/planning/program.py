@@ -32,6 +32,8 @@ SMOOTHING = 3e-6
 """Weight of ∫ (ü/limit)² of joints."""
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
+ITERATIONS, HEAT_ITERATIONS = 300, 80
+"""At most; the least heat is given up sooner, for the fastest motion is at hand."""
 KEPT_PROGRAMS = 24
 KEPT_STAGES = 64
 RowName = tuple[str, int | None]
@@ -46,6 +48,9 @@ class Stage(element.Stage, Protocol):
     @property
     def key(self) -> tuple[Any, ...]:
         """Two stages with the same key have the same functions."""
+
+    @property
+    def aim(self) -> Aim: ...
 
     @property
     def names(self) -> list[RowName]:
@@ -123,6 +128,7 @@ class Program:
             functions,
             Mesh(z, tuple(arguments)),
             weights[1],
+            HEAT_ITERATIONS if stage.aim == "heat" else ITERATIONS,
         )
         sizes = (part.numel() for part in (equations, hull, slopes, starting))
         return cls(shape, stage, cold, warm, *sizes)

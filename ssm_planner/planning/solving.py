@@ -18,6 +18,8 @@ EXCESS = 5e-7
 ROUGH = 4e-3
 """Where it does so by more than this, the element is cut instead."""
 PARTS = 3
+CUTS = 2
+"""Rounds that may cut elements; they start cold."""
 MOST_ELEMENTS = 3
 """Times their first number."""
 BACKOFF = 2.0
@@ -27,6 +29,8 @@ BESIDE = 0.5
 SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
 ROUNDS = 12
+HEAT_ROUNDS = 4
+"""The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -91,8 +95,8 @@ def optimise(task: Task, start: Start, objective: Objective, duration: float | N
         return fastest
     begin = Start.at(fastest)
     if duration is None:
-        least, _ = _rounds(found.task, begin, "heat", (0.0, (1 + LONGER) * total), found)
-        if not least.solved:
+        least, last = _rounds(found.task, begin, "heat", (0.0, (1 + LONGER) * total), found)
+        if not (least.solved and last.keeps):
             return fastest
     else:
         least, _ = _rounds(found.task, begin.stretched(duration / total), "effort", (duration, duration))
@@ -106,6 +110,8 @@ class _Found:
     task: Task
     kept: frozenset[RowName]
     slack: Array
+    keeps: bool
+    """Nothing is exceeded between the collocation points."""
 
 
 def _rounds(
@@ -122,8 +128,9 @@ def _rounds(
         kept, slack = found.kept, found.slack
     begin = point_of(start.states, start.times)
     most = MOST_ELEMENTS * len(elements)
-    iterations = 0
-    for rounds in range(1, ROUNDS + 1):
+    iterations, keeps = 0, False
+    last = HEAT_ROUNDS if aim == "heat" else ROUNDS
+    for rounds in range(1, last + 1):
         program = Program.of(task.shape, task.stage(kept, aim))
         question = task.question(elements, slack[:, [name in kept for name in names]])
         answer = program.solve(question if time is None else question.within(time), begin)
@@ -133,20 +140,21 @@ def _rounds(
             break
         excess = task.largest(elements) - 1
         worst = excess.max(axis=0, initial=-1.0)
-        if worst.max(initial=-1.0) <= EXCESS or rounds == ROUNDS:
+        keeps = bool(worst.max(initial=-1.0) <= EXCESS)
+        if keeps or rounds == last:
             break
         missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
         rough = excess.max(axis=1) > ROUGH
         if missed:
             kept, begin = kept | missed, {"x0": answer.point["x0"]}
-        elif rough.any() and len(elements) + (PARTS - 1) * rough.sum() <= most:
+        elif aim != "heat" and rough.any() and rounds <= CUTS and len(elements) + (PARTS - 1) * rough.sum() <= most:
             task, elements = task.refined(rough), split(elements, rough, PARTS)
             slack = np.repeat(slack, np.where(rough, PARTS, 1), axis=0)
             begin = point_of(elements[:, :-1], answer.times)
         else:
-            slack = slack + rounds**0.5 * tightening(excess)
+            slack = slack + min(1.4 ** max(rounds - 2, 0), 3.0) * tightening(excess)
             begin = answer.point
-    return replace(answer, iterations=iterations), _Found(task, kept, slack)
+    return replace(answer, iterations=iterations), _Found(task, kept, slack, keeps)
 
 
 def tightening(excess: Array) -> Array:

@@ -78,7 +78,7 @@ def test_hardly_longer_and_no_hotter(tilt_insert: Problem, with_jerk: WithJerk, 
     assert fastest.duration * (1 - 1e-6) <= coolest.duration <= 1.001 * fastest.duration * (1 + 1e-6)
     ratio = heat(coolest.trajectory, robot) / heat(fastest.trajectory, robot)
     # the joints that do not bind move as they like in a free motion: there is something to gain
-    assert ratio < (1.0 if kind == "straight" else 0.999)
+    assert ratio <= (1 + 1e-6 if kind == "straight" else 0.999)
 
 
 def test_time_then_heat_is_what_a_problem_gets_unless_it_says_otherwise(tilt_insert: Problem) -> None:

@@ -113,7 +113,7 @@ def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> Non
 def test_static_friction_is_a_peak_and_no_heat(robot: Robot) -> None:
     trajectory = smooth(robot)
     low, high = (check(trajectory, with_static_friction(robot, mu)) for mu in (0.1, 0.9))
-    for joint in ("roll", "tilt", "insertion"):
+    for joint in ("roll", "tilt"):
         peaks = [next(x.worst for x in c.limits if (x.name, x.joint) == ("motor torque", joint)) for c in (low, high)]
         assert peaks[1] > 1.05 * peaks[0]
         assert continuous(high)[joint].worst == pytest.approx(continuous(low)[joint].worst, rel=1e-12)
@@ -133,17 +133,17 @@ def test_many_short_pieces_give_what_few_give(robot: Robot, monkeypatch: pytest.
 def test_one_long_piece_among_many_short_ones_is_not_judged_by_its_middle(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A torque in one piece that takes half the time, least at its middle, where the acceleration is 0."""
-    short = back_and_forth(robot, 2001)
-    end = short.sample(short.breaks[-1:], "left")
-    there = end.q + np.array([[0.3, 0.0, 0.0, 0.0]])
-    long = np.array([short.breaks[-1], 2 * short.breaks[-1]])
-    piece = hermite(long, (end.q, end.qd, end.qdd), (there, ZERO, ZERO))
-    trajectory = Trajectory(np.append(short.breaks, long[1]), np.concatenate([short.coefficients, piece]), ())
+    """A slow turn of the roll, in which its weight shifts, after much quicker motion that holds all the peaks."""
+    quick = back_and_forth(robot, 2001)
+    breaks = np.append(quick.breaks / 4, 11.0)
+    coefficients = quick.coefficients * 4.0 ** np.arange(6)[:, None]
+    rate = np.array([[0.01, 0.0, 0.0, 0.0]])
+    slow = hermite(breaks[-2:], (HOME - [[1.3, 0.0, 0.0, 0.0]], rate, ZERO), (HOME, rate, ZERO))
+    trajectory = Trajectory(breaks, np.concatenate([coefficients, slow]), ())
     full = continuous(check(trajectory, robot))
     monkeypatch.setattr(screen, "WORTHWHILE", 10)
     for joint, limit in continuous(check(trajectory, robot)).items():
-        assert limit.worst == pytest.approx(full[joint].worst, rel=1e-6)
+        assert limit.worst == pytest.approx(full[joint].worst, rel=1e-5)
 
 
 def test_it_is_left_out_where_there_is_no_acceleration(robot: Robot) -> None:

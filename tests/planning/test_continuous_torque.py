@@ -1,0 +1,79 @@
+"""A motor that would get too hot over the whole motion: tightened where that helps, otherwise named with what would do."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.problem.values import Problem
+from ssm_planner.run import plan
+from ssm_planner.tightening import Strictness
+from ssm_planner.verify.certificate import Certificate, LimitCheck
+from ssm_planner.verify.check import check
+
+
+def with_nominal(problem: Problem, i: int, torque: float) -> Problem:
+    """The problem with another nominal torque of the motor of joint i."""
+    joints = list(problem.robot.joints)
+    joints[i] = dataclasses.replace(joints[i], motor=dataclasses.replace(joints[i].motor, nominal_torque=torque))
+    return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints)))
+
+
+def rms(problem: Problem, trajectory: Trajectory, joint: str) -> float:
+    limits = check(trajectory, problem.robot).limits
+    return next(limit.worst for limit in limits if (limit.name, limit.joint) == ("continuous torque", joint))
+
+
+def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(tilt_insert: Problem) -> None:
+    """Half of what the fastest motion takes: the load does not get lighter, so a smaller peak does not help."""
+    fastest = plan(tilt_insert)
+    needed = rms(tilt_insert, fastest.trajectory, "roll")
+    weak = with_nominal(tilt_insert, 0, needed / 2)
+    result = plan(weak)
+    assert not result.passed
+    reason = result.reason
+    assert (reason.constraint, reason.joint, reason.where) == ("continuous torque", "roll", None)
+    assert reason.required == pytest.approx(needed, rel=1e-4)
+    assert reason.available == needed / 2
+    assert "the motor of joint roll would run at an RMS torque of" in reason.message
+    assert f"it may do {1e3 * needed / 2:.6g} mN·m for all time" in reason.message
+    assert reason.relaxation.startswith("continuous torque of joint roll of")
+    assert reason.relaxation.endswith(f"tried, takes {fastest.duration:.4g} s")
+    assert plan(with_nominal(tilt_insert, 0, reason.required * (1 + 1e-6))).passed
+
+
+def test_a_motor_that_acceleration_heats_goes_slower(tilt_insert: Problem) -> None:
+    problem = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[1:])
+    joint = problem.robot.joints[3]
+    # a heavy rotor on a drive with hardly any friction
+    friction = dataclasses.replace(joint.drive.friction, b_c=0.0, b_oc=0.0, mu_lowest=None)
+    drive = dataclasses.replace(joint.drive, friction=friction, input_inertia=100 * joint.drive.input_inertia)
+    joints = (*problem.robot.joints[:3], dataclasses.replace(joint, drive=drive))
+    problem = dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=joints))
+    fastest = plan(problem)
+    assert fastest.passed
+    limit = 0.9 * rms(problem, fastest.trajectory, "insertion")
+    result = plan(with_nominal(problem, 3, limit))
+    assert result.passed
+    assert rms(problem, result.trajectory, "insertion") <= limit * (1 + 1e-6)
+    assert 1.0 < result.duration / fastest.duration < 1.1
+
+
+@pytest.mark.parametrize("excess", [1e-3, 0.1, 1.0, 30.0])
+def test_what_is_tightened_lies_below_the_peak_and_above_nothing(tilt_insert: Problem, excess: float) -> None:
+    limits = (
+        LimitCheck("motor torque", "tilt", 0.04, 0.1, 0.6, 1.0, "N·m"),
+        LimitCheck("continuous torque", "tilt", 1 + excess, 1.0, -excess, 3.0, "N·m"),
+    )
+    strict = Strictness.of(tilt_insert).more(Certificate(limits, "", 0))
+    assert 0 < strict.factors[3, 1] < 0.4 * (1 - min(excess, 0.5))
+    assert strict.problem is tilt_insert
+    untouched = np.ones((4, 4), dtype=bool)
+    untouched[3, 1] = False
+    assert np.all(strict.factors[untouched] == 1)
+    # an excess that is left tightens again
+    again = strict.more(Certificate(limits[1:], "", 0))
+    assert again.factors[3, 1] < strict.factors[3, 1]

@@ -1,0 +1,261 @@
+"""Why there is no plan: what stands in the way, where, by how much, and a relaxation that was tried."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner import run
+from ssm_planner.errors import ProblemError
+from ssm_planner.model.friction import friction_of
+from ssm_planner.outcome import Plan
+from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.values import Eye, Lens, Motion, Problem, Robot, Target, frozen
+from ssm_planner.relax import Cure, tried
+from ssm_planner.run import plan
+
+Weaker = Callable[[Robot, float], Robot]
+
+START = {"roll": 0.0, "tilt": -1.6, "spin": 0.0, "depth": 0.004}
+INSIDE = {"roll": 0.0, "tilt": -2.01, "spin": 0.0, "depth": 0.016}
+
+
+def straight(**task: float) -> Motion:
+    return Motion("straight", "straight", Target(task=task))
+
+
+def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
+    joints = list(problem.robot.joints)
+    joints[i] = dataclasses.replace(joints[i], **changes)
+    return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints)))
+
+
+def weak(problem: Problem, i: int, factor: float) -> Problem:
+    motor = problem.robot.joints[i].motor
+    assert motor is not None
+    return with_joint(problem, i, motor=dataclasses.replace(motor, max_torque=factor * motor.max_torque))
+
+
+def narrow(problem: Problem) -> Problem:
+    """Joint 2's range ends 0.1 rad before where the motion leads."""
+    q = plan(problem).trajectory.sample(plan(problem).trajectory.breaks).q[:, 1]
+    return with_joint(problem, 1, position=(float(q.min()) + 0.1, float(q.max()) + 1.0))
+
+
+def slippery(problem: Problem) -> Problem:
+    drive = problem.robot.joints[0].drive
+    assert drive is not None
+    friction = dataclasses.replace(friction_of(drive), mu_lowest=0.015)
+    return with_joint(problem, 0, drive=dataclasses.replace(drive, friction=friction))
+
+
+def in_eye(problem: Problem, eye: Eye | None, to: dict[str, float]) -> Problem:
+    return dataclasses.replace(problem, eye=eye, start=Target(task=INSIDE), motion=(straight(**to),))
+
+
+def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
+    """Inserted past a ball of 1.2 mm: the axis at 1.1 of its radius, where a shaft of 0.25 mm needs 1.21 of it."""
+    assert eye is not None
+    tilt, depth = START["tilt"], 0.0075
+    aside = tilt - np.arcsin(1.1 * 1.2e-3 / depth)
+    place = depth * np.array([-np.cos(aside), 0.0, np.sin(aside)])
+    lens = Lens(frozen(place, (3,)), frozen([1.2e-3] * 3, (3,)), frozen(np.eye(3), (3, 3)))
+    return insertion(
+        problem,
+        0.012,
+        eye=dataclasses.replace(eye, lens=lens, clearance=1e-4),
+        start=Target(task={**START, "depth": 0.002}),
+    )
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem without a plan, what its reason names, and whether less than what was found to do cannot do."""
+
+    problem: Callable[[Problem, Eye | None], Problem]
+    constraint: str
+    joint: str | None
+    where: str
+
+
+def tilt(problem: Problem, **changes: Any) -> Problem:
+    """A short tilt."""
+    start = Target(task=START)
+    return dataclasses.replace(problem, **{"start": start, "motion": (straight(tilt=-1.9),), **changes})
+
+
+def insertion(problem: Problem, depth: float = 0.015, **changes: Any) -> Problem:
+    start = Target(task=START)
+    return dataclasses.replace(problem, **{"start": start, "motion": (straight(depth=depth),), **changes})
+
+
+CASES = {
+    "motor too weak on a line": Case(lambda p, _: weak(tilt(p), 0, 0.2), "motor torque", "roll", "straight"),
+    "motor too weak to insert": Case(lambda p, _: weak(insertion(p), 3, 0.05), "motor torque", "insertion", "straight"),
+    "motor too weak at a point": Case(
+        lambda p, _: weak(
+            dataclasses.replace(tilt(p), motion=(Motion("free", "free", Target(task={"tilt": -1.9, "depth": 0.01})),)),
+            0,
+            0.2,
+        ),
+        "motor torque",
+        "roll",
+        "free, ",
+    ),
+    "range of a joint": Case(lambda p, _: narrow(tilt(p)), "position", "tilt", "straight, at its"),
+    "starts too fast": Case(
+        lambda p, _: insertion(p, start_rate={"depth": 0.03}), "velocity", "insertion", "straight, start rate"
+    ),
+    "no room to stop": Case(
+        lambda p, _: insertion(p, 0.0045, start_rate={"depth": 0.015}), "acceleration", "insertion", "straight"
+    ),
+    "too little time for a motion": Case(
+        lambda p, _: insertion(p, motion=(dataclasses.replace(straight(depth=0.015), duration=0.3),)),
+        "duration",
+        None,
+        "straight",
+    ),
+    "too little time for all": Case(
+        lambda p, _: insertion(p, objective="effort", duration=0.3), "duration", None, "the whole motion"
+    ),
+    "too near to the retina": Case(
+        lambda p, eye: in_eye(p, eye, {"depth": 0.0203}), "retina clearance", None, "straight, at its end"
+    ),
+    "too near to the lens": Case(lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "),
+    "not self-locking": Case(lambda p, _: slippery(insertion(p)), "self-locking", "roll", "t ="),
+    "against its way": Case(
+        lambda p, _: insertion(
+            p, motion=(Motion("free", "free", Target(task={"depth": 0.015})),), end_rate={"depth": -0.005}
+        ),
+        "direction",
+        "insertion",
+        "free, end rate",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    plan: Plan
+    cure: Cure | None
+
+
+Unplanned = Callable[[str], Outcome]
+
+
+@pytest.fixture(scope="module")
+def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
+    """The outcome of a case by its name, with the relaxation that was tried; each planned once."""
+    outcomes: dict[str, Outcome] = {}
+    cures: list[Cure | None] = []
+
+    def recording(*arguments: Any) -> Cure | None:
+        cures.append(tried(*arguments))
+        return cures[-1]
+
+    def found(name: str) -> Outcome:
+        if name not in outcomes:
+            cures.clear()
+            result = plan(CASES[name].problem(tilt_insert, laser_scan.eye))
+            outcomes[name] = Outcome(result, cures[-1] if cures else None)
+        return outcomes[name]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "tried", recording)
+        yield found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_reason_says_what_where_and_by_how_much(unplanned: Unplanned, name: str) -> None:
+    case, result = CASES[name], unplanned(name).plan
+    assert not result.passed
+    assert result.reason is not None
+    reason = result.reason
+    assert (reason.constraint, reason.joint) == (case.constraint, case.joint)
+    assert reason.where is not None
+    assert reason.where.startswith(case.where)
+    assert np.isfinite([reason.required, reason.available]).all()
+    assert reason.required != reason.available
+    assert reason.message
+    if case.joint is not None:
+        assert f"joint {case.joint}" in reason.message
+    if case.constraint != "self-locking":
+        assert result.status == "infeasible"
+        assert result.trajectory is None
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if CASES[name].constraint != "direction"])
+def test_its_relaxation_does_and_five_per_cent_less_does_not(unplanned: Unplanned, name: str) -> None:
+    result, cure = unplanned(name).plan, unplanned(name).cure
+    assert cure is not None
+    assert cure.works
+    assert result.reason is not None
+    assert result.reason.relaxation == cure.text
+    assert f"takes {cure.outcome:.4g} s" in cure.text
+    less = cure.relaxation.present + 0.95 * (cure.value - cure.relaxation.present)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "tried", lambda *_: None)
+        again = plan(cure.relaxation.problem(less))
+    assert not again.passed
+    assert again.reason is not None
+    assert again.reason.constraint == result.reason.constraint
+
+
+def test_the_problem_relaxed_is_solved(unplanned: Unplanned) -> None:
+    cure = unplanned("range of a joint").cure
+    assert cure is not None
+    again = plan(cure.problem)
+    assert again.passed
+    assert again.duration == cure.outcome
+
+
+def test_a_direction_has_no_value_that_could_be_relaxed_and_says_what_to_do(unplanned: Unplanned) -> None:
+    reason = unplanned("against its way").plan.reason
+    assert reason is not None
+    assert "add a point where it turns" in reason.message
+    assert reason.required == -reason.available
+
+
+def test_two_limits_in_the_way_are_both_named(tilt_insert: Problem) -> None:
+    """What the first one would need is tried; what then is in the way is said."""
+    problem = weak(weak(tilt(tilt_insert, motion=(straight(tilt=-1.9, depth=0.01),)), 0, 0.2), 3, 0.05)
+    reason = plan(problem).reason
+    assert reason is not None
+    assert reason.joint in ("roll", "insertion")
+    other = {"roll": "insertion", "insertion": "roll"}[reason.joint]
+    assert reason.relaxation is not None
+    assert "does not do alone" in reason.relaxation
+    assert f"joint {other} is too weak" in reason.relaxation
+
+
+def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(tilt_insert: Problem) -> None:
+    problem = dataclasses.replace(tilt_insert, limits={"depth": (0.0, 0.03)}, motion=(straight(tilt=np.radians(-140)),))
+    with pytest.raises(ProblemError, match="the speed of joint tilt grows without bound") as caught:
+        plan(problem)
+    assert "-139.778 deg to -79.778 deg" in str(caught.value)
+
+
+def test_patience_bounds_what_is_tried(tilt_insert: Problem) -> None:
+    """Without patience one value of the limit that the reason names is tried, and none where it names none."""
+    asked: list[Problem] = []
+
+    def never(problem: Problem) -> Reason:
+        asked.append(problem)
+        return Reason("solver", None, None, None, None, None, "no")
+
+    nameless = Reason("solver", None, "insert", None, None, None, "no motion found")
+    assert tried(tilt_insert, nameless, never, patience=0.0) is None
+    assert not asked
+    named = Reason("motor torque", "roll", "insert", 0.2, 0.1, None, "too weak")
+    found = tried(tilt_insert, named, never, patience=0.0)
+    assert found is not None
+    assert not found.works
+    assert len(asked) == 1
+    assert tried(tilt_insert, nameless, never) is None
+    # torque and velocity of every joint that has them, both sides of three ranges, by a tenth and by the whole
+    assert len(asked) == 1 + 2 * (3 + 4 + 6)
