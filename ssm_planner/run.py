@@ -51,9 +51,7 @@ def plan(
     return Plan(problem, planned.status, planned.trajectory, planned.legs, certificate, sizing, reason, seconds)
 
 
-def _attempt(
-    problem: Problem, progress: Progress, found: Callable[[Trajectory], None]
-) -> Outcome:
+def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:
     """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
     strict: Strictness | None = Strictness.of(problem)
     first: Outcome | None = None

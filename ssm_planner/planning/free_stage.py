@@ -22,7 +22,7 @@ from ssm_planner.planning.element import COLLOCATION
 from ssm_planner.planning.keys import robot_key
 from ssm_planner.planning.program import DENSE, Aim, RowName
 from ssm_planner.planning.rows import Bounds, Instant, Row, effort, heat, torque_rows
-from ssm_planner.planning.stage import breakaway_joints
+from ssm_planner.planning.straight_stage import breakaway_joints
 from ssm_planner.problem.values import TASK, Eye, Robot
 
 WATCHED = ("roll", "spin")

@@ -14,7 +14,7 @@ import numpy as np
 
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.planning.path import StraightPath
-from ssm_planner.planning.retiming import PathLoad
+from ssm_planner.planning.path_rows import PathLoad
 from ssm_planner.problem.values import Array
 
 DEGREE = 6

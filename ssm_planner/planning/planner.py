@@ -34,7 +34,7 @@ class PlannedLeg:
     leg: Leg
     duration: float
     toppra_duration: float | None
-    """None where TOPP-RA finds no motion along the path that was taken."""
+    """None where TOPP-RA finds no motion along the path that was taken, or where a duration was asked for."""
     lower_bound: float
     """A duration that no motion within the same limits can beat."""
     iterations: int
@@ -143,7 +143,11 @@ def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array |
     if asked is not None and motion.duration > asked * (1 + 1e-6):
         return too_short(leg.motion.name, asked, motion.duration)
     breaks, coefficients = joint_pieces(path, motion, end_speed=speeds[1])
-    return PlannedLeg(leg, motion.duration, retiming.duration, asked or least, motion.iterations), breaks, coefficients
+    return (
+        PlannedLeg(leg, motion.duration, None if asked else retiming.duration, asked or least, motion.iterations),
+        breaks,
+        coefficients,
+    )
 
 
 def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
@@ -165,7 +169,7 @@ def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | Non
         path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1]))
     )
     bound = asked or lower_bound(problem.robot, leg.points, at_rest=not np.any(speeds))
-    toppra_duration = again.duration if again.solved else None
+    toppra_duration = again.duration if again.solved and asked is None else None
     return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients
 
 

@@ -24,7 +24,7 @@ from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.program import DENSE, Aim, RowName, shared
 from ssm_planner.planning.retiming import Retiming
 from ssm_planner.planning.solving import PARTS, SHORTEST, Start, optimise
-from ssm_planner.planning.stage import StraightStage
+from ssm_planner.planning.straight_stage import StraightStage
 from ssm_planner.problem.values import TASK, Array, Objective, Robot, TaskLimits
 
 ELEMENTS = 72

@@ -64,4 +64,5 @@ def _existing(section: Section, loc: tuple[str | int, ...]) -> tuple[str | int, 
 
 def _plain(message: str) -> str:
     message = message.replace("Input should be a valid ", "not a ").replace("Input should be ", "should be ")
+    message = message.replace("not a tuple", "not a list")
     return message[:1].lower() + message[1:]

@@ -19,7 +19,7 @@ from ssm_planner.planning.free_stage import FreeStage
 from ssm_planner.planning.limits import limit_table
 from ssm_planner.planning.local_path import fit
 from ssm_planner.planning.path import StraightPath
-from ssm_planner.planning.stage import StraightStage, element_state
+from ssm_planner.planning.straight_stage import StraightStage, element_state
 from ssm_planner.problem.values import Array, Eye, Lens, Problem, Robot, frozen
 
 WithJerk = Callable[[Robot, float, float], Robot]

@@ -96,7 +96,6 @@ def insertion(problem: Problem, depth: float = 0.015, **changes: Any) -> Problem
 
 CASES = {
     "motor too weak on a line": Case(lambda p, _: weak(tilt(p), 0, 0.2), "motor torque", "roll", "straight"),
-    "motor too weak to insert": Case(lambda p, _: weak(insertion(p), 3, 0.05), "motor torque", "insertion", "straight"),
     "motor too weak at a point": Case(
         lambda p, _: weak(
             dataclasses.replace(tilt(p), motion=(Motion("free", "free", Target(task={"tilt": -1.9, "depth": 0.01})),)),

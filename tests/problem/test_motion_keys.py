@@ -1,0 +1,284 @@
+"""Keys of the motion list and of what a motion is best at: what they mean, and one message for each mistake."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ssm_planner.cli import main
+from ssm_planner.problem.schema import json_schema
+
+NAME = "tilt_insert.yaml"
+TILT = "  - tilt:   {to: -135 deg}     # straight in task space, the rest held"
+OBJECTIVE = "objective: time"
+LIMIT = "  tilt: [-139 deg, -81 deg]"
+START = "start: {roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}"
+SCAN = "laser_scan.yaml"
+AT = "      at: {roll: 0 deg, tilt: -115.3 deg}  # the tool points at the macula"
+RING = "      pattern: ring"
+DIAMETER = "      diameter: 2 mm"
+D = math.radians
+
+
+def test_points_on_the_way(files: Any) -> None:
+    motion = """
+  - free:
+      to: {tilt: -135 deg}
+      through:
+        - {tilt: -100 deg, depth: 5 mm}
+        - {joints: [0 deg, 10 deg, 20 deg, -5 mm]}
+        - {tip: [1 mm, 2 mm, -10 mm], spin: 5 deg}"""
+    files.edit(NAME, TILT, motion)
+    free, insert = files.load(NAME).motion
+    assert (free.kind, insert.kind) == ("free", "straight")
+    first, second, third = free.through
+    assert first.task == pytest.approx({"tilt": D(-100), "depth": 0.005})
+    assert second.joints == pytest.approx((0, D(10), D(20), -0.005))
+    assert (third.tip, third.spin) == (pytest.approx((0.001, 0.002, -0.01)), pytest.approx(D(5)))
+    lines = (files.root / NAME).read_text().splitlines()
+    assert "{tilt: -100 deg" in lines[first.line - 1]
+    assert free.target.task == pytest.approx({"tilt": D(-135)})
+
+
+@pytest.mark.parametrize("entry", ["tilt: {to: -135 deg, duration: 2 s}", "insert: {to: 5 mm, duration: 2000 ms}",
+                                   "straight: {to: {roll: 5 deg}, duration: 2 s}", "free: {to: {roll: 5 deg}, duration: 2 s}",
+                                   "roll: {to: 5 deg, duration: 2 s}", "spin: {to: 5 deg, duration: 2 s}"])  # fmt: skip
+def test_a_duration_of_a_motion(files: Any, entry: str) -> None:
+    files.edit(NAME, TILT, f"  - {entry}")
+    assert files.load(NAME).motion[0].duration == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("text", "objective", "duration"),
+    [
+        ("", "time then heat", None),
+        ("objective: time then heat", "time then heat", None),
+        ("objective: effort\nduration: 5 s", "effort", 5),
+        ("duration: 5 s", "time then heat", 5),
+    ],
+)
+def test_what_a_motion_is_best_at(files: Any, text: str, objective: str, duration: float | None) -> None:
+    files.edit(NAME, OBJECTIVE, text)
+    problem = files.load(NAME)
+    assert (problem.objective, problem.duration) == (objective, duration)
+
+
+def test_effort_may_have_a_duration_for_every_motion(files: Any) -> None:
+    files.edit(NAME, OBJECTIVE, "objective: effort")
+    files.edit(NAME, TILT, "  - tilt: {to: -135 deg, duration: 2 s}\n  - dwell: 1 s")
+    files.edit(NAME, "insert: {to: 20 mm}", "insert: {to: 20 mm, duration: 3 s}")
+    assert [motion.duration for motion in files.load(NAME).motion] == [2, 1, 3]
+
+
+def test_rates_at_the_two_ends(files: Any) -> None:
+    files.edit(NAME, OBJECTIVE, "start_rate: {tilt: -10 deg/s, roll: 0 deg/s}\nend_rate: {depth: 5 mm/s}")
+    problem = files.load(NAME)
+    assert problem.start_rate == pytest.approx({"tilt": D(-10)})
+    assert problem.end_rate == pytest.approx({"depth": 0.005})
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"),
+    [
+        ("pattern: ring\n      diameter: 2 mm", ("ring", (0.002,), 0, 0)),
+        ("pattern: triple ring", ("triple ring", (0.001, 0.002, 0.003), 0, 0)),
+        ("pattern: triple ring\n      diameters: (1, 2, 4) mm", ("triple ring", (0.001, 0.002, 0.004), 0, 0)),
+        ("pattern: raster\n      rows: 3\n      columns: 4", ("raster", (), 3, 4)),
+    ],
+)
+def test_every_pattern_of_a_scan(files: Any, pattern: str, expected: tuple[Any, ...]) -> None:
+    files.edit(SCAN, DIAMETER + "\n", "")
+    files.edit(SCAN, RING, f"      {pattern}")
+    motion = files.load(SCAN).motion[0]
+    scan = motion.scan
+    assert (motion.kind, motion.name, scan.rows, scan.columns) == ("scan", expected[0], *expected[2:])
+    assert scan.diameters == pytest.approx(expected[1])
+    assert (scan.spacing, scan.distance, scan.dwell) == pytest.approx((0.001, 0.0015, 0.05))
+    assert motion.target.task == pytest.approx({"roll": 0, "tilt": D(-115.3)})
+
+
+def test_a_scan_without_dwell_and_spacing_has_defaults(files: Any) -> None:
+    files.edit(SCAN, "      spacing: 1 mm ", "      # ")
+    files.edit(SCAN, "      dwell: 0.05 s ", "      # ")
+    scan = files.load(SCAN).motion[0].scan
+    assert (scan.spacing, scan.dwell) == (0.6e-3, 0.0)
+
+
+MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
+    # motions
+    (TILT, "  - tilt: {to: .nan deg}", ("motion[0].tilt.to = .nan deg", "an angle")),
+    (TILT, "  - tilt: {to: nan deg}", ("motion[0].tilt.to = nan deg", "an angle")),
+    (TILT, "  - insert: {to: .inf mm}", ("motion[0].insert.to = .inf mm", "a length")),
+    (TILT, "  - tilt: {to: -110 rad}", ("motion[0].tilt.to = -110 rad", "did you mean deg?")),
+    (TILT, "  - insert: {to: 20 km}", ("motion[0].insert.to = 20 km",)),
+    (TILT, "  - tilt: {}", ("motion[0].tilt.to", "missing")),
+    (TILT, "  - tilt: {to: -135 deg, duration: 0 s}", ("tilt.duration = 0 s", "not greater than zero")),
+    (TILT, "  - tilt: {to: -135 deg, duration: 2}", ("tilt.duration = 2", "a time such as 0.2 s")),
+    (TILT, "  - tilt: {to: -135 deg, through: []}", ("tilt.through", "unknown key", "to")),
+    (TILT, "  - dwell: {duration: 1 s}", ("motion[0].dwell", "a time such as 0.2 s")),
+    (TILT, "  - dwell: 0 s", ("motion[0].dwell = 0 s", "not greater than zero", "a time above 0")),
+    (TILT, "  - dwell: .nan s", ("motion[0].dwell = .nan s", "a time")),
+    (TILT, "  - free: {to: {tilt: -100 deg}, through: {tilt: -90 deg}}", ("motion[0].free.through", "not a list")),
+    (TILT, "  - free: {to: {tilt: -100 deg}, through: [{}]}", ("free.through[0]", "no point is given", "joints")),
+    (
+        TILT,
+        "  - free: {to: {tilt: -100 deg}, through: [{tilt: -90 deg}, {tilt: -140 deg}]}",
+        ("free.through[1].tilt = -140 deg", "outside the limits", "-139 deg to -81 deg"),
+    ),
+    (
+        TILT,
+        "  - free: {to: {tilt: -100 deg}, through: [{joints: [0 deg, 0 deg, 0 deg, 1 mm]}]}",
+        ("free.through[0].joints[3] = 1 mm", "-30 mm to 0 mm"),
+    ),
+    (TILT, "  - free: {through: [{tilt: -90 deg}]}", ("motion[0].free.to", "missing")),
+    # objective and durations
+    (OBJECTIVE, "objective: heat", ("objective = heat", "'time', 'time then heat' or 'effort'")),
+    (OBJECTIVE, "objective: effort", ("objective = effort", "no duration of its own", "one for every motion")),
+    (OBJECTIVE, "duration: 0 s", ("duration = 0 s", "not greater than zero")),
+    (OBJECTIVE, "duration: soon", ("duration = soon", "a time such as 0.2 s")),
+    # rates
+    (OBJECTIVE, "start_rate: {tilt: 10 mm/s}", ("start_rate.tilt = 10 mm/s", "a speed such as 65 deg/s")),
+    (OBJECTIVE, "end_rate: {depth: 10 deg/s}", ("end_rate.depth = 10 deg/s", "a speed such as 20 mm/s")),
+    (OBJECTIVE, "end_rate: {depht: 10 mm/s}", ("end_rate.depht", "did you mean 'depth'?")),
+    (OBJECTIVE, "start_rate: 10 deg/s", ("start_rate = 10 deg/s", "roll, tilt, spin, depth")),
+    # ranges that contradict each other
+    (LIMIT, "  tilt: [-90 deg, -100 deg]", ("limits.tilt", "not below")),
+    (LIMIT, "  tilt: [-80 deg, -70 deg]", ("limits.tilt", "nothing is left", "-139 deg to -81 deg")),
+    (LIMIT, LIMIT + "\n  spin: [10 deg, 10 deg]", ("limits.spin", "not below")),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "parts"), MISTAKES)
+def test_a_mistake_is_one_message_with_its_place(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
+    message = files.rejection(NAME, old, new, at=new.splitlines()[-1])
+    for part in parts:
+        assert part in message
+    assert "\n" not in message
+    assert "pydantic" not in message
+
+
+SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
+    (RING, "      pattern: spiral", ("scan.pattern = spiral", "'raster', 'ring' or 'triple ring'")),
+    (RING, "      pattern: raster", ("scan.diameter", "not for the pattern 'raster'", "rows, columns")),
+    (RING, "      pattern: triple ring", ("scan.diameter", "not for the pattern 'triple ring'", "diameters")),
+    (DIAMETER, "      rows: 3", ("scan.rows", "not for the pattern 'ring'", "diameter")),
+    (DIAMETER, "      # none", ("scan.diameter", "missing", "'ring' needs it")),
+    (DIAMETER, "      diameter: 0 mm", ("scan.diameter = 0 mm", "not greater than zero")),
+    (DIAMETER, "      diameter: 12 mm", ("scan.diameter = 12 mm", "larger than the eye's radius")),
+    (AT, "      at: {tip: [0 mm, 0 mm, -10 mm], spin: 0 deg}", ("scan.at.tip", "unknown key", "roll, tilt, spin")),
+    (AT, "      at: {tilt: -140 deg}", ("scan.at.tilt = -140 deg", "outside the limits")),
+    ("distance: 1.5 mm", "distance: 0.5 mm", ("scan.distance = 0.5 mm", "nearer to the retina", "at least", "1 mm")),
+    ("distance: 1.5 mm", "distance: -1 mm", ("scan.distance = -1 mm", "not greater than zero")),
+    ("spacing: 1 mm", "spacing: 0 mm", ("scan.spacing = 0 mm", "not greater than zero")),
+    ("dwell: 0.05 s", "dwell: -1 s", ("scan.dwell = -1 s", "negative", "at least 0")),
+    ("dwell: 0.05 s", "laser: on", ("scan.laser", "unknown key", "pattern, at, distance")),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "parts"), SCAN_MISTAKES)
+def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
+    at = "- scan:" if "missing" in parts else "diameter: 2 mm" if "scan.diameter" in parts and old == RING else None
+    message = files.rejection(SCAN, old, new, at)
+    for part in parts:
+        assert part in message
+
+
+@pytest.mark.parametrize(
+    ("keys", "parts"),
+    [
+        ("rows: 0\n      columns: 2", ("scan.rows = 0", "at least 1")),
+        ("rows: 2.5\n      columns: 2", ("scan.rows = 2.5", "a whole number from 1 to 50")),
+        ("rows: 51\n      columns: 2", ("scan.rows = 51", "a whole number from 1 to 50")),
+        ("rows: 2", ("scan.columns", "missing", "'raster' needs it")),
+    ],
+)
+def test_a_mistake_in_a_raster(files: Any, keys: str, parts: tuple[str, ...]) -> None:
+    files.edit(SCAN, RING, "      pattern: raster")
+    at = "- scan:" if "missing" in parts else "rows:"
+    message = files.rejection(SCAN, DIAMETER, f"      {keys}", at=at)
+    for part in parts:
+        assert part in message
+
+
+@pytest.mark.parametrize("diameters", ["(3, 2, 1) mm", "(1, 1, 2) mm", "(0, 1, 2) mm", "(1, 2) mm"])
+def test_three_rings_are_one_around_the_other(files: Any, diameters: str) -> None:
+    files.edit(SCAN, RING, "      pattern: triple ring")
+    message = files.rejection(SCAN, DIAMETER, f"      diameters: {diameters}")
+    assert "scan.diameters" in message
+    assert "three growing lengths" in message or "3 values" in message
+
+
+def test_a_scan_needs_an_eye(files: Any) -> None:
+    path = files.root / SCAN
+    text = path.read_text()
+    path.write_text(text[: text.index("eye:\n")] + "# eye:\n")
+    message = files.rejection(SCAN, "# eye:", "name: without eye", at="- scan:")
+    assert "a scan is of spots on a retina, and no eye is given (allowed: a problem with an eye)" in message
+
+
+def test_durations_that_contradict_each_other(files: Any) -> None:
+    files.edit(NAME, TILT, "  - tilt: {to: -135 deg, duration: 2 s}\n  - dwell: 1 s")
+    message = files.rejection(NAME, OBJECTIVE, "duration: 3 s")
+    assert "duration = 3 s: dwells and timed motions alone take 3 s" in message
+    files.edit(NAME, "insert: {to: 20 mm}", "insert: {to: 20 mm, duration: 3 s}")
+    message = files.rejection(NAME, "duration: 3 s\n", "duration: 9 s\n", at="duration: 9 s")
+    assert "every motion has a duration of its own already" in message
+
+
+def test_too_many_points(files: Any) -> None:
+    points = ", ".join(f"{{depth: {k % 2 + 1} mm}}" for k in range(10_000))
+    message = files.rejection(NAME, TILT, f"  - free: {{to: {{depth: 3 mm}}, through: [{points}]}}")
+    assert "free.through: 10000 entries (allowed: at most 200)" in message
+
+
+def test_the_schema_for_editors_knows_every_key() -> None:
+    text = str(json_schema("problem"))
+    for key in ("through", "duration", "start_rate", "end_rate", "scan", "pattern", "diameters", "objective", "eye"):
+        assert f"'{key}'" in text
+
+
+PLANNING = {
+    "identical start and goal": ("  - tilt: {to: -85 deg}", "goes nowhere: its start and target are the same"),
+    "a move of 1e-9 deg": ("  - tilt: {to: -85.000000001 deg}", "goes nowhere"),
+    "identical points": (
+        "  - free: {to: {tilt: -100 deg}, through: [{tilt: -90 deg}, {tilt: -90 deg}]}",
+        r"goes nowhere: through[1] is where the motion already is",
+    ),
+    "a target where the last point is": (
+        "  - free: {to: {tilt: -90 deg}, through: [{tilt: -90 deg}]}",
+        "goes nowhere: its target is where the motion already is",
+    ),
+    "NaN": ("  - tilt: {to: .nan deg}", "motion[0].tilt.to = .nan deg"),
+    "no motion": ("  - {}", "motion[0]: no motion is given"),
+    "absurd unit": ("  - tilt: {to: -110 rad}", "did you mean deg?"),
+    "scan without eye": ("  - scan: {pattern: triple ring, at: {tilt: -100 deg}, distance: 1 mm}", "no eye is given"),
+    "dwell of zero": ("  - dwell: 0 s", "not greater than zero"),
+    "a rate across the motion": ("  - tilt: {to: -135 deg}\nstart_rate: {roll: 5 deg/s}\nx: 1", "start_rate"),
+}
+
+
+@pytest.mark.parametrize("case", PLANNING)
+def test_through_the_command_line(files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str) -> None:
+    """Status 2, one message on stderr, nothing on stdout, and earlier results as they were."""
+    new, expected = PLANNING[case]
+    path = files.edit(NAME, TILT, new)
+    if "start_rate" in new:
+        text = (
+            path.read_text().replace(new, "  - tilt: {to: -135 deg}").replace(OBJECTIVE, "start_rate: {roll: 5 deg/s}")
+        )
+        path.write_text(text)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "plan.json").write_text("earlier")
+    assert main(["plan", str(path), "-o", str(out)]) == 2
+    captured = capsys.readouterr()
+    (message,) = [line for line in captured.err.splitlines() if not line.startswith("[")]
+    assert message.startswith(f"ssm-planner: {path}")
+    assert expected in message
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    assert [file.name for file in out.iterdir()] == ["plan.json"]
+    assert (out / "plan.json").read_text() == "earlier"
