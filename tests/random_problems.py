@@ -31,7 +31,10 @@ from ssm_planner.problem.values import (
     frozen,
 )
 
-NAMED = {"motor torque", "position", "velocity", "duration", "direction", "retina clearance", "lens clearance"}
+NAMED = {
+    "motor torque", "position", "velocity", "acceleration", "duration", "direction", "retina clearance", "lens clearance",
+    "continuous torque", "self-locking",
+}  # fmt: skip
 """Constraints that a reason may name; all of them but the direction have a value required and one available."""
 DEPTH = (0.0, 0.03)
 Point = Callable[[], dict[str, float]]
@@ -206,7 +209,8 @@ def _faults_of_reason(reason: Reason) -> list[str]:
     values = reason.required, reason.available
     if None in values or not np.all(np.isfinite(np.array(values, dtype=float))):
         return [f"a reason without values: {reason.message}"]
-    return [] if reason.where is not None else [f"a reason without a place: {reason.message}"]
+    everywhere = reason.constraint in ("continuous torque", "duration")
+    return [] if everywhere or reason.where is not None else [f"a reason without a place: {reason.message}"]
 
 
 def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:

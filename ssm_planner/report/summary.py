@@ -31,6 +31,8 @@ def summary_lines(plan: Plan) -> list[str]:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
     if plan.reason is not None:
         lines += ["", plan.reason.message]
+        if plan.reason.relaxation:
+            lines.append(f"would do: {plan.reason.relaxation}")
     return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
 
 

@@ -32,7 +32,7 @@ from ssm_planner.problem.load import load_problem
 from ssm_planner.run import plan
 
 SECONDS, SHARE = 10.0, 0.99
-CERTAIN = {"position", "velocity", "direction", "retina clearance", "lens clearance"}
+CERTAIN = {"position", "velocity", "acceleration", "direction", "retina clearance", "lens clearance", "self-locking"}
 """Reasons that follow from the places alone: no solver is involved."""
 OTHERWISE = ((3, 1.0), (2, 3.0), (1, 1.5))
 """Second looks: times as many elements, the guess stretched by this factor."""

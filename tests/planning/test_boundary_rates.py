@@ -114,7 +114,7 @@ def test_an_end_too_near_to_stop_at_is_a_reason(tilt_insert: Problem) -> None:
     result = plan(dataclasses.replace(straight(tilt_insert), motion=near, start_rate={"depth": 0.015}))
     assert (result.status, result.reason.constraint, result.reason.joint) == ("infeasible", "acceleration", "insertion")
     assert (result.reason.required, result.reason.available) == pytest.approx((0.225, 0.1))
-    assert "instead of 100 mm: tried" in result.reason.relaxation
+    assert "instead of 100 mm/s²: tried" in result.reason.relaxation
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 
 from ssm_planner.model.trajectory import Trajectory
 from ssm_planner.problem.values import Problem
+from ssm_planner.report.summary import summary_lines
 from ssm_planner.run import plan
 from ssm_planner.tightening import Strictness
 from ssm_planner.verify.certificate import Certificate, LimitCheck
@@ -42,6 +43,7 @@ def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(tilt_i
     assert f"it may do {1e3 * needed / 2:.6g} mN·m for all time" in reason.message
     assert reason.relaxation.startswith("continuous torque of joint roll of")
     assert reason.relaxation.endswith(f"tried, takes {fastest.duration:.4g} s")
+    assert f"would do: {reason.relaxation}" in summary_lines(result)
     assert plan(with_nominal(tilt_insert, 0, reason.required * (1 + 1e-6))).passed
 
 

@@ -52,7 +52,8 @@ def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: 
     assert result.passed
     torque = min(limit.margin for limit in result.certificate.limits if limit.name == "motor torque")
     assert -1e-6 <= torque < 1e-3
-    assert result.duration == pytest.approx(result.toppra_duration, rel=1e-2)  # TOPP-RA holds static friction over its whole first interval
+    # TOPP-RA holds static friction over its whole first interval
+    assert result.duration == pytest.approx(result.toppra_duration, rel=1e-2)
 
 
 def test_torque_jerk_and_tip_speed_together(tilt_insert: Problem, weaker: Weaker, with_jerk: WithJerk) -> None:
