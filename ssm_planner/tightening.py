@@ -14,6 +14,8 @@ TORQUE = 3
 ROWS = {"velocity": 0, "motor speed": 0, "acceleration": 1, "jerk": 2, "motor torque": TORQUE}
 """Row of the planner's table of factors, by the name of the limit."""
 RATES = {"roll rate": "roll", "tilt rate": "tilt", "spin rate": "spin", "insertion speed": "depth"}
+MOST_HEAT = 0.25
+"""Excess of a continuous torque beyond which smaller accelerations would hardly cure it, and take for ever."""
 MORE = 1.5
 """Tightening per excess found."""
 
@@ -39,7 +41,7 @@ class Strictness:
                 factors[ROWS[limit.name], names.index(limit.joint)] *= _factor(limit)
                 held = True
                 continue
-            if limit.name == CONTINUOUS and limit.joint in names:
+            if limit.name == CONTINUOUS and limit.joint in names and limit.margin > -MOST_HEAT:
                 # a smaller peak helps only where acceleration makes the heat; against friction and weight nothing does
                 i = names.index(limit.joint)
                 factors[TORQUE, i] = min(factors[TORQUE, i], _share_of_peak(certificate, limit.joint)) * _factor(limit)

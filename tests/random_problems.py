@@ -40,15 +40,15 @@ DEPTH = (0.0, 0.03)
 Point = Callable[[], dict[str, float]]
 
 
-def random_problem(base: Problem, seed: int) -> Problem:
-    """One to three motions; any angles, mounting, speeds, motors; now and then every other feature of a problem."""
+def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
+    """One to `most` motions; any angles, mounting, speeds, motors; now and then every other feature of a problem."""
     rng = np.random.default_rng(seed)
     mechanism = Mechanism.from_angles(rng.uniform(0.15, 1.4), rng.uniform(0.3, 2.6))
     robot = _robot(base.robot, mechanism, rng)
     mechanism = Mechanism.from_geometry(robot.geometry)
     eye = _eye(mechanism, rng) if rng.random() < 0.15 else None
     point = _points(mechanism, eye is not None, rng)
-    motions = [_motion(point, rng) for _ in range(rng.integers(1, 4))]
+    motions = [_motion(point, rng) for _ in range(rng.integers(1, most + 1))]
     if rng.random() < 0.1:
         motions.insert(int(rng.integers(len(motions) + 1)), Motion("dwell", "dwell", duration=0.1))
     if eye is not None and rng.random() < 0.3:

@@ -14,6 +14,7 @@ from ssm_planner.model.forward import tip_position
 from ssm_planner.model.inverse import inverse_task
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
+from ssm_planner.model.workspace import tilt_interval
 from ssm_planner.problem.values import TASK, Array, Eye, Motion, Problem, Scan, Target
 
 
@@ -70,6 +71,16 @@ def _motions(
     problem: Problem, mechanism: Mechanism, motion: Motion, scan: Scan, eye: Eye, target: Target
 ) -> list[Motion]:
     task = np.array([(target.task or {}).get(name, 0.0) for name in TASK])
+    low, high = tilt_interval(mechanism)
+    if not low < task[1] < high:
+        raise ProblemError(
+            "the mechanism cannot reach this tilt",
+            file=problem.file,
+            line=motion.line,
+            key="at.tilt",
+            value=f"{np.degrees(task[1]):.6g} deg",
+            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded",
+        )
     axis, side = _axis(mechanism, task)
     inside = eye.radius - scan.distance
     result: list[Motion] = []

@@ -25,9 +25,9 @@ REPEATS = 10
 def run(quick: bool) -> Section:
     section = Section("Stages: mapped, unrolled, compiled")
     section.say(
-        "Jacobian and Hessian of the limits over one mesh, as Ipopt asks for them in every iteration. *Mapped*: one element's "
-        "function in CasADi's virtual machine, once per element. *Unrolled*: the whole mesh as one expression. *Compiled*: one "
-        "element's function in C (gcc -O1), mapped. *Build* comes once per structure."
+        "Jacobian and Hessian of the limits over one mesh, as Ipopt asks for them in every iteration. *Mapped*: one "
+        "element's function in CasADi's virtual machine, once per element. *Unrolled*: the whole mesh as one expression. "
+        "*Compiled*: one element's function in C (gcc -O1), mapped. *Build* comes once per structure."
     )
     compiler = shutil.which("gcc")
     if compiler is None:

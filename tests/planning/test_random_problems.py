@@ -18,7 +18,13 @@ from ssm_planner.problem.values import Problem
 from ssm_planner.run import plan
 
 
-@pytest.mark.parametrize("seed", range(1000, 1040))
+@pytest.mark.parametrize("seed", range(1000, 1036))
 def test_a_certificate_or_a_named_reason(tilt_insert: Problem, seed: int) -> None:
+    problem = random_problem(tilt_insert, seed, most=1)
+    assert faults(problem, plan(problem)) == []
+
+
+@pytest.mark.parametrize("seed", range(2000, 2004))
+def test_of_several_motions_too(tilt_insert: Problem, seed: int) -> None:
     problem = random_problem(tilt_insert, seed)
     assert faults(problem, plan(problem)) == []

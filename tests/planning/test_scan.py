@@ -133,3 +133,9 @@ def test_a_scan_beyond_the_reach_of_the_port_is_bad_input(laser_scan: Problem) -
     turned = dataclasses.replace(eye, centre=-eye.centre, lens=None)
     with pytest.raises(ProblemError, match="no spot of this scan can be reached"):
         scanning(laser_scan, RING, eye=turned)
+
+
+def test_a_tilt_out_of_reach_is_bad_input(laser_scan: Problem) -> None:
+    motion = Motion("scan", "ring", Target(task={"tilt": float(np.radians(-141))}), scan=RING)
+    with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
+        plan(dataclasses.replace(laser_scan, motion=(motion,), limits={"depth": (0.0, 0.03)}))

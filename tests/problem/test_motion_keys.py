@@ -169,6 +169,8 @@ SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     (DIAMETER, "      diameter: 0 mm", ("scan.diameter = 0 mm", "not greater than zero")),
     (DIAMETER, "      diameter: 12 mm", ("scan.diameter = 12 mm", "larger than the eye's radius")),
     (AT, "      at: {tip: [0 mm, 0 mm, -10 mm], spin: 0 deg}", ("scan.at.tip", "unknown key", "roll, tilt, spin")),
+    (AT, "      at: {roll: 5 deg}", ("scan.at", "missing", "without a tilt", "roll, tilt, spin")),
+    (AT, "      at: {tilt: -115 deg, depth: 9 mm}", ("scan.at", "how deep the tip goes is what distance says")),
     (AT, "      at: {tilt: -140 deg}", ("scan.at.tilt = -140 deg", "outside the limits")),
     ("distance: 1.5 mm", "distance: 0.5 mm", ("scan.distance = 0.5 mm", "nearer to the retina", "at least", "1 mm")),
     ("distance: 1.5 mm", "distance: -1 mm", ("scan.distance = -1 mm", "not greater than zero")),
@@ -180,7 +182,13 @@ SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
 
 @pytest.mark.parametrize(("old", "new", "parts"), SCAN_MISTAKES)
 def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
-    at = "- scan:" if "missing" in parts else "diameter: 2 mm" if "scan.diameter" in parts and old == RING else None
+    at = (
+        "- scan:"
+        if "missing" in parts and old == DIAMETER
+        else "diameter: 2 mm"
+        if "scan.diameter" in parts and old == RING
+        else None
+    )
     message = files.rejection(SCAN, old, new, at)
     for part in parts:
         assert part in message

@@ -41,6 +41,11 @@ class ScanModel(Model):
         for key in KEYS[pattern]:
             if key not in data and key != "diameters":
                 raise wrong(f"missing: the pattern {pattern!r} needs it", None, key)
+        at = data.get("at")
+        if isinstance(at, dict) and "tilt" not in at:
+            raise wrong("missing: no pattern is there without a tilt", "roll, tilt, spin", "at")
+        if isinstance(at, dict) and "depth" in at:
+            raise wrong("depth: how deep the tip goes is what distance says", "roll, tilt, spin", "at")
         return data
 
     @model_validator(mode="after")
