@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ssm_planner.planning.profile import rest_to_rest
-from ssm_planner.problem.values import Array, Robot
+from ssm_planner.problem.values import TASK, Array, Robot
 
 MOVES = 1e-12
 
@@ -17,6 +19,12 @@ def lower_bound(robot: Robot, points: Array, *, at_rest: bool = True) -> float:
     only velocities bound it.
     """
     return max(_time(robot, joint, points[:, joint], at_rest) for joint in range(4))
+
+
+def rate_bound(start: Array, end: Array, rates: Mapping[str, float]) -> float:
+    """The time that the rates (by name in TASK) allow for the way from start to end in task coordinates, (4,), s."""
+    way = np.abs(end - start)
+    return max((float(way[TASK.index(name)]) / rate for name, rate in rates.items()), default=0.0)
 
 
 def _time(robot: Robot, i: int, positions: Array, at_rest: bool) -> float:

@@ -25,7 +25,7 @@ FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC")
 """No optimisation that changes rounding: the result is the interpreter's to the last bit."""
 OFTEN = 12
 """Programs asked for with the same stage, two to four in every plan, from which on it is compiled."""
-KEPT = 64
+KEPT = 24
 
 
 @dataclass(frozen=True, eq=False)

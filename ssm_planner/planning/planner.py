@@ -9,7 +9,7 @@ import numpy as np
 
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
-from ssm_planner.planning.bound import lower_bound
+from ssm_planner.planning.bound import lower_bound, rate_bound
 from ssm_planner.planning.diagnosis import no_motion, too_short, too_weak
 from ssm_planner.planning.free_ocp import solve_free
 from ssm_planner.planning.joint_path import StepPath, TravelledPath
@@ -120,7 +120,7 @@ def _dwell(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | No
 def _straight(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | None) -> Outcome | Reason:
     path, limits, asked = leg.straight, problem.task_limits, leg.motion.duration
     speeds = path.speed_at(0.0, leg.first_speed), path.speed_at(1.0, leg.last_speed)
-    least = lower_bound(problem.robot, leg.points, at_rest=not any(speeds))
+    least = _bound(problem, leg, at_rest=not any(speeds))
     alone = problem.planner == "toppra"
     robot = problem.robot
     if alone:
@@ -168,9 +168,14 @@ def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | Non
     again = retime(
         path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1]))
     )
-    bound = asked or lower_bound(problem.robot, leg.points, at_rest=not np.any(speeds))
+    bound = asked or _bound(problem, leg, at_rest=not np.any(speeds))
     toppra_duration = again.duration if again.solved and asked is None else None
     return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients
+
+
+def _bound(problem: Problem, leg: Leg, *, at_rest: bool) -> float:
+    rates = rate_bound(leg.start, leg.end, problem.rates)
+    return max(lower_bound(problem.robot, leg.points, at_rest=at_rest), rates)
 
 
 _PLANNERS: dict[str, Callable[[Problem, Mechanism, Leg, Array | None], Outcome | Reason]] = {

@@ -34,8 +34,8 @@ EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 ITERATIONS, HEAT_ITERATIONS = 300, 80
 """At most; the least heat is given up sooner, for the fastest motion is at hand."""
-KEPT_PROGRAMS = 24
-KEPT_STAGES = 64
+KEPT_PROGRAMS = 12
+KEPT_STAGES = 32
 RowName = tuple[str, int | None]
 Aim = Literal["time", "heat", "effort"]
 DENSE = tuple(k / 8 for k in range(9))

@@ -168,7 +168,7 @@ SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     (DIAMETER, "      # none", ("scan.diameter", "missing", "'ring' needs it")),
     (DIAMETER, "      diameter: 0 mm", ("scan.diameter = 0 mm", "not greater than zero")),
     (DIAMETER, "      diameter: 12 mm", ("scan.diameter = 12 mm", "larger than the eye's radius")),
-    (AT, "      at: {tip: [0 mm, 0 mm, -10 mm], spin: 0 deg}", ("scan.at.tip", "unknown key", "roll, tilt, spin")),
+    (AT, "      at: {tilt: -115 deg, tip: [0 mm, 0 mm, -10 mm]}", ("scan.at.tip", "unknown key", "roll, tilt, spin")),
     (AT, "      at: {roll: 5 deg}", ("scan.at", "missing", "without a tilt", "roll, tilt, spin")),
     (AT, "      at: {tilt: -115 deg, depth: 9 mm}", ("scan.at", "how deep the tip goes is what distance says")),
     (AT, "      at: {tilt: -140 deg}", ("scan.at.tilt = -140 deg", "outside the limits")),

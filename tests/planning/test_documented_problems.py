@@ -1,0 +1,67 @@
+"""The shipped problems and the problem files in the documents: read, and planned."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.problem.load import load_problem
+from ssm_planner.problem.values import Problem
+from ssm_planner.run import plan
+
+ROOT = Path(__file__).parents[2]
+BASE = """robot: robots/vitreoretinal.yaml
+start: {roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}
+"""
+KEYS = {
+    "motion": "motion: [{insert: {to: 20 mm}}]\n",
+    "limits": "limits: {depth: [0 mm, 30 mm]}\n",
+    "eye": "eye: {centre: [9.07 mm, 0 mm, -7.86 mm], radius: 11.3 mm, clearance: 1 mm}\n",
+}
+
+
+def blocks(document: str) -> list[str]:
+    """The YAML in a document."""
+    return re.findall(r"```yaml\n(.*?)```", (ROOT / document).read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.fixture
+def load(tmp_path: Path):  # noqa: ANN201
+    shutil.copytree(ROOT / "problems", tmp_path / "problems")
+
+    def made(text: str) -> Problem:
+        """A problem file out of one block: whole, or with what it leaves out."""
+        if not text.startswith("robot:"):
+            text = ("motion:\n" if text.startswith("  -") else "") + text
+            text = BASE + text + "".join(line for key, line in KEYS.items() if not re.search(f"^{key}:", text, re.M))
+        path = tmp_path / "problems/written.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_problem(path)
+
+    return made
+
+
+@pytest.mark.parametrize("name", ["waypoints", "laser_scan"])
+def test_a_shipped_problem_is_planned(name: str) -> None:
+    result = plan(load_problem(ROOT / f"problems/{name}.yaml"))
+    assert result.passed
+    assert result.gap < 0.3
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/planning.md"])
+def test_what_a_document_shows_is_read(document: str, load) -> None:  # noqa: ANN001
+    found = blocks(document)
+    assert len(found) >= 2
+    for text in found:
+        assert load(text).motion
+
+
+def test_the_example_of_the_readme_is_planned(load) -> None:  # noqa: ANN001
+    problem = load(blocks("README.md")[1])
+    assert problem.eye is not None
+    result = plan(problem)
+    assert result.passed
+    assert result.legs[-1].duration == pytest.approx(2.0, rel=1e-9)
