@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from ssm_planner.problem.load import load_problem
 from ssm_planner.problem.values import Problem
 from ssm_planner.run import plan
 
+Load = Callable[[str], Problem]
 ROOT = Path(__file__).parents[2]
 BASE = """robot: robots/vitreoretinal.yaml
 start: {roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}
@@ -29,7 +31,7 @@ def blocks(document: str) -> list[str]:
 
 
 @pytest.fixture
-def load(tmp_path: Path):  # noqa: ANN201
+def load(tmp_path: Path) -> Load:
     shutil.copytree(ROOT / "problems", tmp_path / "problems")
 
     def made(text: str) -> Problem:
@@ -52,14 +54,14 @@ def test_a_shipped_problem_is_planned(name: str) -> None:
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/planning.md"])
-def test_what_a_document_shows_is_read(document: str, load) -> None:  # noqa: ANN001
+def test_what_a_document_shows_is_read(document: str, load: Load) -> None:
     found = blocks(document)
     assert len(found) >= 2
     for text in found:
         assert load(text).motion
 
 
-def test_the_example_of_the_readme_is_planned(load) -> None:  # noqa: ANN001
+def test_the_example_of_the_readme_is_planned(load: Load) -> None:
     problem = load(blocks("README.md")[1])
     assert problem.eye is not None
     result = plan(problem)
