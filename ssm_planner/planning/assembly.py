@@ -52,7 +52,7 @@ class Mesh:
     def count(self) -> int:
         return int(self.z.size2())
 
-    def map(self, function: ca.Function, *more: ca.MX) -> ca.MX:
+    def map(self, function: ca.Function, *more: ca.MX) -> Any:
         """The function's values at all elements side by side."""
         single = [i + 1 for i, argument in enumerate(self.shared) if argument.size2() == 1]
         return function.map(function.name(), "serial", self.count, single, [])(self.z, *self.shared, *more)
@@ -81,10 +81,12 @@ def assemble(
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     lam_plain, lam_rows = lam_g[: plain.numel()], lam_g[plain.numel() :]
     multipliers = ca.reshape(lam_rows, -1, count)
-    total, gradient = objective, ca.gradient(objective, x)
+    total, same_total, gradient = objective, objective, ca.gradient(objective, x)
     if element.cost is not None and element.gradient is not None:
         total += weight * ca.sum2(mesh.map(element.cost))
-        gradient += weight * (of_x.T @ ca.vec(mesh.map(element.gradient)))
+        costs, slopes = mesh.map(element.gradient)
+        same_total += weight * ca.sum2(costs)
+        gradient += weight * (of_x.T @ ca.vec(slopes))
         multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * weight, 1, count))
     curvature = mesh.map(element.hessian, multipliers)
     hess = ca.hessian(lam_f * objective + ca.dot(lam_plain, plain), x)[0]
@@ -94,7 +96,7 @@ def assemble(
         "error_on_fail": False,
         "no_nlp_grad": True,  # for the multipliers of p, which nobody asks for
         "calc_lam_p": False,
-        "grad_f": ca.Function("grad_f", [x, p], [total, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        "grad_f": ca.Function("grad_f", [x, p], [same_total, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
         "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
     }

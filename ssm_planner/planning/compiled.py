@@ -1,7 +1,7 @@
-"""Element functions in C, where there is a compiler: the same numbers about twenty times faster than interpreted.
+"""Element functions in C, where there is a compiler: the same numbers about ten times faster than interpreted.
 
-Compiling takes from one to some thirty seconds, so it is done in the background, for a stage used again and again, and
-kept in the user's cache by content. Without a compiler, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
+Compiling takes from half a second to some five, so it is done in the background, for a stage that has taken long, and kept
+in the user's cache by content. Without a compiler, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from ssm_planner.planning.element import ElementFunctions, Stage, element_functi
 
 FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC")
 """No optimisation that changes rounding: the result is the interpreter's to the last bit."""
-OFTEN = 12
-"""Programs asked for with the same stage, two to four in every plan, from which on it is compiled."""
+LONG = 0.4
+"""Time spent evaluating a stage from which on it is compiled, s."""
 KEPT = 24
 
 
@@ -78,45 +78,59 @@ class Stages:
         self._running: subprocess.Popen[bytes] | None = None
 
     def functions(self, stage: Stage, key: tuple[Any, ...]) -> tuple[ElementFunctions, bool]:
-        """The functions of a stage with this key, and whether they are compiled. One more use of it."""
+        """The functions of a stage with this key, and whether they are compiled."""
         if key not in self._used:
-            self._used[key] = _Used(element_functions(stage))
+            self._used[key] = used = _Used(element_functions(stage))
             while len(self._used) > KEPT:
                 self._used.popitem(last=False)
+            used.load_from(filled_cache())
         self._used.move_to_end(key)
         used = self._used[key]
-        used.count += 1
-        if not used.compiled and used.count % OFTEN == 0:
+        if not used.compiled and used.seconds > LONG:
             self._compile(used)
         return used.functions, used.compiled
 
-    def wait(self) -> None:
-        """Compile all that has been used often enough, one after the other, and load it."""
+    def spent(self, key: tuple[Any, ...], seconds: float) -> None:
+        """Note how long the functions of a stage have been evaluated."""
+        if key in self._used:
+            self._used[key].seconds += seconds
+
+    def compile_all(self) -> None:
+        """Compile all stages in use, one after the other, and load them; nothing without a compiler."""
         for used in self._used.values():
-            while used.count >= OFTEN and not used.compiled and cache() is not None:
-                if self._running is not None:
-                    self._running.wait()
+            for _ in range(2):
+                self.wait()
                 self._compile(used)
-                if self._running is None:  # no compiler
-                    return
+
+    def wait(self) -> None:
+        """Wait for the library that is being made."""
+        if self._running is not None:
+            self._running.wait()
 
     def _compile(self, used: _Used) -> None:
-        folder = cache()
-        if folder is None:
-            return
-        used.source = used.source or Source.of(used.functions, folder)
-        if used.source.ready:
-            used.functions, used.compiled = used.source.load(used.functions), True
-        elif self._running is None or self._running.poll() is not None:
+        """Load the library, or begin to make it where no other is being made; once, for a compiler may fail."""
+        used.load_from(cache())
+        idle = self._running is None or self._running.poll() is not None
+        if used.source is not None and not used.compiled and not used.tried and idle:
+            used.tried = True
             self._running = used.source.compile()
 
 
 @dataclass
 class _Used:
     functions: ElementFunctions
-    count: int = 0
+    seconds: float = 0.0
+    tried: bool = False
     compiled: bool = False
     source: Source | None = None
+
+    def load_from(self, folder: Path | None) -> None:
+        """Take the functions from the folder's library, where it is there."""
+        if folder is None or self.compiled:
+            return
+        self.source = self.source or Source.of(self.functions, folder)
+        if self.source.ready:
+            self.functions, self.compiled = self.source.load(self.functions), True
 
 
 _MAKE = """
@@ -134,17 +148,35 @@ finally:
 
 def cache() -> Path | None:
     """The folder of compiled stages, which only the user can write; None where nothing is to be compiled."""
-    if os.name != "posix" or os.environ.get("SSM_PLANNER_COMPILE") == "0":
+    folder = _folder()
+    if folder is None:
         return None
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base) / "ssm_planner"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        state = folder.stat()
     except OSError:
         return None
-    # what lies there is executed
-    return folder if state.st_uid == os.getuid() and not state.st_mode & 0o022 else None
+    return folder if _safe(folder) else None
+
+
+def filled_cache() -> Path | None:
+    """The folder of compiled stages, where there is one with something in it: looking a stage up takes some time."""
+    folder = _folder()
+    return folder if folder is not None and _safe(folder) and any(folder.glob("*.so")) else None
+
+
+def _folder() -> Path | None:
+    if os.name != "posix" or os.environ.get("SSM_PLANNER_COMPILE") == "0":
+        return None
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ssm_planner"
+
+
+def _safe(folder: Path) -> bool:
+    """What lies there is executed."""
+    try:
+        state = folder.stat()
+    except OSError:
+        return False
+    return state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
 stages = Stages()

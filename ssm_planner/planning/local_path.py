@@ -1,8 +1,7 @@
 """Path and load near every element as polynomials in s, so that the optimisation evaluates no kinematics.
 
 q'(s) and the load τ_rigid = A(s) s̈ + B(s) ṡ² + C(s) are smooth; over the short stretch of one element a polynomial through
-Chebyshev points gives them to many digits. The fit is renewed around every solution, so what remains of its error vanishes
-with the rounds, and the true path is what the planner looks at between collocation points.
+Chebyshev points gives them to many digits. The fit is renewed where a solution has left it.
 """
 
 from __future__ import annotations
@@ -22,6 +21,8 @@ CURVES = 17
 """q', A, B and C of four joints, and |dp/ds| of the tip."""
 NARROWEST = 0.004
 """Smallest half width of a fit in s: room for the optimisation to move an element."""
+WIDER = 2.0
+"""By how much a fit may be wider than a new one would be."""
 LOCAL = 2 + CURVES * (DEGREE + 1)
 """Length of one element's parameters: centre, half width, coefficients."""
 
@@ -60,6 +61,13 @@ def fit(path: StraightPath, body: RigidBody, low: Array, high: Array) -> Array:
     inverse = np.linalg.inv(np.vander(nodes, increasing=True))
     coefficients = np.einsum("dk,nkc->ndc", inverse, values.reshape(len(low), DEGREE + 1, CURVES))
     return np.hstack([centre[:, None], half[:, None], coefficients.reshape(len(low), -1)])
+
+
+def serves(parameters: Array, low: Array, high: Array) -> Array:
+    """Whether fits (n, LOCAL) hold on [low, high] (n,), and are not much wider than they need to be."""
+    centre, half = parameters[:, 0], parameters[:, 1]
+    inside = (low >= centre - half) & (high <= centre + half)
+    return np.asarray(inside & (half <= WIDER * np.maximum(high - low, NARROWEST)))
 
 
 def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:

@@ -154,6 +154,7 @@ class Program:
             lbg=np.concatenate(low),
             ubg=np.concatenate(high),
         )
+        stages.spent(self.stage.key, sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f")))
         x = answer["x"].full().ravel()
         states, found = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
         elements = np.column_stack([states, found[shape.block] * question.fractions])

@@ -19,8 +19,8 @@ from ssm_planner.planning.toppra_import import load_toppra
 from ssm_planner.problem.values import Array, Robot, TaskLimits
 
 PASSES = 12
-CONVERGED = 1e-7
-"""Relative change of the duration at which the tangents have settled."""
+CONVERGED = 1e-5
+"""Relative change of the duration at which the tangents have settled: a further pass would change about its square."""
 
 COARSE = 200
 """Grid intervals of the rough motion that tells where to put the points of the grid."""
@@ -70,7 +70,8 @@ def retime(
     interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
     ceiling = speed_ceiling(path, samples, robot, limits)
     load = PathLoad.along(RigidBody.from_robot(robot), samples)
-    tangent = ceiling
+    # the tangents of the rough motion are nearly settled, and its passes cost a fifth
+    tangent = ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
     best = Retiming(
         "infeasible",
         "TOPP-RA finds no motion along the path within the limits",

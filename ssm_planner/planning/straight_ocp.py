@@ -17,7 +17,7 @@ from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.planning.bound import lower_bound
 from ssm_planner.planning.course import Answer, Course, Question, Shape
 from ssm_planner.planning.limits import UNLIMITED, limit_table, limits_jerk
-from ssm_planner.planning.local_path import fit
+from ssm_planner.planning.local_path import LOCAL, fit, serves
 from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.path import StraightPath
 from ssm_planner.planning.peaks import peaks
@@ -179,15 +179,16 @@ class _StraightTask:
         return RigidBody.from_robot(self.robot)
 
     def _local(self, elements: Array) -> Array:
-        """The fits around these elements; the last ones are kept, for they are asked for twice."""
-        if not self._fits or self._fits[0] is not elements:
-            fits = fit(self.path, self._body, elements[:, 0], np.append(elements[1:, 0], 1.0))
-            self._fits[:] = [elements, fits]
-        return self._fits[1]
+        """The fits around these elements; renewed for those that have left theirs."""
+        low, high = elements[:, 0], np.append(elements[1:, 0], 1.0)
+        old = np.logical_not(serves(self._fits, low, high))
+        if old.any():
+            self._fits[old] = fit(self.path, self._body, low[old], high[old])
+        return self._fits
 
     @cached_property
-    def _fits(self) -> list[Array]:
-        return []
+    def _fits(self) -> Array:
+        return np.full((len(self.mesh.interval), LOCAL), np.nan)
 
     @cached_property
     def _starting(self) -> Array:

@@ -63,7 +63,7 @@ def _ways(name: str, problem: Problem, compiler: str | None, rounds: int) -> lis
                 first = [argument[:, 0] for argument in arguments[functions.index(mine)]]
                 assert float(ca.norm_inf(ca.vec(mine(*first) - other(*first)))) == 0.0
         times, _ = in_turns(ways, rounds)
-    size = str(sum(f.n_instructions() for f in functions))
+    size = str(sum(f.expand().n_instructions() for f in functions))
     return [
         [
             name,

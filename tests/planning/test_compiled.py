@@ -36,7 +36,7 @@ def tilts(problem: Problem, degrees: float) -> Problem:
 def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path) -> None:
     problems = [tilts(tilt_insert, degrees) for degrees in (-135, -133, -131, -129, -127, -125)]
     interpreted = [plan_motion(problem) for problem in problems]
-    stages.wait()
+    stages.compile_all()
     assert any(used.compiled for used in stages._used.values())
     for problem, before in zip(problems, interpreted, strict=True):
         after = plan_motion(problem)
@@ -45,9 +45,40 @@ def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, stages: compiled.St
     assert [path.suffix for path in kept] == [".so"] * len(kept)
 
 
-def test_a_single_plan_compiles_nothing(tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path) -> None:
+def test_what_has_not_taken_long_is_not_compiled(
+    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "LONG", np.inf)
     plan_motion(tilt_insert)
     assert not (tmp_path / "ssm_planner").exists()
+
+
+def test_what_has_taken_long_is_compiled_for_the_next_process(
+    tilt_insert: Problem, stages: compiled.Stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "LONG", 1e-6)
+    plan_motion(tilt_insert)
+    stages.wait()
+    later = compiled.Stages()
+    monkeypatch.setattr("ssm_planner.planning.program.stages", later)
+    plan_motion(tilt_insert)
+    later.wait()
+    assert any(used.compiled and used.seconds > 0 for used in later._used.values())
+
+
+def test_a_compiler_that_fails_is_asked_once(
+    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = tmp_path / "calls"
+    broken = tmp_path / "cc"
+    broken.write_text(f"#!/bin/sh\necho >> {calls}\nexit 1\n", encoding="utf-8")
+    broken.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    plan_motion(tilt_insert)
+    stages.compile_all()
+    stages.compile_all()
+    assert len(calls.read_text(encoding="utf-8").splitlines()) == len(stages._used)
+    assert not any(used.compiled for used in stages._used.values())
 
 
 def test_a_folder_that_others_can_write_is_not_used(
