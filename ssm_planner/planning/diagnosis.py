@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ssm_planner.model.friction import friction_coefficient, friction_of
@@ -9,6 +11,7 @@ from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.transmission import breakaway_torque
 from ssm_planner.planning.joint_path import JointPath
 from ssm_planner.planning.legs import Leg
+from ssm_planner.planning.places import by_eye
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.values import Array, Problem
 
@@ -16,9 +19,16 @@ LOOKS = 201
 
 
 def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reason:
-    """The motor that is most too weak to move its joint somewhere on the path; the solver's word where none is."""
+    """What stands in the way along a path: a motor that is too weak, or the eye; the solver's word where nothing does."""
+    reason = too_weak(problem, leg, path, LOOKS)
+    if reason is not None:
+        return reason
+    blocked = by_eye(problem, path.mechanism, leg, path.sample(np.linspace(0.0, 1.0, LOOKS)).q)
+    if blocked is not None:
+        text = f"{blocked.message}; no way around it was found ({message})"
+        return replace(blocked, message=text)
     text = f"{leg.motion.name}: no motion found ({message})"
-    return too_weak(problem, leg, path, LOOKS) or Reason("solver", None, leg.motion.name, None, None, None, text)
+    return Reason("solver", None, leg.motion.name, None, None, None, text)
 
 
 def too_weak(problem: Problem, leg: Leg, path: JointPath, looks: int = 0) -> Reason | None:

@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.model.eye import LENS, RETINA
+from ssm_planner.model.eye import LENS, RETINA, retina_row
+from ssm_planner.model.forward import tip_position
 from ssm_planner.model.functions import call
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
@@ -236,8 +237,17 @@ class _FreeTask:
     def _numbers(self) -> Array:
         problem = self.problem
         rates = [problem.rates.get(name, UNLIMITED) for name in RATED]
-        numbers = [self.points[0], self.unit, self.table.ravel(), self._ranges(), rates, [self.scale]]
+        scalars = [self._easing(), self.scale]
+        numbers = [self.points[0], self.unit, self.table.ravel(), self._ranges(), rates, scalars]
         return np.concatenate(numbers).reshape(NUMBERS)
+
+    def _easing(self) -> float:
+        """By how much the rounding of the retina's row forbids one of the points, which the limit itself allows."""
+        from ssm_planner.model.namespace import NUMPY
+
+        if self.problem.eye is None:
+            return 0.0
+        return max(0.0, float(retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, self.points).T).max()))
 
     def _ranges(self) -> list[float]:
         """Tip speed, centre and half width of the watched ranges, in the turn of the closed form at the first joints."""

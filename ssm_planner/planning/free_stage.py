@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.model.eye import eye_rows
+from ssm_planner.model.eye import RETINA, eye_rows
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.namespace import casadi_namespace
 from ssm_planner.model.rigid_body import RigidBody
@@ -29,9 +29,9 @@ WATCHED = ("roll", "spin")
 """Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
 RATED = ("roll", "tilt", "spin")
 """Task coordinates whose rate is no multiple of one joint's."""
-NUMBERS = 4 + 4 + 16 + 1 + 2 * len(WATCHED) + len(RATED) + 1
+NUMBERS = 4 + 4 + 16 + 1 + 2 * len(WATCHED) + len(RATED) + 1 + 1
 """q0, d, limits (velocity, acceleration, jerk, torque by joint), tip speed, centre and half width of the watched ranges,
-rates, scale."""
+rates, easing of the retina's row, scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ class FreeStage:
         if self.eye is not None:
             tip = tip_position_symbolic(self.mechanism, q)
             for name, value in eye_rows(casadi_namespace(), self.eye, (tip[0], tip[1], tip[2])).items():
-                rows.append(Row(name, None, value + 1))
+                rows.append(Row(name, None, value + 1 - (numbers[NUMBERS - 2] if name == RETINA else 0)))
         return rows
 
     def _instant(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds, ca.SX]:

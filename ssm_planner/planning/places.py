@@ -26,7 +26,7 @@ def misplaced(problem: Problem, mechanism: Mechanism, legs: Sequence[Leg]) -> Re
     """The first place that a limit forbids: a joint's range, the retina's clearance or the lens."""
     for leg in legs:
         q = leg.path.sample(np.linspace(0.0, 1.0, LOOKS)).q if leg.path is not None else leg.points
-        reason = _range(problem.robot, leg, q) or _eye(problem, mechanism, leg, q)
+        reason = _range(problem.robot, leg, q) or by_eye(problem, mechanism, leg, q)
         if reason is not None:
             return reason
     return None
@@ -34,7 +34,7 @@ def misplaced(problem: Problem, mechanism: Mechanism, legs: Sequence[Leg]) -> Re
 
 def place(leg: Leg, k: int, count: int) -> str:
     """Words for sample k of `count` along a leg."""
-    if leg.path is None and count > 2 and 0 < k < count - 1:
+    if leg.path is None and count == len(leg.points) and 0 < k < count - 1:
         return f"{leg.motion.name}, at point {k} on its way"
     if k in (0, count - 1):
         return f"{leg.motion.name}, at its {'end' if k else 'start'}"
@@ -59,7 +59,8 @@ def _range(robot: Robot, leg: Leg, q: Array) -> Reason | None:
     return None
 
 
-def _eye(problem: Problem, mechanism: Mechanism, leg: Leg, q: Array) -> Reason | None:
+def by_eye(problem: Problem, mechanism: Mechanism, leg: Leg, q: Array) -> Reason | None:
+    """The retina or the lens, where it forbids one of these joints (n, 4): the worst place."""
     if problem.eye is None:
         return None
     for name, (value, least) in eye_limits(NUMPY, problem.eye, tip_position(mechanism, q).T).items():

@@ -12,6 +12,8 @@ from ssm_planner.problem.values import Drive, Joint
 
 BRAKING_SOFTNESS = 1e-3
 """Smoothing of the mesh's larger side in the braking rows, as a share of the torque limit (on the safe side)."""
+COST_SOFTNESS = 5e-2
+"""The same in heat and effort, as a share of the nominal torque: at a sharp edge of the cost the solver goes to and fro."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
             continue
         sides = directed_torques(joint.drive, at, i, breakaway=False)
         first, second = (value / joint.motor.nominal_torque for value in sides)
-        values.append((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + BRAKING_SOFTNESS**2))
+        values.append((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2))
     return ca.vertcat(ca.SX(0, 1), *values)
 
 

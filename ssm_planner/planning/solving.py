@@ -31,6 +31,8 @@ SHORTEST = 0.2
 ROUNDS = 12
 HEAT_ROUNDS = 4
 """The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
+HOPELESS = 1.01
+"""Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -89,7 +91,7 @@ def optimise(task: Task, start: Start, objective: Objective, duration: float | N
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
     """
-    fastest, found = _rounds(task, start, "time")
+    fastest, found = _rounds(task, start, "time", hopeless=None if duration is None else HOPELESS * duration)
     total = float(fastest.times.sum())
     if not fastest.solved or (objective == "time" and duration is None) or (duration is not None and duration < total):
         return fastest
@@ -99,7 +101,10 @@ def optimise(task: Task, start: Start, objective: Objective, duration: float | N
         if not (least.solved and last.keeps):
             return fastest
     else:
-        least, _ = _rounds(found.task, begin.stretched(duration / total), "effort", (duration, duration))
+        slow, exactly = begin.stretched(duration / total), (duration, duration)
+        least, _ = _rounds(found.task, slow, "effort", exactly)
+        if not least.solved:  # then any motion that takes as long
+            least, _ = _rounds(found.task, slow, "time", exactly)
     return replace(least, iterations=fastest.iterations + least.iterations)
 
 
@@ -115,9 +120,17 @@ class _Found:
 
 
 def _rounds(
-    task: Task, start: Start, aim: Aim, time: tuple[float, float] | None = None, found: _Found | None = None
+    task: Task,
+    start: Start,
+    aim: Aim,
+    time: tuple[float, float] | None = None,
+    found: _Found | None = None,
+    hopeless: float | None = None,
 ) -> tuple[Answer, _Found]:
-    """time: bounds of the duration, where it is not the aim; found: for a motion near this one."""
+    """time: bounds of the duration, where it is not the aim; found: for a motion near this one.
+
+    hopeless: a duration beyond which a motion is of no use, for tightening only makes it longer.
+    """
     names = task.names
     elements = start.elements
     if found is None:
@@ -136,7 +149,7 @@ def _rounds(
         answer = program.solve(question if time is None else question.within(time), begin)
         iterations += answer.iterations
         elements = answer.elements
-        if not answer.solved:
+        if not answer.solved or (hopeless is not None and answer.times.sum() > hopeless):
             break
         excess = task.largest(elements) - 1
         worst = excess.max(axis=0, initial=-1.0)

@@ -56,7 +56,7 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
     watched = [0.02, 0.1, 0.4, -0.2, 0.7]
-    numbers = np.concatenate([first, unit, limit_table(robot).ravel(), watched, [0.4, 0.5, 0.6], [1.7]])
+    numbers = np.concatenate([first, unit, limit_table(robot).ravel(), watched, [0.4, 0.5, 0.6], [1e-6, 1.7]])
     return FreeStage(robot, mechanism, moving, ROWS, EYE, aim), [z, sigma, numbers]
 
 

@@ -75,6 +75,31 @@ def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: 
     assert result.duration > without.duration
 
 
+def edge_of_the_port(problem: Problem) -> dict[str, float]:
+    """Outside the retina's clearance and just at the port: the limit allows it, its rounded row alone would not."""
+    assert problem.eye is not None
+    return {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": problem.eye.port}
+
+
+def test_a_motion_may_end_at_the_edge_of_the_port(laser_scan: Problem) -> None:
+    begin = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.001}
+    result = plan(moving(laser_scan, "free", begin, edge_of_the_port(laser_scan), rates={}))
+    assert result.passed, result.reason
+    assert limit(result, RETINA).margin >= -1e-6
+
+
+def test_where_no_way_is_found_the_clearance_that_would_do_is_tried(laser_scan: Problem) -> None:
+    """Inwards from there only one way leads, on which the tip stays at the edge until it has swung far enough."""
+    result = plan(moving(laser_scan, "free", edge_of_the_port(laser_scan), FAR, rates={}))
+    if result.passed:
+        assert limit(result, RETINA).margin >= -1e-6
+        return
+    assert result.reason.constraint == RETINA
+    assert result.reason.available < result.reason.required
+    assert "clearance" in result.reason.relaxation
+    assert "tried" in result.reason.relaxation
+
+
 def in_the_way(problem: Problem) -> Eye:
     """A small lens on the way of a shaft that swings from SWING to FAR while it is inserted."""
     tilt, depth = -1.95, 0.0075
