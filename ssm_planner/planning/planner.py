@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class PlannedLeg:
     lower_bound: float
     """A duration that no motion within the same limits can beat."""
     iterations: int
+    borders: Array = field(default_factory=lambda: np.zeros(0))
+    """Instants at which a free motion passes its points, (k + 1,), s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ def plan_motion(
         if isinstance(outcome, Reason):
             status = "infeasible" if outcome.constraint != "solver" else "not converged"
             return Planned(status, None, tuple(planned), outcome)
-        done, breaks, coefficients = outcome
+        done, breaks, coefficients = _cross_checked(problem, mechanism, outcome)
         planned.append(done)
         parts.append((leg.motion.name, breaks, coefficients))
     return Planned("solved", join(parts), tuple(planned), None)
@@ -163,14 +165,21 @@ def _free(problem: Problem, mechanism: Mechanism, leg: Leg, tighten: Array | Non
     if asked is not None and duration > asked * (1 + 1e-6):
         return too_short(leg.motion.name, asked, duration)
     coefficients = hermite(result.breaks, result.start, result.end)
-    trajectory = Trajectory(result.breaks, coefficients, ())
-    path = TravelledPath.of(mechanism, trajectory, result.borders, np.diff(leg.points, axis=0))
-    again = retime(
-        path, problem.robot, limits=problem.task_limits, speeds=(path.speed(speeds[0]), path.speed(speeds[1]))
-    )
     bound = asked or _bound(problem, leg, at_rest=not np.any(speeds))
-    toppra_duration = again.duration if again.solved and asked is None else None
-    return PlannedLeg(leg, duration, toppra_duration, bound, result.iterations), result.breaks, coefficients
+    return PlannedLeg(leg, duration, None, bound, result.iterations, result.borders), result.breaks, coefficients
+
+
+def _cross_checked(problem: Problem, mechanism: Mechanism, outcome: Outcome) -> Outcome:
+    """With TOPP-RA's duration along the path that a free motion took; a straight one has it from its guess."""
+    done, breaks, coefficients = outcome
+    leg = done.leg
+    if leg.motion.kind != "free" or leg.motion.duration is not None:
+        return outcome
+    trajectory = Trajectory(breaks, coefficients, ())
+    path = TravelledPath.of(mechanism, trajectory, done.borders, np.diff(leg.points, axis=0))
+    speeds = path.speed(leg.first_speed), path.speed(leg.last_speed)
+    again = retime(path, problem.robot, limits=problem.task_limits, speeds=speeds)
+    return replace(done, toppra_duration=again.duration if again.solved else None), breaks, coefficients
 
 
 def _bound(problem: Problem, leg: Leg, *, at_rest: bool) -> float:

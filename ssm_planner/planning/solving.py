@@ -24,8 +24,10 @@ MOST_ELEMENTS = 3
 """Times their first number."""
 BACKOFF = 2.0
 """Tightening per excess found."""
-BESIDE = 0.5
-"""Share of an element's tightening that its neighbours get."""
+BESIDE, REACH = 0.4, 6
+"""Share of an element's tightening that its neighbours get, and so on from one to the next for so many elements."""
+LITTLE = 2e-3
+"""Tightening beyond which neighbours get no more: there the elements are too long, which is a matter of one element."""
 SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
 ROUNDS = 12
@@ -173,7 +175,10 @@ def _rounds(
 def tightening(excess: Array) -> Array:
     """By how much to lower rows that were found exceeded between the collocation points."""
     own = np.where(excess > 0, BACKOFF * excess + EXCESS, 0.0)
-    none = np.zeros_like(own[:1])
-    # what is pressed down in one element comes up in the next
-    beside = np.maximum(np.vstack([own[1:], none]), np.vstack([none, own[:-1]]))
-    return np.asarray(np.maximum(own, BESIDE * beside))
+    # what is pressed down in one element comes up beside it
+    spread = np.minimum(own, LITTLE)
+    for _ in range(min(REACH, len(own) - 1)):
+        before, after = spread[:-1].copy(), spread[1:].copy()
+        np.maximum(spread[1:], BESIDE * before, out=spread[1:])
+        np.maximum(spread[:-1], BESIDE * after, out=spread[:-1])
+    return np.asarray(np.maximum(own, spread))

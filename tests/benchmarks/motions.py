@@ -6,11 +6,19 @@ import numpy as np
 
 from ssm_planner.model.trajectory import Trajectory, hermite
 from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.planner import Planned, plan_motion
+from ssm_planner.planning.program import forget_answers
 from ssm_planner.problem.values import Array, Problem
 from ssm_planner.verify.certificate import Certificate
 from ssm_planner.verify.check import check
 
 SUBDIVISION = 4
+
+
+def planned_anew(problem: Problem) -> Planned:
+    """Plan without what earlier plans have solved."""
+    forget_answers()
+    return plan_motion(problem)
 
 
 def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISION) -> Trajectory:

@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 from cases import FREE_WEAK, Change, free_problem, straight_problem
 from measuring import Spread, in_turns, short, timed
+from motions import planned_anew
 from section import Section
 
 import ssm_planner.planning
@@ -51,7 +52,7 @@ def _meshes(section: Section, name: str, problem: Problem, meshes: tuple[int, ..
     for k in range(rounds + 1):
         for count in meshes:
             with elements(count), solver_account() as account:
-                seconds, planned = timed(lambda: plan_motion(problem))
+                seconds, planned = timed(lambda: planned_anew(problem))
             if planned.trajectory is None:
                 raise RuntimeError(f"{name}, {count} elements: {planned.reason}")
             last[count] = account.iterations, planned.trajectory.duration
@@ -93,7 +94,7 @@ def _phases(section: Section, counts: tuple[int, ...], rounds: int) -> None:
     for count in counts:
         problem = phases(count)
         plan_motion(problem)
-        plans = [timed(lambda problem=problem: plan_motion(problem))[0] for _ in range(rounds)]  # type: ignore[misc]
+        plans = [timed(lambda problem=problem: planned_anew(problem))[0] for _ in range(rounds)]  # type: ignore[misc]
         rows.append([str(count), Spread.of(plans).seconds(), Spread.of([s / count for s in plans]).seconds()])
     section.table(("phases", "plan", "per phase"), rows)
 

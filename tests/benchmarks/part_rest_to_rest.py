@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from cases import FIRST, Change, free_problem, with_limits
 from measuring import Spread, in_turns
-from motions import certificate
+from motions import certificate, planned_anew
 from section import Section
 
 from ssm_planner.planning.planner import plan_motion
@@ -36,7 +36,7 @@ def run(quick: bool) -> Section:
         plan_motion(problems[0])
         ruckig_duration(problems[0])
         ways: dict[str, Any] = {
-            "ours": lambda k, problems=problems: plan_motion(problems[k]),
+            "ours": lambda k, problems=problems: planned_anew(problems[k]),
             "ruckig": lambda k, problems=problems: ruckig_duration(problems[k]),
         }
         times, results = in_turns(ways, len(problems))

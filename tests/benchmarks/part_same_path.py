@@ -13,6 +13,7 @@ from motions import along_path, certificate, excess
 from section import Section
 
 from ssm_planner.model.trajectory import Trajectory
+from ssm_planner.planning.program import forget_answers
 from ssm_planner.planning.retiming import retime
 from ssm_planner.problem.values import Problem
 from ssm_planner.run import plan
@@ -62,6 +63,7 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
     users = {which: UserModel.of(problem.robot, path, largest=which == "largest") for which in ("mean", "largest")}
 
     def ours(_: int) -> Any:
+        forget_answers()
         return plan(problem).trajectory
 
     def exact(_: int) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from cases import FREE, FREE_WEAK, STRAIGHT, WEAK, free_problem, limits_of, straight_problem, task_ends
 from measuring import Spread, in_turns, timed
-from motions import certificate, excess
+from motions import certificate, excess, planned_anew
 from section import Section
 
 from ssm_planner.model.trajectory import Trajectory
@@ -118,7 +118,7 @@ def _ours(cases: list[Problem]) -> Way:
     last: list[Any] = [None]
 
     def solve(k: int) -> tuple[float, int]:
-        last[0] = planned = plan_motion(cases[k])
+        last[0] = planned = planned_anew(cases[k])
         if planned.trajectory is None:
             raise RuntimeError(f"no plan: {planned.reason}")
         return planned.trajectory.duration, sum(leg.iterations for leg in planned.legs)
