@@ -8,6 +8,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -83,6 +84,11 @@ class RigidBody:
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
+    def path_load(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+        """a, b, c of the efforts a s̈ + b ṡ² + c along a path q(s), (n, 4) each; dq, ddq (n, 4): its derivatives by s."""
+        a, b, c = call(self._path_load, q, dq, ddq)
+        return a, b, c
+
     def mass_matrix(self, q: Array) -> Array:
         """M(q), (n, 4, 4), symmetric, for q (n, 4)."""
         return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
@@ -99,6 +105,14 @@ class RigidBody:
     def _inverse_dynamics(self) -> ca.Function:
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
         return ca.Function("inverse_dynamics", [q, qd, qdd], [self.symbolic(q, qd, qdd)], ["q", "qd", "qdd"], ["tau"])
+
+    @cached_property
+    def _path_load(self) -> ca.Function:
+        q, dq, ddq = (ca.SX.sym(name, 4) for name in ("q", "dq", "ddq"))
+        zero = ca.SX.zeros(4)
+        still = self.symbolic(q, zero, zero)
+        parts: Any = [self.symbolic(q, zero, dq) - still, self.symbolic(q, dq, ddq) - still, still]
+        return ca.Function("path_load", [q, dq, ddq], ca.cse(parts))
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:

@@ -23,9 +23,10 @@ from ssm_planner.planning.element import ElementFunctions, Stage, element_functi
 
 FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC")
 """No optimisation that changes rounding: the result is the interpreter's to the last bit."""
-LONG = 0.4
+LONG = 0.15
 """Time spent evaluating a stage from which on it is compiled, s."""
-KEPT = 24
+KEPT, KEPT_FILES = 24, 200
+"""Stages in memory, and libraries on disk: those used last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,7 @@ class Source:
 
     def load(self, element: ElementFunctions) -> ElementFunctions:
         """The same functions from the library."""
+        os.utime(self.library)  # of the libraries, the last used are kept
         loaded = {name: ca.external(getattr(element, name).name(), str(self.library)) for name in self.names}
         return ElementFunctions(**{field.name: loaded.get(field.name) for field in fields(element)})  # type: ignore[arg-type]
 
@@ -63,6 +65,9 @@ class Source:
         compiler = shutil.which("cc")
         if compiler is None:
             return None
+        libraries = sorted(self.library.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
+        for old in libraries[: max(0, len(libraries) - KEPT_FILES + 1)]:
+            old.unlink(missing_ok=True)
         work = Path(tempfile.mkdtemp(dir=self.library.parent))
         (work / "element.c").write_text(self.text, encoding="utf-8")
         command = [sys.executable, "-c", _MAKE, compiler, str(work), str(self.library), *FLAGS]

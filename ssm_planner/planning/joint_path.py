@@ -70,10 +70,10 @@ class TravelledPath:
 
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)
-        q, dq, ddq, dddq = (self.spline(s, k) for k in range(4))
+        q, dq, ddq = (self.spline(s, k) for k in range(3))
         still = ~np.any(self.signs != 0, axis=0)
         dq[:, still] = ddq[:, still] = 0.0
-        return PathSamples(s, q, dq, ddq, dddq)
+        return PathSamples(s, q, dq, ddq)
 
     def speed(self, qd: Array) -> float:
         """ṡ at which the joints move at qd (4,)."""
@@ -100,7 +100,7 @@ class StepPath:
         piece = np.clip((s * count).astype(int), 0, count - 1)
         way = np.diff(self.points, axis=0)[piece]
         q = self.points[piece] + (s * count - piece)[:, None] * way
-        return PathSamples(s, q, count * way, 0 * way, 0 * way)
+        return PathSamples(s, q, count * way, 0 * way)
 
     def tip_slope(self, samples: PathSamples) -> Array:
         return tip_velocity(self.mechanism, samples.q, samples.dq)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,7 +28,6 @@ class PathSamples:
     q: Array
     dq: Array
     ddq: Array
-    dddq: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,12 @@ class StraightPath:
     def sample(self, s: Array) -> PathSamples:
         """Path and derivatives at s (n,), revolute joints continuous from `first`."""
         s = np.asarray(s, dtype=float)
-        q, dq, ddq, dddq = self._derivatives(s)
-        return PathSamples(s, q + self._turns, dq, ddq, dddq)
+        q, dq, ddq = self._derivatives(s)
+        return PathSamples(s, q + self._turns, dq, ddq)
+
+    def third_derivative(self, s: Array) -> Array:
+        """Of the joints by s, at s (n,): (n, 4)."""
+        return self._derivatives(np.asarray(s, dtype=float), order=3)[3]
 
     def speed_at(self, s: float, qd: Array) -> float:
         """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
@@ -98,18 +102,18 @@ class StraightPath:
         turns[:, 3] = 0.0
         return turns
 
-    def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """The joints at s (n,) and their first three derivatives by s; revolute joints up to whole turns."""
-        function = _line(pickle.dumps(self.mechanism), self.branch)
+    def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
+        """The joints at s (n,) and their derivatives by s up to an order; revolute joints up to whole turns."""
+        function = _line(pickle.dumps(self.mechanism), self.branch, order)
         ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
         return call(function, s[:, None], *ends)
 
 
 @lru_cache(maxsize=16)
-def _line(mechanism: bytes, branch: int) -> ca.Function:
-    """(s, start, way): the joints and three derivatives by s along a line in task coordinates."""
+def _line(mechanism: bytes, branch: int, order: int) -> ca.Function:
+    """(s, start, way): the joints and their derivatives by s along a line in task coordinates."""
     s, start, way = ca.SX.sym("s"), ca.SX.sym("start", 4), ca.SX.sym("way", 4)
-    values = [joints_from_task_symbolic(pickle.loads(mechanism), start + s * way, branch)]
-    for _ in range(3):
+    values: Any = [joints_from_task_symbolic(pickle.loads(mechanism), start + s * way, branch)]
+    for _ in range(order):
         values.append(ca.jacobian(values[-1], s))
-    return ca.Function("path", [s, start, way], values)
+    return ca.Function("path", [s, start, way], ca.cse(values))

@@ -53,13 +53,7 @@ class PathLoad:
 
     @classmethod
     def along(cls, body: RigidBody, samples: PathSamples) -> PathLoad:
-        gravity = body.gravity_load(samples.q)
-        zero = np.zeros_like(samples.q)
-        return cls(
-            body.inverse_dynamics(samples.q, zero, samples.dq) - gravity,
-            body.inverse_dynamics(samples.q, samples.dq, samples.ddq) - gravity,
-            gravity,
-        )
+        return cls(*body.path_load(samples.q, samples.dq, samples.ddq))
 
 
 def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:

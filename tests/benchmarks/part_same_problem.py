@@ -44,7 +44,7 @@ INTRODUCTION = (
     "call and setting the parameters. *Its optimal control solved once* is the same of this planner: choosing the rows, "
     "fitting the path and setting the parameters, and the first solver call, from its guess. *The whole plan* is all of "
     "`plan_motion`: inverse kinematics, TOPP-RA and its cross-check, that solve, tightening between the nodes and solving "
-    "again, joint polynomials. Stages are compiled by then, as they are in the background once they have taken 0.4 s, "
+    "again, joint polynomials. Stages are compiled by then, as they are in the background once they have taken 0.15 s, "
     "and later where the cache has them."
 )
 NOTES = (

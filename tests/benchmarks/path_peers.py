@@ -122,9 +122,8 @@ def copp_robot(path: StraightPath, user: UserModel, points: int = POINTS) -> tup
     at = path.sample(grid)
     robot = copp.Robot(4, capacity=len(grid), inverse_dynamics=user.motor_torque)
     robot.append_s(grid)
-    robot.set_q(
-        *(np.ascontiguousarray(value) for value in (at.q, at.dq, at.ddq)), 0, dddq=np.ascontiguousarray(at.dddq)
-    )
+    third = np.ascontiguousarray(path.third_derivative(grid))
+    robot.set_q(*(np.ascontiguousarray(value) for value in (at.q, at.dq, at.ddq)), 0, dddq=third)
     whole = {"start_idx_s": 0, "length": len(grid)}
     robot.add_velocity_limits(user.velocity, -user.velocity, **whole)
     robot.add_acceleration_limits(user.acceleration, -user.acceleration, **whole)

@@ -106,6 +106,16 @@ def test_mass_matrix_is_symmetric_positive_definite_and_that_of_the_dynamics(rob
     assert np.abs(np.einsum("nij,nj->ni", mass, qdd) - tau).max() < 1e-12
 
 
+def test_the_load_along_a_path_is_that_of_the_dynamics(robot: Robot) -> None:
+    rng = np.random.default_rng(5)
+    q, dq, ddq = rng.uniform(-1, 1, (3, 40, 4))
+    speed, acceleration = rng.uniform(-3, 3, (2, 40, 1))
+    body = RigidBody.from_robot(robot)
+    a, b, c = body.path_load(q, dq, ddq)
+    efforts = body.inverse_dynamics(q, dq * speed, ddq * speed**2 + dq * acceleration)
+    assert np.allclose(a * acceleration + b * speed**2 + c, efforts, rtol=1e-12, atol=1e-14)
+
+
 def test_a_transposed_batch_is_refused(robot: Robot) -> None:
     body = RigidBody.from_robot(robot)
     batch = np.zeros((7, 4))

@@ -13,6 +13,7 @@ import pytest
 
 from ssm_planner.planning import compiled
 from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.program import forget_answers
 from ssm_planner.problem.values import Problem
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
@@ -22,6 +23,7 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix"
 def stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.Stages]:
     monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    forget_answers()
     fresh = compiled.Stages()
     monkeypatch.setattr("ssm_planner.planning.program.stages", fresh)
     yield fresh
@@ -38,6 +40,7 @@ def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, stages: compiled.St
     interpreted = [plan_motion(problem) for problem in problems]
     stages.compile_all()
     assert any(used.compiled for used in stages._used.values())
+    forget_answers()
     for problem, before in zip(problems, interpreted, strict=True):
         after = plan_motion(problem)
         assert np.array_equal(after.trajectory.coefficients, before.trajectory.coefficients)
@@ -59,11 +62,27 @@ def test_what_has_taken_long_is_compiled_for_the_next_process(
     monkeypatch.setattr(compiled, "LONG", 1e-6)
     plan_motion(tilt_insert)
     stages.wait()
+    forget_answers()
     later = compiled.Stages()
     monkeypatch.setattr("ssm_planner.planning.program.stages", later)
     plan_motion(tilt_insert)
     later.wait()
     assert any(used.compiled and used.seconds > 0 for used in later._used.values())
+
+
+def test_only_the_libraries_used_last_are_kept(
+    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "KEPT_FILES", 3)
+    folder = tmp_path / "ssm_planner"
+    folder.mkdir(mode=0o700)
+    for k in range(5):
+        (folder / f"old{k}.so").write_bytes(b"")
+        os.utime(folder / f"old{k}.so", (1000 + k, 1000 + k))
+    plan_motion(tilt_insert)
+    stages.compile_all()
+    assert len(list(folder.glob("*.so"))) == 3
+    assert not (folder / "old0.so").exists()
 
 
 def test_a_compiler_that_fails_is_asked_once(

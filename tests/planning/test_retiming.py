@@ -53,7 +53,7 @@ def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Pr
     low, here, high = path.sample(s - h), path.sample(s), path.sample(s + h)
     assert np.allclose((high.q - low.q) / (2 * h), here.dq, rtol=1e-6, atol=1e-8)
     assert np.allclose((high.dq - low.dq) / (2 * h), here.ddq, rtol=1e-6, atol=1e-6)
-    assert np.allclose((high.ddq - low.ddq) / (2 * h), here.dddq, rtol=1e-5, atol=1e-5)
+    assert np.allclose((high.ddq - low.ddq) / (2 * h), path.third_derivative(s), rtol=1e-5, atol=1e-5)
 
 
 def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
