@@ -24,6 +24,7 @@ IPOPT: dict[str, Any] = {
     "mu_init": 1e-4,
     "bound_push": 1e-2,
     "bound_frac": 1e-2,
+    "mumps_pivot_order": 0,  # AMD; by itself MUMPS takes METIS on fine meshes, for which each iteration takes longer
 }
 WARM: dict[str, Any] = {
     **IPOPT,
