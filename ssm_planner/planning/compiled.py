@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -62,7 +63,7 @@ class Source:
 
     def compile(self) -> subprocess.Popen[bytes] | None:
         """Begin to make the library, in a process of low priority that goes on by itself; whole or not at all."""
-        compiler = shutil.which("cc")
+        compiler = _compiler()
         if compiler is None:
             return None
         libraries = sorted(self.library.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
@@ -149,6 +150,14 @@ try:
 finally:
     shutil.rmtree(work, ignore_errors=True)
 """
+
+
+def _compiler() -> str | None:
+    """cc; not that of macOS without its developer tools, which only opens a window that offers them."""
+    tools = ["xcode-select", "-p"]
+    if platform.system() == "Darwin" and subprocess.run(tools, capture_output=True, check=False).returncode != 0:
+        return None
+    return shutil.which("cc")
 
 
 def cache() -> Path | None:

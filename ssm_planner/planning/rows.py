@@ -12,7 +12,7 @@ from ssm_planner.problem.values import Drive, Joint
 
 BRAKING_SOFTNESS = 1e-3
 """Smoothing of the mesh's larger side in the braking rows, as a share of the torque limit (on the safe side)."""
-COST_SOFTNESS = 5e-2
+COST_SOFTNESS = 1e-2
 """The same in heat and effort, as a share of the nominal torque: at a sharp edge of the cost the solver goes to and fro."""
 
 
