@@ -54,7 +54,7 @@ def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> Fre
         profile = in_step if fits else alone[k].stretched(leader.duration)
         position, velocity, _ = profile.at(t)
         here = profile.at(middle)[2]
-        half = 0.5 * np.diff(t) * (profile.at(middle + 1e-9)[2] - here) / 1e-9
+        half = 0.5 * np.diff(t) * profile.jerk_at(middle)
         for state, value in zip(states, (position[:-1], velocity[:-1], here - half, here + half), strict=True):
             state[:, k] = np.sign(way[k]) * value
     return FreeGuess(leader.duration, t, states, tuple(arcs))

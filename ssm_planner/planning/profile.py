@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.problem.values import Array
+from ssm_planner.problem.values import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Profile:
         velocity = np.concatenate([[0.0], np.cumsum(h * (self.start + self.end) / 2)])
         step = h * velocity[:-1] + h**2 * (self.start / 2 + rise / 6)
         position = np.concatenate([[0.0], np.cumsum(step)])
-        piece = np.clip(np.searchsorted(self.switches, t, side="right") - 1, 0, len(h) - 1)
+        piece = self._piece(t)
         local = t - self.switches[piece]
         slope = rise[piece] / h[piece]
         a0 = self.start[piece]
@@ -51,6 +51,13 @@ class Profile:
             velocity[piece] + local * (a0 + local * slope / 2),
             a0 + local * slope,
         )
+
+    def jerk_at(self, t: Array) -> Array:
+        """Slope of the acceleration, from the right, at times t (n,)."""
+        return np.asarray(((self.end - self.start) / self.lengths)[self._piece(t)])
+
+    def _piece(self, t: Array) -> Indices:
+        return np.clip(np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1)
 
     @property
     def peaks(self) -> tuple[float, float, float]:

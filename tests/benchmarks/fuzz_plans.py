@@ -32,6 +32,7 @@ from random_problems import faults, random_problem
 from ssm_planner.errors import ProblemError
 from ssm_planner.planning import free_ocp, planner, straight_ocp
 from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.load import load_problem
 from ssm_planner.run import plan
 from ssm_planner.verify.check import check
@@ -39,6 +40,8 @@ from ssm_planner.verify.check import check
 SECONDS, SHARE = 10.0, 0.99
 CERTAIN = {"position", "velocity", "acceleration", "direction", "retina clearance", "lens clearance", "self-locking"}
 """Reasons that follow from the places alone: no solver is involved."""
+SHORTER = 1.02
+"""A duration asked for that is shorter than the fastest motion found by more than this factor is too short."""
 OTHERWISE = ((3, 1.0), (2, 3.0), (1, 1.5))
 """Second looks: times as many elements, the guess stretched by this factor."""
 
@@ -80,8 +83,15 @@ def ending(seed: int) -> Ending:
     if result.reason is None:
         return Ending(seed, "certified", seconds, found, "", True)
     words = f"{result.reason.message}; {result.reason.relaxation or 'no relaxation found'}"
-    solvable = result.reason.constraint not in CERTAIN and any(_solved(problem, *way) for way in OTHERWISE)
+    solvable = not _certain(result.reason) and any(_solved(problem, *way) for way in OTHERWISE)
     return Ending(seed, result.reason.constraint, seconds, found, words, solvable)
+
+
+def _certain(reason: Reason) -> bool:
+    """Another mesh or guess could not help."""
+    if reason.constraint == "duration" and reason.required is not None and reason.available is not None:
+        return reason.required > SHORTER * reason.available
+    return reason.constraint in CERTAIN or "too weak to move at all" in reason.message
 
 
 def _solved(problem: Any, finer: int, stretched: float) -> bool:
