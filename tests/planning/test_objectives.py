@@ -13,6 +13,7 @@ import pytest
 from ssm_planner.model.actuation import directions, motor_motion
 from ssm_planner.model.rigid_body import RigidBody
 from ssm_planner.model.trajectory import Samples, Trajectory
+from ssm_planner.planning.program import Program
 from ssm_planner.problem.values import Array, Motion, Problem, Robot, Target
 from ssm_planner.run import plan
 
@@ -140,3 +141,20 @@ def test_the_shortest_possible_duration_may_be_asked_for_and_nothing_less(tilt_i
     assert (less.status, less.reason.constraint) == ("infeasible", "duration")
     assert less.reason.required == pytest.approx(fastest, rel=1e-6)
     assert less.reason.available == pytest.approx(0.999 * fastest)
+
+
+def test_without_the_least_effort_any_motion_that_takes_as_long_does(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = Program.solve
+
+    def no_effort(self: Program, *arguments: Any) -> Any:
+        answer = solve(self, *arguments)
+        return (
+            dataclasses.replace(answer, message="Maximum_Iterations_Exceeded") if self.stage.aim == "effort" else answer
+        )
+
+    monkeypatch.setattr(Program, "solve", no_effort)
+    result = plan(moving(tilt_insert, dataclasses.replace(FREE, duration=4.0)))
+    assert result.passed
+    assert result.duration == pytest.approx(4.0, rel=1e-9)
