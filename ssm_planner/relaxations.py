@@ -149,7 +149,8 @@ def _duration(problem: Problem, reason: Reason) -> Relaxation | None:
         return replace(problem, motion=tuple(timed))
 
     # with nothing to spare the least effort is the fastest motion, and hard to find
-    return Relaxation("a duration of", "s", reason.available, 1.002 * reason.required, changed)
+    spare = 1.0 if problem.duration is not None and all(m.duration is not None for m in motions) else 1.002
+    return Relaxation("a duration of", "s", reason.available, spare * reason.required, changed)
 
 
 def _eye(problem: Problem, eye: Eye, reason: Reason) -> Relaxation | None:

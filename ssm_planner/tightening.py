@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +17,8 @@ ROWS = {"velocity": 0, "motor speed": 0, "acceleration": 1, "jerk": 2, "motor to
 RATES = {"roll rate": "roll", "tilt rate": "tilt", "spin rate": "spin", "insertion speed": "depth"}
 MOST_HEAT = 0.25
 """Excess of a continuous torque beyond which smaller accelerations would hardly cure it, and take for ever."""
+HELPS = 0.5
+"""Share of that excess that may remain after a tightening for another one to be tried."""
 MORE = 1.5
 """Tightening per excess found."""
 
@@ -26,6 +29,8 @@ class Strictness:
 
     factors: Array
     problem: Problem
+    heat: Mapping[str, float] = field(default_factory=dict)
+    """Margin of the continuous torque before the last tightening, by joint."""
 
     @classmethod
     def of(cls, problem: Problem) -> Strictness:
@@ -34,7 +39,7 @@ class Strictness:
 
     def more(self, certificate: Certificate) -> Strictness | None:
         """Stricter by what is exceeded; None where nothing that is exceeded can be tightened."""
-        factors, problem, held = self.factors.copy(), self.problem, False
+        factors, problem, held, heat = self.factors.copy(), self.problem, False, dict(self.heat)
         names = [joint.name for joint in problem.robot.joints]
         for limit in certificate.violations:
             if limit.name in ROWS and limit.joint in names:
@@ -43,13 +48,16 @@ class Strictness:
                 continue
             if limit.name == CONTINUOUS and limit.joint in names and limit.margin > -MOST_HEAT:
                 # a smaller peak helps only where acceleration makes the heat; against friction and weight nothing does
+                if limit.margin < HELPS * heat.get(limit.joint, -np.inf):
+                    return None
+                heat[limit.joint] = limit.margin
                 i = names.index(limit.joint)
                 factors[TORQUE, i] = min(factors[TORQUE, i], _share_of_peak(certificate, limit.joint)) * _factor(limit)
                 held = True
                 continue
             stricter = _stricter(problem, limit)
             problem, held = stricter or problem, held or stricter is not None
-        return Strictness(factors, problem) if held else None
+        return Strictness(factors, problem, heat) if held else None
 
 
 def _stricter(problem: Problem, limit: LimitCheck) -> Problem | None:

@@ -76,3 +76,9 @@ def too_short(name: str, asked: float, needed: float) -> Reason:
     """A duration asked for that is shorter than the fastest motion."""
     text = f"{name} takes at least {needed:.6g} s within the limits; {asked:.6g} s were asked for"
     return Reason("duration", None, name, needed, asked, None, text)
+
+
+def all_timed(asked: float, fixed: float) -> Reason:
+    """A duration of the whole, where every motion has one of its own and they add up to another."""
+    text = f"the motions have durations of their own, {fixed:.6g} s in all; {asked:.6g} s were asked for the whole"
+    return Reason("duration", None, "the whole motion", fixed, asked, None, text)

@@ -12,10 +12,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from ssm_planner.planning.joint_path import StepPath
+from ssm_planner.planning.mesh import Mesh
 from ssm_planner.planning.profile import Profile, rest_to_rest
-from ssm_planner.problem.values import Array
+from ssm_planner.planning.retiming import retime
+from ssm_planner.problem.values import Array, Robot, TaskLimits
 
 SLACK = 1 + 1e-12
+ROUGH = 200
+"""Grid intervals of the re-timed guess."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,21 @@ def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> Fre
         for state, value in zip(states, (position[:-1], velocity[:-1], here - half, here + half), strict=True):
             state[:, k] = np.sign(way[k]) * value
     return FreeGuess(leader.duration, t, states, tuple(arcs))
+
+
+def retimed(robot: Robot, limits: TaskLimits, path: StepPath, count: int) -> FreeGuess | None:
+    """The same for a straight line in joint space at TOPP-RA's pace, which keeps torques, rates and tip speed too."""
+    motion = retime(path, robot, ROUGH, limits)
+    if not motion.solved:
+        return None
+    mesh = Mesh.along(motion, path.directions[0], count)
+    share, *rates = mesh.guess(motion).T
+    way = path.points[-1] - path.points[0]
+    orders = (1, 2, 2)
+    states = [share, *(rate / motion.duration**order for rate, order in zip(rates, orders, strict=True))]
+    position, velocity, begin, end = (state[:, None] * way for state in states)
+    instants = mesh.instants
+    return FreeGuess(motion.duration, instants, (position, velocity, begin, end), (len(instants) - 1,))
 
 
 def _alone(distance: float, limits: Array, jerk: bool) -> Profile:

@@ -19,8 +19,9 @@ from ssm_planner.model.functions import call
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.task import task_from_joints
 from ssm_planner.planning.course import Answer, Course, Question, Shape, blocks_of
-from ssm_planner.planning.free_guess import FreeGuess, guess
+from ssm_planner.planning.free_guess import FreeGuess, guess, retimed
 from ssm_planner.planning.free_stage import NUMBERS, RATED, WATCHED, FreeStage
+from ssm_planner.planning.joint_path import StepPath
 from ssm_planner.planning.limits import UNLIMITED, limit_table, limits_jerk
 from ssm_planner.planning.peaks import peaks
 from ssm_planner.planning.program import DENSE, Aim, RowName, shared
@@ -32,6 +33,9 @@ SHORTEST_PASSING = 0.01
 """Least time of a block where points are passed, as a share of the guess's, which rests at each of them."""
 MOVES = 1e-9
 """A joint that has less than this to go (rad, m) stands."""
+FAR, MORE = 2.0, 1.5
+"""Where a row of the closed-form guess is larger than this, TOPP-RA makes the guess; and times as many elements, for less
+is then known of where they are needed."""
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
 
@@ -108,6 +112,28 @@ class _FreeTask:
         way[np.abs(way) <= MOVES] = 0.0
         each = max(2 * count // len(way), 8) if len(way) > 1 else count
         guesses = tuple(guess(w, table[:3], limits_jerk(robot), each, 2 if len(way) < 16 else 1) for w in way)
+        task = cls._from(problem, mechanism, points, way, table, speeds, guesses)
+        if task.largest(task.start.elements).max(initial=0.0) < FAR:
+            return task
+        slower = tuple(
+            retimed(robot, problem.task_limits, StepPath(mechanism, points[k : k + 2]), round(MORE * each))
+            or guesses[k]
+            for k in range(len(way))
+        )
+        return cls._from(problem, mechanism, points, way, table, speeds, slower)
+
+    @classmethod
+    def _from(
+        cls,
+        problem: Problem,
+        mechanism: Mechanism,
+        points: Array,
+        way: Array,
+        table: Array,
+        speeds: tuple[Array, Array],
+        guesses: tuple[FreeGuess, ...],
+    ) -> _FreeTask:
+        robot = problem.robot
         blocks = blocks_of([n for g in guesses for n in g.arcs])
         shape = Shape(
             moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),

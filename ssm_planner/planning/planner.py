@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.model.mechanism import Mechanism
 from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
 from ssm_planner.planning.bound import lower_bound, rate_bound
-from ssm_planner.planning.diagnosis import no_motion, too_short, too_weak
+from ssm_planner.planning.diagnosis import all_timed, no_motion, too_short, too_weak
 from ssm_planner.planning.free_ocp import solve_free
 from ssm_planner.planning.joint_path import StepPath, TravelledPath
 from ssm_planner.planning.legs import Leg, legs_of
@@ -23,6 +23,8 @@ from ssm_planner.problem.values import Array, Problem
 
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
+SAME = 1e-5
+"""Share by which durations may differ that are meant to be the same."""
 BETWEEN = 2e-5
 """By how much TOPP-RA's motion keeps off the limits, for what happens between its grid points."""
 
@@ -101,6 +103,8 @@ def _timed(
         least.append(outcome[0].duration)
     fixed = sum(leg.motion.duration or 0.0 for leg in legs)
     room, needed = duration - fixed, sum(least)
+    if needed == 0.0:
+        return legs, None if abs(room) <= SAME * duration else all_timed(duration, fixed)
     if room < needed:
         return legs, too_short("the whole motion", duration, fixed + needed)
     timed = (

@@ -17,6 +17,8 @@ EXCESS = 5e-7
 """Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
 ROUGH = 4e-3
 """Where it does so by more than this, the element is cut instead."""
+ASTRAY = 1.0
+"""Where a row that was left out is exceeded by more than this, the answer is no guess: the first one is taken again."""
 PARTS = 3
 CUTS = 2
 """Rounds that may cut elements; they start cold."""
@@ -160,7 +162,9 @@ def _rounds(
             break
         missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
         rough = excess.max(axis=1) > ROUGH
-        if missed:
+        if missed and worst.max() > ASTRAY and len(elements) == len(start.elements):
+            kept, begin, elements = kept | missed, point_of(start.states, start.times), start.elements
+        elif missed:
             kept, begin = kept | missed, {"x0": answer.point["x0"]}
         elif aim != "heat" and rough.any() and rounds <= CUTS and len(elements) + (PARTS - 1) * rough.sum() <= most:
             task, elements = task.refined(rough), split(elements, rough, PARTS)

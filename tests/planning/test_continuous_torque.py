@@ -64,6 +64,17 @@ def test_a_motor_that_acceleration_heats_goes_slower(tilt_insert: Problem) -> No
     assert 1.0 < result.duration / fastest.duration < 1.1
 
 
+def test_what_a_tightening_did_not_help_is_not_tightened_again(tilt_insert: Problem) -> None:
+    def certificate(margin: float) -> Certificate:
+        worst = LimitCheck("continuous torque", "tilt", 0.05 * (1 - margin), 0.05, margin, 1.0, "N·m")
+        return Certificate((worst,), "", 0)
+
+    once = Strictness.of(tilt_insert).more(certificate(-0.1))
+    assert once is not None
+    assert once.more(certificate(-0.09)) is None
+    assert once.more(certificate(-0.02)) is not None
+
+
 @pytest.mark.parametrize("excess", [1e-3, 0.1, 0.2])
 def test_what_is_tightened_lies_below_the_peak_and_above_nothing(tilt_insert: Problem, excess: float) -> None:
     limits = (
@@ -76,8 +87,9 @@ def test_what_is_tightened_lies_below_the_peak_and_above_nothing(tilt_insert: Pr
     untouched = np.ones((4, 4), dtype=bool)
     untouched[3, 1] = False
     assert np.all(strict.factors[untouched] == 1)
-    # an excess that is left tightens again
-    again = strict.more(Certificate(limits[1:], "", 0))
+    # a smaller excess that is left tightens again
+    left = dataclasses.replace(limits[1], worst=1 + 0.4 * excess, margin=-0.4 * excess)
+    again = strict.more(Certificate((left,), "", 0))
     assert again.factors[3, 1] < strict.factors[3, 1]
 
 

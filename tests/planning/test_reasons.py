@@ -122,6 +122,14 @@ CASES = {
     "too little time for all": Case(
         lambda p, _: insertion(p, objective="effort", duration=0.3), "duration", None, "the whole motion"
     ),
+    "other durations than that of all": Case(
+        lambda p, _: insertion(
+            p, motion=(dataclasses.replace(straight(depth=0.015), duration=2.0),), objective="effort", duration=3.0
+        ),
+        "duration",
+        None,
+        "the whole motion",
+    ),
     "too near to the retina": Case(
         lambda p, eye: in_eye(p, eye, {"depth": 0.0203}), "retina clearance", None, "straight, at its end"
     ),
