@@ -32,8 +32,7 @@ from ssm_planner.problem.values import Array
 SMOOTHING = 3e-6
 """Weight of ∫ (ü/limit)² of joints."""
 EVEN = 1e-5
-"""Weight of the mean square step of the blocks' times, each relative to its least, from one to the next: decides where
-several meshes do as well."""
+"""Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 ITERATIONS, HEAT_ITERATIONS = 300, 80
 """At most; the least heat is given up sooner, for the fastest motion is at hand."""
 KEPT_PROGRAMS = 12
@@ -122,7 +121,7 @@ class Program:
         energy = ca.sum2(ca.sum1(wide * (b0**2 + b0 * b1 + b1**2))) if shape.joints else ca.MX(0)
         total = ca.sum1(times)
         pace = times / least
-        uneven = ca.sumsqr(pace[1:] - pace[:-1]) / pace.numel()
+        uneven = ca.sumsqr(pace - ca.sum1(pace) / pace.numel()) / pace.numel()
         cold, warm = assemble(
             ca.vertcat(ca.vec(x), times),
             ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, unit, weights, least),
