@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections import OrderedDict
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,9 @@ class Source:
                 generator.add(function)
                 names.append(field.name)
         text = generator.dump()
-        content = hashlib.sha256("\n".join([text, ca.CasadiMeta.version(), *FLAGS]).encode()).hexdigest()
+        # a home folder may be shared between machines of several kinds
+        machine = platform.system(), platform.machine()
+        content = hashlib.sha256("\n".join([text, ca.CasadiMeta.version(), *machine, *FLAGS]).encode()).hexdigest()
         return cls(tuple(names), text, folder / f"{content[:32]}.so")
 
     @property
@@ -56,13 +59,16 @@ class Source:
         return self.library.is_file()
 
     def load(self, element: ElementFunctions) -> ElementFunctions:
-        """The same functions from the library."""
+        """The same functions from the library. Raises OSError or RuntimeError where it cannot be used."""
         os.utime(self.library)  # of the libraries, the last used are kept
         loaded = {name: ca.external(getattr(element, name).name(), str(self.library)) for name in self.names}
         return ElementFunctions(**{field.name: loaded.get(field.name) for field in fields(element)})  # type: ignore[arg-type]
 
     def compile(self) -> subprocess.Popen[bytes] | None:
-        """Begin to make the library, in a process of low priority that goes on by itself; whole or not at all."""
+        """Begin to make the library, in a process of low priority that goes on by itself; whole or not at all.
+
+        Raises OSError where the folder cannot be written.
+        """
         compiler = _compiler()
         if compiler is None:
             return None
@@ -119,7 +125,8 @@ class Stages:
         idle = self._running is None or self._running.poll() is not None
         if used.source is not None and not used.compiled and not used.tried and idle:
             used.tried = True
-            self._running = used.source.compile()
+            with suppress(OSError):  # a full disk, a folder that became read-only: it stays interpreted
+                self._running = used.source.compile()
 
 
 @dataclass
@@ -136,7 +143,8 @@ class _Used:
             return
         self.source = self.source or Source.of(self.functions, folder)
         if self.source.ready:
-            self.functions, self.compiled = self.source.load(self.functions), True
+            with suppress(OSError, RuntimeError):  # taken away meanwhile, or no library: it stays interpreted
+                self.functions, self.compiled = self.source.load(self.functions), True
 
 
 _MAKE = """

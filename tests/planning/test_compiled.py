@@ -85,6 +85,35 @@ def test_only_the_libraries_used_last_are_kept(
     assert not (folder / "old0.so").exists()
 
 
+def test_a_library_that_is_none_is_left_alone(
+    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "LONG", np.inf)
+    plan_motion(tilt_insert)
+    folder = tmp_path / "ssm_planner"
+    folder.mkdir(mode=0o700)
+    for used in stages._used.values():
+        compiled.Source.of(used.functions, folder).library.write_bytes(b"not a library")
+    later = compiled.Stages()
+    monkeypatch.setattr("ssm_planner.planning.program.stages", later)
+    forget_answers()
+    assert plan_motion(tilt_insert).trajectory is not None
+    assert not any(used.compiled for used in later._used.values())
+
+
+def test_a_folder_that_cannot_be_written_does_not_matter(
+    tilt_insert: Problem, stages: compiled.Stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(**_: object) -> str:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(compiled.tempfile, "mkdtemp", full)
+    monkeypatch.setattr(compiled, "LONG", 0.0)
+    assert plan_motion(tilt_insert).trajectory is not None
+    stages.compile_all()
+    assert not any(used.compiled for used in stages._used.values())
+
+
 def test_a_compiler_that_fails_is_asked_once(
     tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
