@@ -36,7 +36,7 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     layout = _layout(path)
     found, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
     wanted = sorted(found.values(), key=lambda heading: heading.column)
-    rows = _rows(path, layout, [heading.column for heading in wanted])
+    rows = _data_rows(path, layout, [heading.column for heading in wanted])
     place = {heading: k for k, heading in enumerate(wanted)}
 
     def gather(order: int) -> Array | None:
@@ -77,7 +77,7 @@ def _layout(path: Path) -> Layout:
     raise TrajectoryError(f"{path}: the file is empty")
 
 
-def _rows(path: Path, layout: Layout, columns: list[int]) -> Array:
+def _data_rows(path: Path, layout: Layout, columns: list[int]) -> Array:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which is said below

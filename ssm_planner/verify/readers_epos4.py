@@ -28,7 +28,7 @@ def read_epos4(folder: Path, manifest: dict[str, Any], robot: Robot) -> Reading:
         axis = axes[joint.name]
         per_unit = axis.get("increments_per_unit")
         name = "position_rad" if joint.kind == "revolute" else "position_m"
-        t, values = _stream(folder / str(axis.get("file")), name if per_unit is None else POSITION)
+        t, values = _read_stream(folder / str(axis.get("file")), name if per_unit is None else POSITION)
         if per_unit is not None:
             values = values / float(per_unit)
             resolution[i] = 0.5 / abs(float(per_unit))
@@ -41,7 +41,7 @@ def read_epos4(folder: Path, manifest: dict[str, Any], robot: Robot) -> Reading:
     return join_points(Points(time, np.stack(columns, axis=1), resolution=resolution), robot)
 
 
-def _stream(path: Path, column: str) -> tuple[Array, Array]:
+def _read_stream(path: Path, column: str) -> tuple[Array, Array]:
     try:
         with path.open(encoding="utf-8") as file:
             names = file.readline().strip().split(",")
