@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ssm_planner.api import check, size
-    from ssm_planner.exports.export import export
+    from ssm_planner.formats.export import export
     from ssm_planner.identification.identify import identify, predict
-    from ssm_planner.problem.load import load_problem, load_robot
-    from ssm_planner.run import plan
+    from ssm_planner.loading.load import load_problem, load_robot
+    from ssm_planner.pipeline.run import plan
 
 __all__ = ["check", "export", "identify", "load_problem", "load_robot", "plan", "predict", "size"]
 
 _HOMES = {
     "check": "ssm_planner.api",
-    "export": "ssm_planner.exports.export",
+    "export": "ssm_planner.formats.export",
     "identify": "ssm_planner.identification.identify",
-    "load_problem": "ssm_planner.problem.load",
-    "load_robot": "ssm_planner.problem.load",
-    "plan": "ssm_planner.run",
+    "load_problem": "ssm_planner.loading.load",
+    "load_robot": "ssm_planner.loading.load",
+    "plan": "ssm_planner.pipeline.run",
     "predict": "ssm_planner.identification.identify",
     "size": "ssm_planner.api",
 }

@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.exports.plan_file import PlanFile, read_plan
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.outcome import Plan
-from ssm_planner.problem.load import load_motor
-from ssm_planner.problem.values import Motor, Robot, TaskLimits
+from ssm_planner.formats.plan_json import PlanFile, read_plan
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.loading.load import load_motor
+from ssm_planner.plans import Plan
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing import size as sizing
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.verify import check as checking
-from ssm_planner.verify.certificate import Certificate
-from ssm_planner.verify.readers import read_trajectory
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification import check as checking
+from ssm_planner.verification.certificate import Certificate
 
 
 def check(

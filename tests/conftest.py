@@ -8,8 +8,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses the core
 
 import pytest
 
-from ssm_planner.problem.load import load_problem, load_robot
-from ssm_planner.problem.values import Problem, Robot
+from ssm_planner.loading.load import load_problem, load_robot
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 
 ROOT = Path(__file__).parent.parent
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.robot import Robot
 
 
 def build(robot: Robot):

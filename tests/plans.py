@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.exports.plan_file import FORMAT, VERSION, PlanFile, read_plan
-from ssm_planner.model.trajectory import Phase, Trajectory, hermite
-from ssm_planner.problem.resolved import plain
-from ssm_planner.problem.values import Robot, TaskLimits
-from ssm_planner.verify.check import check
+from ssm_planner.formats.plan_json import FORMAT, VERSION, PlanFile, read_plan
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain
+from ssm_planner.trajectory import Phase, Trajectory, hermite
+from ssm_planner.verification.check import check
 
 START = np.array([0.3, 1.15, 0.1, 0.0])
 MOVES = (np.array([0.4, -0.5, -0.3, 0.0]), np.array([-0.1, 0.05, 0.2, -0.012]))

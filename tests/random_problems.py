@@ -8,28 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.model.forward import tip_position
-from ssm_planner.model.inverse import inverse_task
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import task_from_joints
-from ssm_planner.model.workspace import tilt_interval
-from ssm_planner.outcome import Plan
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.inverse import inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.plans import Plan
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.values import (
-    TASK,
-    Array,
-    Body,
-    Eye,
-    Geometry,
-    Joint,
-    Lens,
-    Motion,
-    Problem,
-    Robot,
-    Scan,
-    Target,
-    frozen,
-)
+from ssm_planner.problem.problem import TASK, Eye, Lens, Motion, Problem, Scan, Target
+from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
+from ssm_planner.typing import Array
 
 NAMED = {
     "motor torque", "position", "velocity", "acceleration", "duration", "direction", "retina clearance", "lens clearance",

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.eye import lens_ratio
-from ssm_planner.model.forward import tip_position, tip_velocity
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.namespace import NUMPY
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.task import task_from_joints, task_rates
-from ssm_planner.model.trajectory import Samples, Trajectory, hermite
-from ssm_planner.problem.values import TASK, Eye, Lens, Robot, TaskLimits, frozen
+from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.eye import lens_ratio
+from ssm_planner.kinematics.forward import tip_position, tip_velocity
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints, task_rates
+from ssm_planner.problem.problem import TASK, Eye, Lens, TaskLimits
+from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.trajectory import Samples, Trajectory, hermite
 
 EXCESS = 1e-3
 BENT = {

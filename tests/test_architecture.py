@@ -1,4 +1,4 @@
-"""Who may import whom: problem ← model ← {identification, planning, verify, sizing} ← outcome ← {exports, report} ← run."""
+"""The house: which room may import from which, and that no circle of files exists."""
 
 from __future__ import annotations
 
@@ -8,78 +8,66 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parent.parent / "ssm_planner"
-BASE = {"errors"}
-ALLOWED = {
-    "problem": set(),
-    "model": {"problem"},
-    "identification": {"problem", "model"},
-    "planning": {"problem", "model"},
-    "verify": {"problem", "model"},
-    "sizing": {"problem", "model"},
-    "outcome": {"problem", "model", "planning", "verify", "sizing"},
-    "exports": {"problem", "model", "planning", "verify", "sizing", "identification", "outcome", "report"},
-    "report": {"problem", "model", "planning", "verify", "sizing", "identification", "outcome", "exports"},
-    "view": {"problem", "model", "planning", "verify", "sizing", "outcome", "exports", "report", "run"},
-    "relaxations": {"problem", "planning"},
-    "relax": {"problem", "planning", "relaxations"},
-    "tightening": {"problem", "verify"},
-    "run": {"problem", "model", "planning", "verify", "sizing", "outcome", "exports", "report", "relax", "tightening"},
-    "api": {"problem", "model", "sizing", "verify", "outcome", "exports"},
-    "paper": {"problem", "model", "identification", "sizing", "outcome", "exports", "report", "run"},
-    "commands": {
-        "problem",
-        "model",
-        "identification",
-        "planning",
-        "verify",
-        "sizing",
-        "outcome",
-        "exports",
-        "report",
-        "run",
-        "view",
-        "paper",
-    },
-}
+ROOMS = """
+errors typing units atomic trajectory problem codegen kinematics dynamics loading planning verification simulation
+sizing identification plans formats comparison reporting pipeline api view paper cli __main__
+""".split()
+"""Bottom to top: a room imports only from itself and from rooms before it."""
+STRANGERS = {"planning", "verification"}
+"""The check must be able to catch the planner."""
 HEAVY = {"casadi", "toppra", "matplotlib", "pint", "scipy", "pydantic"}
+FILES = {
+    ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): file
+    for file in sorted(PACKAGE.rglob("*.py"))
+}
 
 
-def imports(file: Path, *, everywhere: bool = True) -> set[str]:
-    """Modules that a file imports; with everywhere False only when it is itself imported."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    nodes = ast.walk(tree) if everywhere else iter(tree.body)
-    names: set[str] = set()
-    for node in nodes:
+def imports(name: str, *, everywhere: bool = True) -> set[str]:
+    """Modules that a file imports, inside functions and for type checkers too; else only when it is itself imported."""
+    tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
+    found: set[str] = set()
+    for node in ast.walk(tree) if everywhere else iter(tree.body):
         if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
+            found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-            if node.module == "ssm_planner":
-                names.update(f"ssm_planner.{alias.name}" for alias in node.names)
-    return names
+            of_names = {f"{node.module}.{alias.name}" for alias in node.names} & set(FILES)
+            found.update(of_names or {node.module})
+    return found
 
 
-def room(name: str) -> str | None:
-    parts = name.split(".")
-    return parts[1] if parts[0] == "ssm_planner" and len(parts) > 1 else None
+def room(name: str) -> str:
+    return name.split(".")[1]
 
 
-@pytest.mark.parametrize("file", sorted(PACKAGE.rglob("*.py")), ids=lambda file: str(file.relative_to(PACKAGE)))
-def test_imports_go_one_way(file: Path) -> None:
-    here = file.relative_to(PACKAGE).parts[0].removesuffix(".py")
-    if here in ("cli", "__init__", "__main__", "errors"):
-        return
-    reached = {room(name) for name in imports(file)} - {None, here} - BASE
-    assert reached <= ALLOWED[here]
+GRAPH = {name: {other for other in imports(name) if other in FILES} - {name} for name in FILES if name != "ssm_planner"}
 
 
-def test_planning_and_verify_do_not_know_each_other() -> None:
-    assert "verify" not in ALLOWED["planning"]
-    assert "planning" not in ALLOWED["verify"]
+def test_every_room_has_its_place() -> None:
+    assert {room(name) for name in GRAPH} == set(ROOMS)
 
 
-@pytest.mark.parametrize("name", ["cli.py", "__init__.py", "errors.py"])
+@pytest.mark.parametrize("name", GRAPH)
+def test_imports_go_one_way(name: str) -> None:
+    here = room(name)
+    for other in GRAPH[name]:
+        assert other != "ssm_planner", f"{name} imports the public names"
+        assert ROOMS.index(room(other)) <= ROOMS.index(here), f"{name} imports {other}"
+        assert {here, room(other)} != STRANGERS, f"{name} imports {other}"
+
+
+def test_no_circle_of_files() -> None:
+    left = {name: set(others) for name, others in GRAPH.items()}
+    while True:
+        ready = {name for name, others in left.items() if not others & set(left)}
+        if not ready:
+            break
+        for name in ready:
+            del left[name]
+    assert not left, f"files that import each other, or import such files: {sorted(left)}"
+
+
+@pytest.mark.parametrize("name", ["ssm_planner.cli.main", "ssm_planner", "ssm_planner.errors"])
 def test_help_is_instant_because_nothing_heavy_is_imported(name: str) -> None:
-    top = {module.split(".")[0] for module in imports(PACKAGE / name, everywhere=False)}
-    assert not top & HEAVY
-    assert not {room(module) for module in imports(PACKAGE / name, everywhere=False)} - {None, "errors"}
+    reached = imports(name, everywhere=False)
+    assert not {module.split(".")[0] for module in reached} & HEAVY
+    assert not {other for other in reached if other in FILES} - {"ssm_planner.errors", "ssm_planner"}

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.cli import main
+from ssm_planner.cli.main import main
 
 ROOT = Path(__file__).parent.parent
 Edit = Callable[[str], str]

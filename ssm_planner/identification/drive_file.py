@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.identification.estimates import Estimate
 from ssm_planner.identification.fit import MapFit
-from ssm_planner.model.friction import friction_of
-from ssm_planner.problem.values import Drive
+from ssm_planner.problem.drive import Drive
 
 _UNITS = {
     "b_c": "N*m",

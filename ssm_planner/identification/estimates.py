@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.identification import least_squares as ls
-from ssm_planner.problem.values import Array
+from ssm_planner.typing import Array
 
 CONFIDENCE = 0.95
 COLLINEAR = 100.0

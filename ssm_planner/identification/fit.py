@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.transmission import nut_contact, output_effort
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification import least_squares as ls
 from ssm_planner.identification.estimates import (
@@ -29,9 +31,8 @@ from ssm_planner.identification.parameters import (
     with_parameters,
 )
 from ssm_planner.identification.torque_map import TorqueMap
-from ssm_planner.model.friction import friction_of
-from ssm_planner.model.transmission import nut_contact, output_effort
-from ssm_planner.problem.values import Array, Drive
+from ssm_planner.problem.drive import Drive
+from ssm_planner.typing import Array
 
 _STRIBECK_STARTS = (0.01, 0.05, 0.2, 0.6)
 """Starting Stribeck speeds as shares of the fastest speed: the cost has several valleys along it."""

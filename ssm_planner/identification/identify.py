@@ -13,11 +13,11 @@ from ssm_planner.identification.estimates import Estimate
 from ssm_planner.identification.fit import MapFit, fit_map
 from ssm_planner.identification.prediction import Prediction
 from ssm_planner.identification.prediction import predict as predict_recording
-from ssm_planner.identification.recording import Recording, read_recordings
+from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.identification.rig_figures import TABLE
 from ssm_planner.identification.torque_map import TorqueMap, kind_of, read_figures, torque_map
-from ssm_planner.problem.load import load_drive
-from ssm_planner.problem.values import Drive
+from ssm_planner.loading.load import load_drive
+from ssm_planner.problem.drive import Drive
 
 
 @dataclass(frozen=True, eq=False)

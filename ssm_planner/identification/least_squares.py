@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.problem.values import Array, Drive
+from ssm_planner.problem.drive import Drive
+from ssm_planner.typing import Array
 
 _STEP = 1e-6
 _GAUGE = 1e-6

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.problem.values import Array
+from ssm_planner.typing import Array
 
 BEYOND = 5.0
 """Robust standard deviations between a point and its neighbours' line that make it an outlier."""

@@ -9,10 +9,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.transmission import mesh_coefficients, motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
-from ssm_planner.model.friction import friction_coefficient, friction_of
-from ssm_planner.model.transmission import mesh_coefficients, motor_torque, output_effort, self_locking_margin
-from ssm_planner.problem.values import Array, Drive, Friction, FrictionLawName
+from ssm_planner.problem.drive import Drive, Friction, FrictionLawName
+from ssm_planner.typing import Array
 
 LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
 

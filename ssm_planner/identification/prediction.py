@@ -6,18 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recording import Recording
-from ssm_planner.identification.torque_map import rest_mask
-from ssm_planner.model.friction import (
+from ssm_planner.dynamics.friction import (
     friction_coefficient,
     friction_of,
     remembered_speed,
     static_coefficient,
     stribeck_shape,
 )
-from ssm_planner.model.transmission import holding_torque, motor_torque, nut_contact, output_effort
-from ssm_planner.problem.values import Array, Drive, Friction
+from ssm_planner.dynamics.transmission import holding_torque, motor_torque, nut_contact, output_effort
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.torque_map import rest_mask
+from ssm_planner.problem.drive import Drive, Friction
+from ssm_planner.typing import Array
 
 START_LEAD = 0.05
 """Time before the first nonzero speed reading in which the motor already pushes, s; at least one sample.

@@ -12,9 +12,9 @@ import sys
 from pathlib import Path
 
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.identification.recording import read_recordings
+from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TorqueMap, kind_of, torque_map, write_figures
-from ssm_planner.problem.load import load_drive
+from ssm_planner.loading.load import load_drive
 
 TABLE = "rig_figures.csv"
 """Name of the table, beside the drive files; its rigs are named by the files' stems."""

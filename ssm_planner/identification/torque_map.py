@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ssm_planner.dynamics.friction import STANDSTILL
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recording import Recording
-from ssm_planner.model.friction import STANDSTILL
-from ssm_planner.problem.values import Array
+from ssm_planner.identification.recordings import Recording
+from ssm_planner.typing import Array
 
 FIGURES_HEADER = (
     "rig",

@@ -8,23 +8,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.model.friction import stribeck_shape
-from ssm_planner.paper.inertia_sign import body_moments, flipped, joint_inertia, largest_change, torque_change
+from ssm_planner.dynamics.friction import stribeck_shape
 from ssm_planner.paper.inputs import Inputs
 from ssm_planner.paper.motions import SpeedRun
-from ssm_planner.paper.package_bounds import outside_bounds
+from ssm_planner.paper.package import (
+    SPEEDS,
+    StribeckForms,
+    VelocitySign,
+    body_moments,
+    flipped,
+    joint_inertia,
+    largest_change,
+    outside_bounds,
+    stribeck_forms,
+    torque_change,
+    velocity_sign,
+)
 from ssm_planner.paper.payload import SPEEDS as RUNS
 from ssm_planner.paper.published import DRIVEN, NUMBER
 from ssm_planner.paper.rigs import RigResult
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
-from ssm_planner.paper.stribeck_form import SPEEDS, StribeckForms, stribeck_forms
-from ssm_planner.paper.velocity_sign import VelocitySign, velocity_sign
-from ssm_planner.problem.values import JOINTS
-from ssm_planner.report.style import COLOURS, SIZE, finish, new_figure
+from ssm_planner.problem.robot import JOINTS
+from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
 from ssm_planner.sizing.duty import Duty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 FORMS = ("exp(−2x)", "exp(−x²)")
 

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.model.design import DesignRegion, design_region
-from ssm_planner.model.measures import joint_speed_per_tilt_speed
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.workspace import tilt_interval
+from ssm_planner.kinematics.design import DesignRegion, design_region
+from ssm_planner.kinematics.measures import joint_speed_per_tilt_speed
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.paper import published
 from ssm_planner.paper.section import NOTHING, Section, picture, signed, table
-from ssm_planner.paper.tilt_disks import restyled
-from ssm_planner.paper.workspace import degrees
-from ssm_planner.problem.values import Robot
-from ssm_planner.report.workspace_figures import design_region_figure
-from ssm_planner.report.workspace_table import PAPER
+from ssm_planner.paper.workspace import PAPER, degrees, restyled
+from ssm_planner.problem.robot import Robot
+from ssm_planner.reporting.figures.workspace import design_region_figure
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,20 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ssm_planner.exports.atomic import staging
+from ssm_planner.atomic import staging
 from ssm_planner.paper.departures import departures_section
 from ssm_planner.paper.design import design_section
 from ssm_planner.paper.friction_maps import friction_section
 from ssm_planner.paper.inputs import Inputs
-from ssm_planner.paper.motions import SpeedRun, speed_runs
-from ssm_planner.paper.motions_section import motions_section
+from ssm_planner.paper.motions import SpeedRun, motions_section, speed_runs
 from ssm_planner.paper.payload import payload_section, payloads
 from ssm_planner.paper.published import RIGS
-from ssm_planner.paper.rigs import RigResult, rig_result
-from ssm_planner.paper.rigs_section import rigs_section
+from ssm_planner.paper.rigs import RigResult, rig_result, rigs_section
 from ssm_planner.paper.section import COMMAND, Section, table
 from ssm_planner.paper.workspace import workspace_section
-from ssm_planner.report.style import save_figure
+from ssm_planner.reporting.figures.style import save_figure
 
 FILE = "README.md"
 HEAD = f"""# The paper, recomputed

@@ -7,20 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.identification.parameters import map_torque
-from ssm_planner.model.inverse import inverse_task
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.transmission import breakaway_torque
+from ssm_planner.kinematics.inverse import inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, NUMBER, FrictionRow
 from ssm_planner.paper.section import Section, number, picture, table, text
 from ssm_planner.paper.workspace import degrees
-from ssm_planner.problem.values import JOINTS, Array, Drive, Friction, Robot
-from ssm_planner.report.style import COLOURS, RPM, SIZE, finish, new_figure
+from ssm_planner.problem.drive import Drive, Friction
+from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.reporting.figures.style import COLOURS, RPM, SIZE, finish, new_figure
+from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 SPEEDS = {"roll": published.ROTARY_SPEED, "tilt": published.ROTARY_SPEED, "insertion": published.LINEAR_SPEED}
 """Joint speed up to which a map is drawn: the one that the application requires."""

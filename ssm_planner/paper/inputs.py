@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.loading.load import load_drive, load_problem
+from ssm_planner.loading.motorisation import load_motorisation
 from ssm_planner.paper.published import DRIVEN, RIGS
-from ssm_planner.problem.load import load_drive, load_problem
-from ssm_planner.problem.motorisation import Motorisation, load_motorisation
-from ssm_planner.problem.values import Drive, Problem, Robot
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motorisation import Motorisation
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ from ssm_planner.paper.inputs import Inputs
 from ssm_planner.paper.published import NUMBER, PACKAGE_FRICTION, TABLE_II, FrictionRow
 from ssm_planner.paper.section import Section, number, picture, table, text
 from ssm_planner.problem.motorisation import Motorisation, Stroke
-from ssm_planner.problem.values import Joint, Robot
-from ssm_planner.report.sizing_figures import payload_curves
-from ssm_planner.report.style import RPM
+from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.reporting.figures.sizing import payload_curves
+from ssm_planner.reporting.figures.style import RPM
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.size import JointSizing, Sizing, size
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.figure import Figure
+
 
 SPEEDS = {"paper": "the paper's speeds", "package": "the package's speeds"}
 """What the runs are called, by file name."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 NOTHING = "–"
 WIDTH = 120
 COMMAND = "ssm-planner reproduce"

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.model.friction import friction_coefficient, friction_of
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.transmission import breakaway_torque
-from ssm_planner.planning.joint_path import JointPath
-from ssm_planner.planning.legs import Leg
-from ssm_planner.planning.places import by_eye
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import breakaway_torque
+from ssm_planner.planning.feasibility import by_eye
+from ssm_planner.planning.phase import Leg
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.values import Array, Problem
+from ssm_planner.planning.retiming.paths import JointPath
+from ssm_planner.problem.problem import Problem
+from ssm_planner.typing import Array
 
 LOOKS = 201
 

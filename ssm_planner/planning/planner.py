@@ -7,19 +7,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
-from ssm_planner.planning.bound import lower_bound, rate_bound
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.diagnosis import all_timed, no_motion, too_short, too_weak
-from ssm_planner.planning.free_ocp import solve_free
-from ssm_planner.planning.joint_path import StepPath, TravelledPath
-from ssm_planner.planning.legs import Leg, legs_of
-from ssm_planner.planning.limits import tightened
+from ssm_planner.planning.lower_bound import lower_bound, rate_bound
+from ssm_planner.planning.ocp.constraints import tightened
+from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
+from ssm_planner.planning.phase import Leg
+from ssm_planner.planning.phases import legs_of
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.retiming import retime
-from ssm_planner.planning.straight import joint_pieces
-from ssm_planner.planning.straight_ocp import PathMotion, solve_straight
-from ssm_planner.problem.values import Array, Problem
+from ssm_planner.planning.retiming.paths import StepPath, TravelledPath
+from ssm_planner.planning.retiming.retime import retime
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory, hermite, hold, join
+from ssm_planner.typing import Array
 
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""

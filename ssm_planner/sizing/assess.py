@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.model.friction import friction_of
-from ssm_planner.problem.values import Array, Drive, Motor
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.demand import Band, Name, linear_band, monte_carlo
 from ssm_planner.sizing.friction_spread import FrictionSpread, spread_of
 from ssm_planner.sizing.gear import gear_checks
@@ -27,6 +28,7 @@ from ssm_planner.sizing.motor_limits import (
 )
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.sizing.verdict import Check, above, all_of, below, binding, unchecked
+from ssm_planner.typing import Array
 
 CONFIDENCE = "confidence"
 ROTOR = "rotor_inertia"

@@ -8,10 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from ssm_planner.problem.values import Array, Drive, Indices, Motor
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.friction_spread import FrictionSpread, drawn
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, missing, required_voltage
+from ssm_planner.typing import Array, Indices
 
 Name = Literal["peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"]
 DEMANDS: tuple[Name, ...] = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.friction import friction_of
-from ssm_planner.problem.values import Array, Drive, Range
+from ssm_planner.problem.drive import Drive
+from ssm_planner.typing import Array, Range
 
 VARIABLE = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
 """What a covariance may speak of."""

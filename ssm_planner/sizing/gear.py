@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ssm_planner.model.friction import friction_of
-from ssm_planner.model.transmission import self_locking_margin
-from ssm_planner.problem.values import Drive, Ratings, ScrewEnds
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.transmission import self_locking_margin
+from ssm_planner.problem.drive import Drive, Ratings, ScrewEnds
 from ssm_planner.sizing.demand import Band, Name
 from ssm_planner.sizing.friction_spread import FrictionSpread
 from ssm_planner.sizing.joint_load import JointLoad

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.problem.values import Array, Motor
+from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.motor_limits import (
     COPPER,
     REFERENCE_TEMPERATURE,
@@ -23,7 +23,8 @@ from ssm_planner.sizing.motor_limits import (
     resistance,
     torque_constant,
 )
-from ssm_planner.sizing.two_bodies import Modes, follow
+from ssm_planner.sizing.thermal_network import Modes, follow
+from ssm_planner.typing import Array
 
 FIGURES = (
     "torque_constant",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.problem.values import Motor
+from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.demand import thinned
 from ssm_planner.sizing.heat import FIGURES, Cycle, ThermalModel, steady_state, time_until
 from ssm_planner.sizing.joint_load import JointLoad

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.model.actuation import STILL, directions
-from ssm_planner.model.friction import friction_coefficient, friction_of
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.model.transmission import motor_torque, output_effort
-from ssm_planner.problem.values import Array, Drive, Indices, Motor, Robot
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.motors import STILL, directions
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import motor_torque, output_effort
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array, Indices
 
 RATE = 2000.0
 Flags = NDArray[np.bool_]

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.values import Array, Motor
+from ssm_planner.problem.motor import Motor
+from ssm_planner.typing import Array
 
 REFERENCE_TEMPERATURE = 298.15
 """Datasheets state resistance, torque constant and nominal torque at 25 °C, K."""

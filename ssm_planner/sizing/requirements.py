@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Array, Motor, Robot
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
-from ssm_planner.sizing.split import TorqueSplit, torque_split
+from ssm_planner.sizing.torque_breakdown import TorqueSplit, torque_split
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
 
 
 @dataclass(frozen=True, eq=False)

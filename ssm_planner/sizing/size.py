@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Motor, Robot
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import MotorVerdict, assess, band_of
 from ssm_planner.sizing.demand import Band, Name
 from ssm_planner.sizing.duty import Duty, no_drive
@@ -18,6 +18,7 @@ from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.sizing.verdict import Check, all_of, binding
+from ssm_planner.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ssm_planner.problem.values import Motor
+from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.assess import CONFIDENCE, assess
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.joint_load import JointLoad

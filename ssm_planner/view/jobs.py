@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.problem.eye import as_written
-from ssm_planner.problem.problems import RATES
-from ssm_planner.problem.values import TASK, Problem
-from ssm_planner.view.study import SAME, Study, pose, tilt_range
+from ssm_planner.loading.eye import as_written
+from ssm_planner.loading.problems import RATES
+from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.view.page import SAME, Study, pose, tilt_range
 
 KEPT = 8
 
@@ -97,10 +97,10 @@ class Jobs:
 
     def _outcome(self, job: Job, text: str | None) -> tuple[str, str | None]:
         job.progress("loading the planner")
-        from ssm_planner.exports.plan_file import read_plan, write_plan
-        from ssm_planner.problem.load import load_problem
-        from ssm_planner.report.html import report_page
-        from ssm_planner.run import plan
+        from ssm_planner.formats.plan_json import read_plan, write_plan
+        from ssm_planner.loading.load import load_problem
+        from ssm_planner.pipeline.run import plan
+        from ssm_planner.reporting.html.report import report_page
 
         with tempfile.TemporaryDirectory(prefix="ssm-planner-view-") as name:
             folder = Path(name)

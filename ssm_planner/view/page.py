@@ -1,12 +1,28 @@
-"""The page of the local view."""
+"""The page of the local view.
+
+What the page asks about a mechanism: its workspace, and the joints of a pose. Requests and answers are JSON types.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from ssm_planner.report.html_elements import Markup, tag
-from ssm_planner.report.html_page import page
-from ssm_planner.report.style import COLOURS
+import numpy as np
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.inverse import inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.reporting.figures.style import COLOURS
+from ssm_planner.reporting.html.elements import Markup, tag
+from ssm_planner.reporting.html.page import page
+from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
+from ssm_planner.typing import Range
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
@@ -71,3 +87,125 @@ def _slider(name: str, label: str, low: float, high: float, unit: str) -> Markup
     slider = tag("input", id=name, type="range", step="0.1", **ends)
     number = tag("input", id=f"{name}-number", type="number", step="any", aria_label=f"{label}, {unit}", **ends)
     return tag("div", tag("label", label, for_=name), slider, number, tag("span", unit), class_="slider")
+
+
+PUBLISHED = math.radians(30.0), math.radians(109.778)
+"""α and β of the paper's robot, for a page without a problem."""
+SAME = 1e-9
+"""rad within which α and β count as those of the robot."""
+LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A problem whose robot is looked at, or none: then the paper's mechanism without limits or motors."""
+
+    problem: Problem | None
+
+    @property
+    def own(self) -> Mechanism:
+        """The mechanism with the robot's own angles."""
+        if self.problem is None:
+            return Mechanism.from_angles(*PUBLISHED)
+        return Mechanism.from_geometry(self.problem.robot.geometry)
+
+    def mechanism(self, request: Mapping[str, Any]) -> tuple[Mechanism, bool]:
+        """The mechanism of the request's alpha and beta, and whether it is the robot's own. Raises ProblemError."""
+        own = self.own
+        alpha, beta = (number(request, key, LOWEST, HIGHEST) for key in ("alpha", "beta"))
+        if abs(alpha - own.alpha) < SAME and abs(beta - own.beta) < SAME:
+            return own, True
+        return Mechanism.from_angles(alpha, beta, insertion_sign=own.insertion_sign), False
+
+    def start(self) -> dict[str, Any]:
+        """What the page needs before it asks: angles, ranges, joints, the problem's start."""
+        own = self.own
+        low, high = tilt_interval(own)
+        ranges = {} if self.problem is None else dict(self.problem.limits)
+        begin = {} if self.problem is None else dict(self.problem.start.task or {})
+        pose = [begin.get(name, own.home_tilt if name == "tilt" else 0.0) for name in TASK]
+        joints = None if self.problem is None else self.problem.robot.joints
+        return {
+            "alpha": own.alpha,
+            "beta": own.beta,
+            "tilt_range": list(ranges.get("tilt", (low, high))),
+            "depth_range": list(ranges.get("depth", (0.0, 0.03))),
+            "pose": pose,
+            "joints": ["roll", "tilt", "spin", "insertion"] if joints is None else [joint.name for joint in joints],
+            "can_plan": self.problem is not None,
+            "name": None if self.problem is None else self.problem.name,
+        }
+
+    def workspace(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """{alpha, beta, tilt_range} → {tilt_range, reached, margin, own, scene}."""
+        mechanism, own = self.mechanism(request)
+        wanted = tilt_range(request)
+        low, high = tilt_interval(mechanism)
+        margin = min(wanted[0] - low, high - wanted[1])
+        ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.limits)
+        eye = None if self.problem is None else self.problem.eye
+        sides = link_sides(self.problem.robot, mechanism) if own and self.problem is not None else None
+        return {
+            "tilt_range": [low, high],
+            "reached": margin >= 0.0,
+            "margin": margin,
+            "own": own,
+            "scene": mechanism_scene(mechanism, {**ranges, "tilt": wanted}, sides, eye),
+        }
+
+    def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """{alpha, beta, pose} → {reachable, error, branches: [{joints, branch, in_limits, tip}]}, nearest to home first."""
+        mechanism, _ = self.mechanism(request)
+        limits = None
+        if self.problem is not None:
+            limits = np.array([joint.position for joint in self.problem.robot.joints])
+        found = inverse_task(mechanism, [pose(request, "pose")], limits=limits, reference=np.zeros(4))
+        tips = tip_position(mechanism, found.joints[0])
+        return {
+            "reachable": bool(found.reachable[0]),
+            "error": float(found.orientation_error[0]),
+            "branches": [
+                {
+                    "joints": found.joints[0, k].tolist(),
+                    "branch": int(found.branch[0, k]),
+                    "in_limits": bool(found.in_limits[0, k]),
+                    "tip": tips[k].tolist(),
+                }
+                for k in range(found.joints.shape[1])
+            ],
+        }
+
+
+def number(request: Mapping[str, Any], key: str, low: float, high: float) -> float:
+    """A finite number of a request within its range. Raises ProblemError."""
+    return _checked(request.get(key), key, low, high)
+
+
+def pose(request: Mapping[str, Any], key: str) -> list[float]:
+    """Four task coordinates, rad and m. Raises ProblemError."""
+    values = request.get(key)
+    if not isinstance(values, list) or len(values) != len(TASK):
+        raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
+    reach = {"roll": 4 * math.pi, "tilt": math.pi, "spin": 4 * math.pi, "depth": 1.0}
+    return [
+        _checked(value, f"{key}.{name}", -reach[name], reach[name]) for name, value in zip(TASK, values, strict=True)
+    ]
+
+
+def tilt_range(request: Mapping[str, Any]) -> Range:
+    """The tilt range asked for, rad. Raises ProblemError."""
+    ends = request.get("tilt_range")
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
+    low, high = (_checked(end, "tilt_range", -math.pi, math.pi) for end in ends)
+    if not low < high:
+        raise ProblemError("lower end not below the upper", key="tilt_range", value=ends)
+    return low, high
+
+
+def _checked(value: object, key: str, low: float, high: float) -> float:
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not low <= value <= high:
+        raise ProblemError(
+            "not what belongs here", key=key, value=value, allowed=f"a number in [{low:.6g}, {high:.6g}]"
+        )
+    return float(value)

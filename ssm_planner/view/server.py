@@ -13,8 +13,7 @@ from typing import Any
 
 from ssm_planner.errors import SsmPlannerError
 from ssm_planner.view.jobs import Jobs
-from ssm_planner.view.page import view_page
-from ssm_planner.view.study import Study
+from ssm_planner.view.page import Study, view_page
 
 ADDRESS = "127.0.0.1"
 LONGEST = 4096

@@ -22,9 +22,9 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from seeded import EXCESS, KINDS, seeded
 
-from ssm_planner.exports.plan_file import read_plan
-from ssm_planner.problem.load import load_robot
-from ssm_planner.verify.check import check
+from ssm_planner.formats.plan_json import read_plan
+from ssm_planner.loading.load import load_robot
+from ssm_planner.verification.check import check
 
 ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
 SAMPLES = 1_000_000

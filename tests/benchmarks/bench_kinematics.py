@@ -18,9 +18,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ssm_planner.model.forward import forward, forward_with_jacobian
-from ssm_planner.model.inverse import inverse, inverse_task
-from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.kinematics.forward import forward, forward_with_jacobian
+from ssm_planner.kinematics.inverse import inverse, inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
 
 BATCH = 300_000
 ITERATIVE = 300

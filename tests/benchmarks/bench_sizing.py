@@ -22,8 +22,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "sizing"))
 from sizing_cases import COMPLETE, with_covariance
 
-from ssm_planner.exports.plan_file import read_plan
-from ssm_planner.problem.load import load_motor
+from ssm_planner.formats.plan_json import read_plan
+from ssm_planner.loading.load import load_motor
 from ssm_planner.sizing.demand import linear_band, monte_carlo
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.friction_spread import spread_of

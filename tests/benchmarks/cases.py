@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.problem.load import load_problem
-from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import Array
 
 ROOT = Path(__file__).parents[2]
 PROBLEM = ROOT / "problems/tilt_insert.yaml"

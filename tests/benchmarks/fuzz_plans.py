@@ -30,12 +30,14 @@ sys.path.insert(0, str(ROOT / "tests"))
 from random_problems import faults, random_problem
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.planning import free_ocp, planner, straight_ocp
+from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning import planner
+from ssm_planner.planning.ocp import free as free_ocp
+from ssm_planner.planning.ocp import straight as straight_ocp
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.load import load_problem
-from ssm_planner.run import plan
-from ssm_planner.verify.check import check
+from ssm_planner.verification.check import check
 
 SECONDS, SHARE = 10.0, 0.99
 CERTAIN = {"position", "velocity", "acceleration", "direction", "retina clearance", "lens clearance", "self-locking"}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssm_planner.model.trajectory import Trajectory, hermite
-from ssm_planner.planning.path import StraightPath
+from ssm_planner.planning.ocp.transcription import forget_answers
 from ssm_planner.planning.planner import Planned, plan_motion
-from ssm_planner.planning.program import forget_answers
-from ssm_planner.problem.values import Array, Problem
-from ssm_planner.verify.certificate import Certificate
-from ssm_planner.verify.check import check
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
 
 SUBDIVISION = 4
 

@@ -11,8 +11,9 @@ from motions import of_joints
 from opti_straight import POINTS, ipopt
 from peer_rows import LIMITS, free_rows
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Array, Robot
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
 
 SMOOTHING = 1e-6
 """Weight of the accelerations, relative to their limits: without it the joints that do not bind are undetermined."""

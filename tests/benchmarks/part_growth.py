@@ -20,8 +20,8 @@ from section import Section
 
 import ssm_planner.planning
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.values import Motion, Problem, Target
-from ssm_planner.verify.check import check
+from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.verification.check import check
 
 MESHES = (25, 50, 100, 200, 400)
 PHASES = (1, 2, 4, 8, 16)

@@ -10,9 +10,9 @@ from bench_kinematics import RATIO, iterative_inverse
 from measuring import Spread, in_turns
 from section import Section
 
-from ssm_planner.model.forward import forward
-from ssm_planner.model.inverse import inverse
-from ssm_planner.model.mechanism import Mechanism
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.inverse import inverse
+from ssm_planner.kinematics.mechanism import Mechanism
 
 BATCH, ITERATIVE = 100_000, 300
 

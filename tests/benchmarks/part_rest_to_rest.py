@@ -12,7 +12,7 @@ from motions import certificate, planned_anew
 from section import Section
 
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.values import Problem, Target
+from ssm_planner.problem.problem import Problem, Target
 
 JERKS = (5.0, 35.0, 500.0)
 ASKED = 1.002

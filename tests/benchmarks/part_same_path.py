@@ -12,11 +12,11 @@ from measuring import in_turns
 from motions import along_path, certificate, excess
 from section import Section
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.planning.program import forget_answers
-from ssm_planner.planning.retiming import retime
-from ssm_planner.problem.values import Problem
-from ssm_planner.run import plan
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.ocp.transcription import forget_answers
+from ssm_planner.planning.retiming.retime import retime
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory
 
 JERK = 35.0
 TOLERANCE = 1e-6

@@ -17,12 +17,13 @@ from measuring import Spread, in_turns, timed
 from motions import certificate, excess, planned_anew
 from section import Section
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.planning import free_ocp, straight_ocp
-from ssm_planner.planning.compiled import stages
+from ssm_planner.planning.ocp import free as free_ocp
+from ssm_planner.planning.ocp import straight as straight_ocp
+from ssm_planner.planning.ocp.compiled import stages
+from ssm_planner.planning.ocp.transcription import Program
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.planning.program import Program
-from ssm_planner.problem.values import Problem
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory
 
 OURS, ALONE = "this planner, the whole plan", "this planner, its optimal control solved once"
 OPTI, ROCKIT = "CasADi Opti, default options", "rockit, default options"

@@ -14,10 +14,10 @@ from cases import FREE_WEAK, Change, free_problem, straight_problem
 from measuring import Spread, in_turns, short, timed
 from section import Section
 
-from ssm_planner.planning import program
-from ssm_planner.planning.element import element_functions
+from ssm_planner.planning.ocp import transcription as program
+from ssm_planner.planning.ocp.element import element_functions
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.values import Problem
+from ssm_planner.problem.problem import Problem
 
 REPEATS = 10
 

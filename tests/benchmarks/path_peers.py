@@ -18,12 +18,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pinocchio_model import build
 
-from ssm_planner.model.friction import friction_of
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Trajectory, hermite
-from ssm_planner.model.transmission import mesh_coefficients
-from ssm_planner.planning.path import StraightPath
-from ssm_planner.problem.values import Array, Robot
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import mesh_coefficients
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.typing import Array
 
 POINTS = 1000
 UNLIMITED = 1.0

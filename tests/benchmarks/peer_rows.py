@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from ssm_planner.model.friction import friction_coefficient, friction_of
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.symbolic import joints_from_task_symbolic
-from ssm_planner.model.transmission import motor_torque_rows, output_effort
-from ssm_planner.problem.values import Joint, Robot
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.symbolic import joints_from_task_symbolic
+from ssm_planner.problem.robot import Joint, Robot
 
 SOFT = 1e-3
 """Smoothing of the braking side of the friction law, as a share of the torque limit."""

@@ -12,8 +12,9 @@ from opti_free import SMOOTHING
 from opti_straight import ipopt
 from peer_rows import LIMITS, free_rows
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Array, Robot
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
 
 
 @dataclass

@@ -10,9 +10,10 @@ from motions import along_path
 from opti_straight import ipopt
 from peer_rows import LIMITS, straight_rows
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.planning.path import StraightPath
-from ssm_planner.problem.values import Array, Robot
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
 
 
 @dataclass

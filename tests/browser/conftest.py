@@ -88,7 +88,7 @@ def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
 @pytest.fixture(scope="session")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the shipped plan."""
-    from ssm_planner.report.html import write_report
+    from ssm_planner.reporting.html.report import write_report
 
     return write_report(PLAN, tmp_path_factory.mktemp("report") / "report.html")
 
@@ -96,9 +96,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped plan within an eye whose lens is turned, and with limits on rates."""
-    from ssm_planner.model.screws import rotation
-    from ssm_planner.problem.load import load_problem
-    from ssm_planner.problem.resolved import plain
+    from ssm_planner.kinematics.rotations import rotation
+    from ssm_planner.loading.load import load_problem
+    from ssm_planner.problem.serialization import plain
 
     document = json.loads(PLAN.read_text(encoding="utf-8"))
     problem = load_problem(ROOT / "problems/eye_approach.yaml")

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.exports.plan_file import read_plan
-from ssm_planner.model.forward import tip_position
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.report.html import write_report
-from ssm_planner.report.html_compare import write_comparison
-from ssm_planner.report.sizing_words import motors_verdict
+from ssm_planner.formats.plan_json import read_plan
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.reporting.html.compare import write_comparison
+from ssm_planner.reporting.html.report import write_report
+from ssm_planner.reporting.text.sizing import motors_verdict
 
 from .conftest import PLAN, Visit
 from .page_laws import CONTRAST, OVERFLOW, UNNAMED

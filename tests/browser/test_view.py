@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from ssm_planner.problem.values import Problem
+from ssm_planner.problem.problem import Problem
+from ssm_planner.view.page import Study
 from ssm_planner.view.server import ViewServer
-from ssm_planner.view.study import Study
 
 from .conftest import Visit
 from .page_laws import CONTRAST, OVERFLOW, UNNAMED

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.commands import check as command
+from ssm_planner.cli import check as command
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem.load import load_problem
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.check import check
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import smooth, write_plan

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.commands.kinematics import ik_command, workspace_command
+from ssm_planner.cli.kinematics import ik_command, workspace_command
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.forward import forward
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import pose_from_task
-from ssm_planner.problem.load import load_robot
-from ssm_planner.problem.values import Robot
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import pose_from_task
+from ssm_planner.loading.load import load_robot
+from ssm_planner.problem.robot import Robot
 
 ROOT = Path(__file__).parents[2]
 

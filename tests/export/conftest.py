@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.problem.values import Robot, TaskLimits
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import read_back, smooth, trapezoids

@@ -13,19 +13,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.exports.c_code import c_code
-from ssm_planner.exports.c_writer import OPERATIONS, Argument, write_function
-from ssm_planner.exports.export import export
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.forward import forward
-from ssm_planner.model.inverse import inverse_task
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Samples
-from ssm_planner.model.workspace import tilt_interval
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.instructions import BINARY, UNARY, dense
+from ssm_planner.codegen.c import OPERATIONS, Argument, write_function
+from ssm_planner.codegen.vectorised import BINARY, UNARY, dense
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.formats.c import c_code
+from ssm_planner.formats.export import export
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.inverse import inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Samples
 
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or cc) on this machine")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError
-from ssm_planner.exports.csv import trajectory_table, write_csv
-from ssm_planner.exports.export import export
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import task_from_joints
+from ssm_planner.formats.csv import trajectory_table, write_csv
+from ssm_planner.formats.export import export
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
 
 
 def table(path: Path) -> dict[str, np.ndarray]:

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.exports.epos4 import period_ms
-from ssm_planner.exports.export import export
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.readers import read_trajectory
+from ssm_planner.formats.epos4 import period_ms
+from ssm_planner.formats.export import export
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.commands import check as check_command
-from ssm_planner.commands import export as export_command
+from ssm_planner.cli import check as check_command
+from ssm_planner.cli import export as export_command
 from ssm_planner.errors import ExportError
-from ssm_planner.exports.export import FORMATS, export
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.check import check
-from ssm_planner.verify.readers import read_trajectory
+from ssm_planner.formats.export import FORMATS, export
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.problem.robot import Robot
+from ssm_planner.verification.check import check
 
 ROOT = Path(__file__).parent.parent.parent
 OPTIONS = {"epos4": {"counts_per_turn": 4096}}
@@ -151,7 +151,7 @@ def test_a_full_disk_leaves_nothing_and_what_was_there(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("ssm_planner.exports.csv.np.savetxt", full)
+    monkeypatch.setattr("ssm_planner.formats.csv.np.savetxt", full)
     with pytest.raises(ExportError, match="No space left on device"):
         export(plan, "csv", tmp_path / "csv", rate=50.0)
     assert {path.name: path.read_bytes() for path in (tmp_path / "csv").iterdir()} == before
@@ -176,7 +176,7 @@ def test_an_interruption_midway_leaves_nothing(
 
     # in the middle: after the first of several files, or while the only one is judged
     place, count = {"csv": ("_as_read", 0), "epos4": ("_write", 2), "ros2": ("_write", 1)}[module]
-    target = f"ssm_planner.exports.{module}"
+    target = f"ssm_planner.formats.{module}"
     monkeypatch.setattr(f"{target}.{place}", after(count, getattr(sys.modules[target], place)))
     with pytest.raises(KeyboardInterrupt):
         export(plan, module, tmp_path / module, **OPTIONS.get(module, {}))

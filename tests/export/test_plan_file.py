@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError, SsmPlannerError, TrajectoryError
-from ssm_planner.exports.plan_file import PlanFile, read_plan
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.check import check
+from ssm_planner.formats.plan_json import PlanFile, read_plan
+from ssm_planner.problem.robot import Robot
+from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import smooth

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import yaml
 
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError
-from ssm_planner.exports.export import export
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.exports.points import spline_points
-from ssm_planner.exports.rosbag import link_poses, quaternion
-from ssm_planner.model.forward import forward
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.screws import rotation
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.readers_ros import REST, controller_faults, message_from
+from ssm_planner.formats.export import export
+from ssm_planner.formats.joint_trajectory import REST, controller_faults, message_from
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.formats.rosbag import link_poses, quaternion
+from ssm_planner.formats.spline_points import spline_points
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.problem.robot import Robot
 
 
 def message(path: Path, under: str | None = None) -> dict:
@@ -204,8 +204,8 @@ def test_rates_that_make_no_bag(plan: PlanFile, tmp_path: Path, rate: float) -> 
 
 def test_a_spline_that_no_points_mend_is_refused(plan: PlanFile, monkeypatch: pytest.MonkeyPatch) -> None:
     """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
-    monkeypatch.setattr("ssm_planner.exports.points.PARTS", (1,))
-    monkeypatch.setattr("ssm_planner.exports.points.LARGEST_STRETCH", 1e-9)
+    monkeypatch.setattr("ssm_planner.formats.spline_points.PARTS", (1,))
+    monkeypatch.setattr("ssm_planner.formats.spline_points.LARGEST_STRETCH", 1e-9)
     joints = tuple(
         dataclasses.replace(joint, velocity=joint.velocity * 0.96) if joint.name == "tilt" else joint
         for joint in plan.robot.joints

@@ -7,15 +7,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from ssm_planner.exports.export import export
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.exports.urdf import effort_limit, rpy, urdf
-from ssm_planner.model.forward import forward
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.screws import rotation
-from ssm_planner.model.transmission import motor_torque, output_effort
-from ssm_planner.problem.values import Body, Geometry, Robot, frozen
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import motor_torque, output_effort
+from ssm_planner.formats.export import export
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.formats.urdf import effort_limit, rpy, urdf
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 
 RNG = np.random.default_rng(11)
 AGREEMENT = 1e-9

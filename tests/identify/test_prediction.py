@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.commands.drives import identify_command, predict_command
+from ssm_planner.cli.drives import identify_command, predict_command
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification.dynamic import fit_dynamic
 from ssm_planner.identification.fit import fit_map
 from ssm_planner.identification.prediction import Motion, nrmsd, predict, predict_torque
-from ssm_planner.identification.recording import Recording
+from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.rig_figures import rig_map
 from ssm_planner.identification.torque_map import read_figures
-from ssm_planner.model.friction import friction_of
-from ssm_planner.model.transmission import breakaway_torque, motor_torque, output_effort
-from ssm_planner.problem.load import load_drive
-from ssm_planner.report.drive_figures import map_figure, prediction_figure
+from ssm_planner.loading.load import load_drive
+from ssm_planner.reporting.figures.drive import map_figure, prediction_figure
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"

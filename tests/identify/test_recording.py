@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recording import MAX_BYTES, find_spikes, read_recording, read_recordings
+from ssm_planner.identification.recordings import MAX_BYTES, find_spikes, read_recording, read_recordings
 from ssm_planner.identification.torque_map import kind_of, rest_mask, torque_map
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.problem.values import Geometry
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.problem.robot import Geometry
 
 RandomMechanism = Callable[..., Mechanism]
 

@@ -10,7 +10,8 @@ import casadi
 import numpy as np
 import pytest
 
-from ssm_planner.model.eye import (
+from ssm_planner.codegen.namespace import NUMPY, casadi_namespace
+from ssm_planner.kinematics.eye import (
     ROUNDING,
     eye_limits,
     eye_rows,
@@ -20,12 +21,12 @@ from ssm_planner.model.eye import (
     retina_distance,
     retina_row,
 )
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.namespace import NUMPY, casadi_namespace
-from ssm_planner.model.task import pose_from_task
-from ssm_planner.model.workspace import tilt_interval
-from ssm_planner.problem.load import load_problem
-from ssm_planner.problem.values import Eye, Lens, frozen
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import pose_from_task
+from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.problem import Eye, Lens
+from ssm_planner.problem.robot import frozen
 
 APPROACH = Path(__file__).parents[2] / "problems/eye_approach.yaml"
 SHARES = np.linspace(0.0, 1.0, 4001)

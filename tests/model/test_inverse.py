@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.arguments import split_homogeneous
-from ssm_planner.model.forward import forward
-from ssm_planner.model.inverse import inverse, inverse_task, inverse_tip
-from ssm_planner.model.inverse_block import LEVER
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.screws import rotation, rotation_angle
-from ssm_planner.model.solutions import Solutions
-from ssm_planner.model.subproblems import subproblem_1, subproblem_2, subproblem_3_prime
-from ssm_planner.model.task import pose_from_task, task_from_joints
-from ssm_planner.model.workspace import tilt_interval
+from ssm_planner.kinematics.arguments import split_homogeneous
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.inverse import LEVER, inverse, inverse_task, inverse_tip
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation, rotation_angle
+from ssm_planner.kinematics.solutions import Solutions
+from ssm_planner.kinematics.subproblems import subproblem_1, subproblem_2, subproblem_3_prime
+from ssm_planner.kinematics.task import pose_from_task, task_from_joints
+from ssm_planner.kinematics.workspace import tilt_interval
 
 
 def worst_miss(mech: Mechanism, found: Solutions, rotations: np.ndarray, positions: np.ndarray) -> float:

@@ -10,22 +10,16 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.forward import (
-    body_jacobian,
-    forward,
-    forward_with_jacobian,
-    space_jacobian,
-    tip_position,
-)
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.screws import adjoint, hat, rotation, rotation_angle
-from ssm_planner.model.symbolic import (
+from ssm_planner.kinematics.forward import body_jacobian, forward, forward_with_jacobian, space_jacobian, tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import adjoint, hat, rotation, rotation_angle
+from ssm_planner.kinematics.symbolic import (
     body_jacobian_symbolic,
     forward_symbolic,
     space_jacobian_symbolic,
     tip_position_symbolic,
 )
-from ssm_planner.problem.values import Geometry
+from ssm_planner.problem.robot import Geometry
 
 RNG_SEED = 3
 

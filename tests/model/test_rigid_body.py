@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.screws import rotation
-from ssm_planner.problem.values import Body, Geometry, Robot, frozen
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from pinocchio_model import build

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.forward import forward
-from ssm_planner.model.inverse import inverse, inverse_task
-from ssm_planner.model.solutions import WEIGHTS, follow, nearest_turn
-from ssm_planner.model.task import pose_from_task
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.inverse import inverse, inverse_task
+from ssm_planner.kinematics.solutions import WEIGHTS, follow, nearest_turn
+from ssm_planner.kinematics.task import pose_from_task
 
 WIDE = np.array([(-2.0 * math.pi, 2.0 * math.pi)] * 3 + [(-0.03, 0.0)])
 

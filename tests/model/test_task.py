@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.forward import forward
-from ssm_planner.model.screws import rotation
-from ssm_planner.model.symbolic import pose_from_task_symbolic, task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.model.task import pose_from_task, task_from_joints, task_rates
-from ssm_planner.model.workspace import tilt_interval
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics.symbolic import pose_from_task_symbolic, task_from_joints_symbolic, task_rates_symbolic
+from ssm_planner.kinematics.task import pose_from_task, task_from_joints, task_rates
+from ssm_planner.kinematics.workspace import tilt_interval
 
 
 def test_task_names_the_pose_that_the_joints_make(random_mechanism):

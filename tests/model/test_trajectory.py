@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.model.trajectory import Trajectory, hermite, hold, join
+from ssm_planner.trajectory import Trajectory, hermite, hold, join
 
 
 def random_trajectory(seed: int, pieces: int = 5) -> Trajectory:

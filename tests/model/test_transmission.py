@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ssm_planner.dynamics import transmission as tr
+from ssm_planner.dynamics.friction import friction_coefficient, remembered_speed, static_coefficient
 from ssm_planner.errors import ProblemError
-from ssm_planner.model import transmission as tr
-from ssm_planner.model.friction import friction_coefficient, remembered_speed, static_coefficient
-from ssm_planner.problem.values import Drive, Friction
+from ssm_planner.problem.drive import Drive, Friction
 
 LAM = math.radians(2.8625)
 FRICTION = Friction(mu=0.12, mu_static=0.15, b_c=5.5e-4, b_v=1.15e-5, b_oc=4e-3)

@@ -10,10 +10,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.design import design_margin, design_region
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.screws import rotation
-from ssm_planner.model.workspace import (
+from ssm_planner.kinematics.design import design_margin, design_region
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics.workspace import (
     extremes,
     theta2_from_tilt,
     theta2_interval,

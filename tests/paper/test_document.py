@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from paper_cases import RECORDINGS, ROOT, Made
 
-from ssm_planner.cli import main
+from ssm_planner.cli.main import main
 from ssm_planner.paper import document as paper_document
 from ssm_planner.paper.design import design_section
 from ssm_planner.paper.document import write
@@ -19,8 +19,8 @@ from ssm_planner.paper.inputs import Inputs, read_inputs
 from ssm_planner.paper.rigs import rig_result
 from ssm_planner.paper.section import COMMAND, Section, number, signed, table, text
 from ssm_planner.paper.workspace import workspace_section
-from ssm_planner.problem.values import Robot
-from ssm_planner.report.style import save_figure
+from ssm_planner.problem.robot import Robot
+from ssm_planner.reporting.figures.style import save_figure
 
 COMMITTED = ROOT / "results" / "paper"
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+−-]?\d+)?")
@@ -63,7 +63,7 @@ def test_tables_are_rectangular_and_sections_name_their_command(made: Made) -> N
 
 
 def test_every_command_named_exists(made: Made) -> None:
-    from ssm_planner.cli import COMMANDS
+    from ssm_planner.cli.main import COMMANDS
 
     named = re.findall(r"`ssm-planner ([^`]+)`", made.text)
     for command in named:

@@ -9,22 +9,28 @@ import numpy as np
 import pytest
 from paper_cases import Made
 
-from ssm_planner.model.friction import friction_coefficient, friction_of, stribeck_shape
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.tilt_rate import tilt_rate_bound
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.measures import tilt_rate_bound
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.paper import published
 from ssm_planner.paper.design import design_choice
 from ssm_planner.paper.friction_maps import friction_maps, with_friction
-from ssm_planner.paper.inertia_sign import body_moments, flipped, joint_inertia
 from ssm_planner.paper.inputs import Inputs
 from ssm_planner.paper.motions import tilts_of
-from ssm_planner.paper.package_bounds import BOUNDS, outside_bounds
+from ssm_planner.paper.package import (
+    BOUNDS,
+    body_moments,
+    flipped,
+    joint_inertia,
+    outside_bounds,
+    subtracted,
+    velocity_sign,
+)
 from ssm_planner.paper.payload import payloads, with_rows
 from ssm_planner.paper.rigs import LAWS, published_drive
-from ssm_planner.paper.velocity_sign import subtracted, velocity_sign
 from ssm_planner.paper.workspace import tilt_range
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import Duty
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, TABLE_II, TABLE_III
-from ssm_planner.problem.values import Robot
-from ssm_planner.report.workspace_table import MEASURED, PAPER
+from ssm_planner.paper.workspace import MEASURED, PAPER
+from ssm_planner.problem.robot import Robot
 
 PAPER_FILE = Path(__file__).parents[3] / "shared" / "paper.tex"
 NUMBER = r"-?\d+(?:\.\d+)?"

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from ssm_planner.problem.values import Joint, Motor, Robot
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Joint, Robot
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]

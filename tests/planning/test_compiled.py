@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.planning import compiled
+from ssm_planner.planning.ocp import compiled
+from ssm_planner.planning.ocp.transcription import forget_answers
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.planning.program import forget_answers
-from ssm_planner.problem.values import Problem
+from ssm_planner.problem.problem import Problem
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
 
@@ -25,7 +25,7 @@ def stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     forget_answers()
     fresh = compiled.Stages()
-    monkeypatch.setattr("ssm_planner.planning.program.stages", fresh)
+    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.stages", fresh)
     yield fresh
     fresh.wait()
 
@@ -64,7 +64,7 @@ def test_what_has_taken_long_is_compiled_for_the_next_process(
     stages.wait()
     forget_answers()
     later = compiled.Stages()
-    monkeypatch.setattr("ssm_planner.planning.program.stages", later)
+    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.stages", later)
     plan_motion(tilt_insert)
     later.wait()
     assert any(used.compiled and used.seconds > 0 for used in later._used.values())
@@ -95,7 +95,7 @@ def test_a_library_that_is_none_is_left_alone(
     for used in stages._used.values():
         compiled.Source.of(used.functions, folder).library.write_bytes(b"not a library")
     later = compiled.Stages()
-    monkeypatch.setattr("ssm_planner.planning.program.stages", later)
+    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.stages", later)
     forget_answers()
     assert plan_motion(tilt_insert).trajectory is not None
     assert not any(used.compiled for used in later._used.values())

@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Problem
-from ssm_planner.report.summary import summary_lines
-from ssm_planner.run import plan
-from ssm_planner.tightening import Strictness
-from ssm_planner.verify.certificate import Certificate, LimitCheck
-from ssm_planner.verify.check import check
+from ssm_planner.pipeline.run import plan
+from ssm_planner.pipeline.tightening import Strictness
+from ssm_planner.problem.problem import Problem
+from ssm_planner.reporting.text.plan import summary_lines
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification.check import check
 
 
 def with_nominal(problem: Problem, i: int, torque: float) -> Problem:

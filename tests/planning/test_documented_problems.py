@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.problem.load import load_problem
-from ssm_planner.problem.values import Problem
-from ssm_planner.run import plan
+from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.run import plan
+from ssm_planner.problem.problem import Problem
 
 Load = Callable[[str], Problem]
 ROOT = Path(__file__).parents[2]

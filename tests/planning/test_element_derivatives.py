@@ -10,17 +10,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.model.actuation import motor_motion
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Samples
-from ssm_planner.planning.element import SIMPSON, element_functions
-from ssm_planner.planning.free_stage import FreeStage
-from ssm_planner.planning.limits import limit_table
-from ssm_planner.planning.local_path import fit
-from ssm_planner.planning.path import StraightPath
-from ssm_planner.planning.straight_stage import StraightStage, element_state
-from ssm_planner.problem.values import Array, Eye, Lens, Problem, Robot, frozen
+from ssm_planner.dynamics.motors import motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.ocp.constraints import limit_table
+from ssm_planner.planning.ocp.element import SIMPSON, element_functions
+from ssm_planner.planning.ocp.free_element import FreeStage
+from ssm_planner.planning.ocp.path_fit import fit
+from ssm_planner.planning.ocp.straight_element import StraightStage, element_state
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.problem.problem import Eye, Lens, Problem
+from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.trajectory import Samples
+from ssm_planner.typing import Array
 
 WithJerk = Callable[[Robot, float, float], Robot]
 AIMS = ("time", "heat", "effort")

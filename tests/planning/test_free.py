@@ -6,10 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ssm_planner.model.forward import tip_position
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.problem.values import Motion, Problem, Robot, Target
-from ssm_planner.run import plan
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.run import plan
+from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.robot import Robot
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning.free_guess import guess
+from ssm_planner.planning.ocp.guesses import guess
 
 LIMITS = np.array([[0.5, 0.5, 1.0, 0.01], [2.0, 1.0, 3.0, 0.05], [30.0, 20.0, 50.0, 1.0]])
 ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).filter(lambda way: max(way) > 1e-3)

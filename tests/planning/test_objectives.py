@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Samples, Trajectory
-from ssm_planner.planning.program import Program
-from ssm_planner.problem.values import Array, Motion, Problem, Robot, Target
-from ssm_planner.run import plan
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.ocp.transcription import Program
+from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Samples, Trajectory
+from ssm_planner.typing import Array
 
 WithJerk = Callable[[Robot, float, float], Robot]
 

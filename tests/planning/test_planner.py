@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.planning.profile import rest_to_rest
-from ssm_planner.problem.values import Motion, Problem, Robot, Target
-from ssm_planner.run import plan
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.s_curve import rest_to_rest
+from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.robot import Robot
 
 Weaker = Callable[[Robot, float], Robot]
 

@@ -14,8 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from random_problems import faults, random_problem
 
-from ssm_planner.problem.values import Problem
-from ssm_planner.run import plan
+from ssm_planner.pipeline.run import plan
+from ssm_planner.problem.problem import Problem
 
 
 @pytest.mark.parametrize("seed", range(1000, 1036))

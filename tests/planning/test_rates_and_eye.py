@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.model.eye import LENS, RETINA
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.outcome import Plan
-from ssm_planner.planning.free_ocp import solve_free
-from ssm_planner.problem.values import Eye, Lens, Motion, Problem, Target, frozen
-from ssm_planner.run import plan
-from ssm_planner.verify.certificate import LimitCheck
-from ssm_planner.verify.check import check
+from ssm_planner.kinematics.eye import LENS, RETINA
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.run import plan
+from ssm_planner.plans import Plan
+from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
+from ssm_planner.problem.robot import frozen
+from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.check import check
 
 START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}
 GOAL = {"roll": 0.2, "tilt": -2.2, "spin": 0.6, "depth": 0.014}

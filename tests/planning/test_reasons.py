@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner import run
+from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.friction import friction_of
-from ssm_planner.outcome import Plan
+from ssm_planner.pipeline import run
+from ssm_planner.pipeline.relaxation import Cure, tried
+from ssm_planner.pipeline.run import plan
+from ssm_planner.plans import Plan
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.values import Eye, Lens, Motion, Problem, Robot, Target, frozen
-from ssm_planner.relax import Cure, tried
-from ssm_planner.run import plan
+from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
+from ssm_planner.problem.robot import Robot, frozen
 
 Weaker = Callable[[Robot, float], Robot]
 

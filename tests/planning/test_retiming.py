@@ -5,14 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.planning.legs import legs_of
-from ssm_planner.planning.path import StraightPath
-from ssm_planner.planning.profile import rest_to_rest
-from ssm_planner.planning.retiming import retime
-from ssm_planner.planning.straight import joint_pieces
-from ssm_planner.problem.values import Problem, Robot
-from ssm_planner.verify.check import check
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.ocp.straight import joint_pieces
+from ssm_planner.planning.phases import legs_of
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.planning.retiming.retime import retime
+from ssm_planner.planning.s_curve import rest_to_rest
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.verification.check import check
 
 Weaker = Callable[[Robot, float], Robot]
 
@@ -57,9 +58,9 @@ def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Pr
 
 
 def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
-    from ssm_planner.model.task import task_from_joints
-    from ssm_planner.model.trajectory import join
-    from ssm_planner.planning.straight_ocp import solve_straight
+    from ssm_planner.kinematics.task import task_from_joints
+    from ssm_planner.planning.ocp.straight import solve_straight
+    from ssm_planner.trajectory import join
 
     path = paths(tilt_insert)[0]
     motion = solve_straight(tilt_insert.robot, path, retime(path, tilt_insert.robot))

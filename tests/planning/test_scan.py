@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.forward import tip_position
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import task_from_joints
-from ssm_planner.outcome import Plan
-from ssm_planner.problem.values import Array, Motion, Problem, Scan, Target
-from ssm_planner.run import plan
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.pipeline.run import plan
+from ssm_planner.plans import Plan
+from ssm_planner.problem.problem import Motion, Problem, Scan, Target
+from ssm_planner.typing import Array
 
 MACULA = {"roll": 0.0, "tilt": float(np.radians(-115.3))}
 DISTANCE = 2e-3

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning import program
+from ssm_planner.planning.ocp import transcription as program
+from ssm_planner.planning.ocp.refinement import BACKOFF, EXCESS, LITTLE, tightening
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.planning.solving import BACKOFF, EXCESS, LITTLE, tightening
-from ssm_planner.problem.values import Problem
+from ssm_planner.problem.problem import Problem
 
 
 @given(st.lists(st.floats(-1.0, 0.5), min_size=1, max_size=30))

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.forward import tip_position
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import task_from_joints
-from ssm_planner.outcome import Plan
-from ssm_planner.planning.free_ocp import solve_free
-from ssm_planner.problem.values import TASK, Array, Motion, Problem, Robot, Target
-from ssm_planner.run import plan
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.pipeline.run import plan
+from ssm_planner.plans import Plan
+from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import Array
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.load import load_drive, load_motor, load_problem, load_robot
+from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 LOADERS = {"robots": load_robot, "drives": load_drive, "motors": load_motor}

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.problem.drive_geometry import BadGeometry, resolve
-from ssm_planner.problem.load import load_drive
+from ssm_planner.loading.drive_geometry import BadGeometry, resolve
+from ssm_planner.loading.load import load_drive
 
 WORM = "drives/vitreoretinal_joint1_worm.yaml"
 SCREW = "drives/vitreoretinal_joint4_screw.yaml"

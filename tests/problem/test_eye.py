@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.problem.eye import as_written
-from ssm_planner.problem.resolved import plain, task_limits_from_plain
+from ssm_planner.loading.eye import as_written
+from ssm_planner.problem.serialization import plain, task_limits_from_plain
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 NAME = "tilt_insert.yaml"

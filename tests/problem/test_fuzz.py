@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.problem.load import load_drive, load_problem
+from ssm_planner.loading.load import load_drive, load_problem
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 FILES = (

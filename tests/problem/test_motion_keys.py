@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from ssm_planner.cli import main
-from ssm_planner.problem.schema import json_schema
+from ssm_planner.cli.main import main
+from ssm_planner.loading.schema import json_schema
 
 NAME = "tilt_insert.yaml"
 TILT = "  - tilt:   {to: -135 deg}     # straight in task space, the rest held"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.load import load_robot
-from ssm_planner.problem.resolved import plain, robot_from_plain
-from ssm_planner.problem.values import Robot
+from ssm_planner.loading.load import load_robot
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain, robot_from_plain
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.problem.axes import rotation
-from ssm_planner.problem.bodies import possible, principal_moments
+from ssm_planner.loading.mechanism import possible, principal_moments, rotation
 
 ROBOT = "robots/vitreoretinal.yaml"
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from ssm_planner.problem.load import load_drive, load_motor, load_robot
-from ssm_planner.problem.schema import json_schema
-from ssm_planner.problem.source import read
+from ssm_planner.loading.load import load_drive, load_motor, load_robot
+from ssm_planner.loading.schema import json_schema
+from ssm_planner.loading.yaml_nodes import read
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.problem.kinds import KINDS
-from ssm_planner.problem.units import BadQuantity, interval, number, quantity, vector
+from ssm_planner.units import KINDS, BadQuantity, interval, number, quantity, vector
 
 NUMBERS = st.floats(min_value=-1e3, max_value=1e3).filter(lambda x: x == 0 or abs(x) > 1e-9)
 

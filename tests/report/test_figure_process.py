@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.exports.plan_file import PlanFile, read_plan
-from ssm_planner.outcome import Plan
-from ssm_planner.report import figure_process
-from ssm_planner.report.figure_process import FigureProcess
-from ssm_planner.report.plan_figures import DRAWN, write_figures
-from ssm_planner.report.style import drawn
+from ssm_planner.formats.plan_json import PlanFile, read_plan
+from ssm_planner.plans import Plan
+from ssm_planner.reporting.figures import process as figure_process
+from ssm_planner.reporting.figures.plan import DRAWN
+from ssm_planner.reporting.figures.process import FigureProcess, write_figures
+from ssm_planner.reporting.figures.style import drawn
 from ssm_planner.sizing.size import size_motion
 
 ROOT = Path(__file__).parents[2]
@@ -122,7 +122,7 @@ def test_an_interruption_ends_it(begun: bool, plan: Plan) -> None:
 def test_ctrl_c_while_results_are_written_leaves_whole_files_and_no_process(tmp_path: Path) -> None:
     code = """if True:
         import sys, time
-        from ssm_planner.report import figure_process
+        from ssm_planner.reporting.figures import process as figure_process
         start = figure_process._started
         def started():
             process = start()

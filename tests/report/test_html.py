@@ -16,18 +16,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.commands import report as command
+from ssm_planner.cli import report as command
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.exports.plan_file import read_plan
-from ssm_planner.problem.load import load_problem
-from ssm_planner.problem.resolved import plain
-from ssm_planner.report.html import report_data, write_report
-from ssm_planner.report.html_active import active_stretches
-from ssm_planner.report.html_compare import write_comparison
-from ssm_planner.report.html_elements import Markup, tag
-from ssm_planner.report.html_page import LIBRARIES, safe_json
-from ssm_planner.report.html_series import encoded
-from ssm_planner.verify.check import check
+from ssm_planner.formats.plan_json import read_plan
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.serialization import plain
+from ssm_planner.reporting.html.compare import write_comparison
+from ssm_planner.reporting.html.elements import Markup, tag
+from ssm_planner.reporting.html.page import LIBRARIES, safe_json
+from ssm_planner.reporting.html.panels import active_stretches
+from ssm_planner.reporting.html.report import report_data, write_report
+from ssm_planner.reporting.html.series import encoded
+from ssm_planner.verification.check import check
 
 PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"
 APPROACH = Path(__file__).parent.parent.parent / "problems/eye_approach.yaml"
@@ -252,7 +252,7 @@ def test_command_writes_report_comparison_and_figures(tmp_path: Path, capsys: py
 
 
 def test_figures_are_the_same_bytes_each_time(tmp_path: Path) -> None:
-    from ssm_planner.report.plan_figures import write_figures_of_file
+    from ssm_planner.reporting.figures.process import write_figures_of_file
 
     plan = read_plan(PLAN)
     first, second = (write_figures_of_file(plan, tmp_path / name) for name in ("a", "b"))

@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.commands import view as command
+from ssm_planner.cli import view as command
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.forward import forward
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.task import pose_from_task, task_from_joints
-from ssm_planner.problem.load import load_problem
-from ssm_planner.problem.resolved import plain
-from ssm_planner.problem.values import Problem
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import pose_from_task, task_from_joints
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.serialization import plain
 from ssm_planner.view.jobs import _text
+from ssm_planner.view.page import Study
 from ssm_planner.view.server import LONGEST, ViewServer
-from ssm_planner.view.study import Study
 
 APPROACH = Path(__file__).parent.parent.parent / "problems/eye_approach.yaml"
 ANGLES = {"alpha": 0.6, "beta": 1.8}

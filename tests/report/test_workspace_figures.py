@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.model.design import design_region
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.workspace import tilt_from_theta2, tilt_interval
-from ssm_planner.report.workspace_figures import (
+from ssm_planner.kinematics.design import design_region
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.workspace import tilt_from_theta2, tilt_interval
+from ssm_planner.paper.workspace import tilt_table
+from ssm_planner.reporting.figures.workspace import (
     design_region_figure,
     joint_speed_figure,
     reachable_set_figure,
@@ -19,7 +20,6 @@ from ssm_planner.report.workspace_figures import (
     theta2_figure,
     workspace_figures,
 )
-from ssm_planner.report.workspace_table import tilt_table
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.trajectory import Trajectory
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.model.trajectory import Phase, Trajectory, hermite
-from ssm_planner.problem.values import Drive, Motor, Ratings, Robot
+from ssm_planner.problem.drive import Drive, Ratings
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Phase, Trajectory, hermite
 
 COMPLETE = Motor(
     name="complete",

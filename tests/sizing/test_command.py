@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from sizing_cases import COMPLETE, equipped, random_trajectory
 
-from ssm_planner.commands import sizing as command
+from ssm_planner.cli import size as command
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.exports.plan_file import FORMAT, VERSION
-from ssm_planner.problem.resolved import plain
-from ssm_planner.problem.values import Robot
+from ssm_planner.formats.plan_json import FORMAT, VERSION
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 EC_MAX = SHIPPED / "motors/maxon_ec_max_22_25w.yaml"
@@ -61,7 +61,7 @@ def test_a_motor_that_does_not_suffice(tmp_path: Path, robot: Robot, capsys: pyt
 
 
 def test_a_csv_needs_the_robot(tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-    from ssm_planner.exports.csv import write_csv
+    from ssm_planner.formats.csv import write_csv
     from ssm_planner.sizing.requirements import motor_requirements
 
     trajectory = random_trajectory(3)

@@ -10,9 +10,10 @@ import pytest
 from sizing_cases import equipped
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.load import load_drive, load_motor
-from ssm_planner.problem.resolved import plain, robot_from_plain
-from ssm_planner.problem.values import Ratings, Robot
+from ssm_planner.loading.load import load_drive, load_motor
+from ssm_planner.problem.drive import Ratings
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain, robot_from_plain
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 MOTOR = SHIPPED / "motors/maxon_ec_max_22_25w.yaml"

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sizing_cases import with_covariance
 
-from ssm_planner.problem.values import Ratings
+from ssm_planner.problem.drive import Ratings
 from ssm_planner.sizing.demand import linear_band
 from ssm_planner.sizing.friction_spread import spread_of
 from ssm_planner.sizing.gear import BENDING, COLUMN, DENSITY, YOUNG, buckling_load, critical_speed, gear_checks

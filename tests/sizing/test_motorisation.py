@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.motorisation import Stroke, load_motorisation
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.loading.motorisation import load_motorisation
+from ssm_planner.problem.motorisation import Stroke
+from ssm_planner.sizing.duty import Duty, back_and_forth
 from ssm_planner.sizing.requirements import motor_requirement
-from ssm_planner.sizing.strokes import back_and_forth
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 

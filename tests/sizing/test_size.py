@@ -10,7 +10,9 @@ import pytest
 from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.values import Motor, Ratings, Robot
+from ssm_planner.problem.drive import Ratings
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import assess
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.friction_spread import spread_of
@@ -265,7 +267,7 @@ def test_json(sizing: Sizing) -> None:
 
 
 def test_a_motion_at_rest_asks_nothing(robot: Robot) -> None:
-    from ssm_planner.model.trajectory import Trajectory
+    from ssm_planner.trajectory import Trajectory
 
     still = np.zeros((1, 6, 4))
     still[0, 0] = [0.3, -0.2, 0.1, -0.01]

@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 from sizing_cases import COMPLETE, equipped
 
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Motor, Robot
-from ssm_planner.report.sizing_words import missing_figures, motors_verdict
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
+from ssm_planner.reporting.text.sizing import missing_figures, motors_verdict
 from ssm_planner.sizing.duty import Duty
 from ssm_planner.sizing.size import size, size_motion
+from ssm_planner.trajectory import Trajectory
 
 CONFIRMED = replace(COMPLETE, placeholders=())
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.problem.values import Drive
+from ssm_planner.problem.drive import Drive
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.split import PARTS, torque_split
+from ssm_planner.sizing.torque_breakdown import PARTS, torque_split
 
 
 def antibacklash(drive: Drive) -> Drive:
@@ -64,8 +64,8 @@ def test_each_part_by_its_formula(loads: tuple[JointLoad, ...]) -> None:
 
 
 def test_at_rest_the_mesh_holds_the_load(robot) -> None:
-    from ssm_planner.model.trajectory import Trajectory
     from ssm_planner.sizing.joint_load import joint_loads
+    from ssm_planner.trajectory import Trajectory
 
     still = np.zeros((1, 6, 4))
     still[0, 0] = [0.3, -0.2, 0.1, -0.01]

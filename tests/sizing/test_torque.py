@@ -10,12 +10,13 @@ import pytest
 from pinocchio_model import build
 from sizing_cases import COMPLETE, random_trajectory
 
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Drive, Robot
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.requirements import motor_requirement, motor_requirements
+from ssm_planner.trajectory import Trajectory
 
 DRIVEN = (0, 1, 3)
 

@@ -9,11 +9,11 @@ import pytest
 from sizing_cases import COMPLETE, random_trajectory, with_covariance
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.demand import DEMANDS, demands, linear_band, monte_carlo, thinned
+from ssm_planner.sizing.duty import back_and_forth
 from ssm_planner.sizing.friction_spread import drawn, spread_of
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
-from ssm_planner.sizing.strokes import back_and_forth
 
 JUDGED = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")
 
@@ -111,8 +111,8 @@ def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
 
 def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
     """Where most of the motion is rest, a Monte Carlo looks only at the rest of it."""
-    from ssm_planner.model.trajectory import Trajectory, hold
     from ssm_planner.problem.motorisation import Stroke
+    from ssm_planner.trajectory import Trajectory, hold
 
     stroke = back_and_forth(Stroke("tilt", 0.0, 0.3, 0.5, 2.0))
     rest = hold(stroke.coefficients[0, 0])

@@ -9,13 +9,13 @@ import pytest
 from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Robot
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import Duty, with_payload
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import size
 from ssm_planner.sizing.what_if import largest_payload, shortest_duration
+from ssm_planner.trajectory import Trajectory
 
 KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)
 
@@ -33,8 +33,8 @@ def test_loads_are_linear_in_the_payload(robot: Robot, trajectory: Trajectory) -
 
 def test_the_payload_hangs_at_the_tip(robot: Robot) -> None:
     """Holding still, it adds its weight along the tool and its moments about the remote centre."""
-    from ssm_planner.model.forward import space_jacobian, tip_position
-    from ssm_planner.model.mechanism import Mechanism
+    from ssm_planner.kinematics.forward import space_jacobian, tip_position
+    from ssm_planner.kinematics.mechanism import Mechanism
 
     q = np.array([[0.4, -0.3, 0.7, -0.02]])
     still = np.zeros((1, 6, 4))

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.forward import tip_position, tip_velocity
-from ssm_planner.model.mechanism import Mechanism
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.screws import rotation
-from ssm_planner.model.task import task_from_joints
-from ssm_planner.model.trajectory import Phase, Samples, Trajectory, hermite
-from ssm_planner.model.transmission import breakaway_torque, nut_contact
-from ssm_planner.problem.values import TASK, Eye, Lens, Robot, TaskLimits, frozen
-from ssm_planner.verify import screen
-from ssm_planner.verify.certificate import Certificate, LimitCheck
-from ssm_planner.verify.check import check
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import breakaway_torque, nut_contact
+from ssm_planner.kinematics.forward import tip_position, tip_velocity
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.problem.problem import TASK, Eye, Lens, TaskLimits
+from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.trajectory import Phase, Samples, Trajectory, hermite
+from ssm_planner.verification import prefilter as screen
+from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import SHARE, smooth, trapezoids, write_plan
@@ -212,7 +213,7 @@ def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot)
 
 
 def test_jumps_are_found_on_either_side_of_a_block(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ssm_planner.verify.pieces.BLOCK", 4)
+    monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", 4)
     trajectory = wavy(np.random.default_rng(1), pieces=11)
     assert limit_of(check(trajectory, robot), "position jump", "tilt").passed
     for k in range(1, 11):
@@ -227,7 +228,7 @@ def test_jumps_are_found_on_either_side_of_a_block(robot: Robot, monkeypatch: py
 def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     trajectory = wavy(np.random.default_rng(2), pieces=10)
     whole = check(trajectory, robot, LIMITS)
-    monkeypatch.setattr("ssm_planner.verify.pieces.BLOCK", 3)
+    monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", 3)
     parts = check(trajectory, robot, LIMITS)
     for a, b in zip(whole.limits, parts.limits, strict=True):
         assert a.margin == pytest.approx(b.margin, abs=3e-8)
@@ -295,7 +296,7 @@ def test_the_check_never_imports_the_planner(tmp_path: Path, robot: Robot) -> No
     code = (
         "import argparse, sys; from ssm_planner.commands import check; parser = argparse.ArgumentParser(); "
         "check.add_arguments(parser); status = check.run(parser.parse_args(sys.argv[1:])); "
-        "assert not [m for m in sys.modules if m.startswith(('ssm_planner.planning', 'toppra', 'ssm_planner.run'))]; "
+        "assert not [m for m in sys.modules if m.startswith(('ssm_planner.planning', 'toppra', 'ssm_planner.pipeline'))]; "
         "sys.exit(status)"
     )
     result = subprocess.run([sys.executable, "-c", code, str(plan)], capture_output=True, text=True, cwd=ROOT)

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.model.trajectory import Trajectory
-from ssm_planner.problem.values import Robot, TaskLimits
-from ssm_planner.verify.certificate import Certificate
-from ssm_planner.verify.check import check
-from ssm_planner.verify.interpolation import Points, join_points
-from ssm_planner.verify.readers import read_trajectory
+from ssm_planner.formats.points import Points, join_points
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import smooth
@@ -338,7 +339,7 @@ def test_a_million_rows_leave_memory_alone(robot: Robot, monkeypatch: pytest.Mon
     rows = rows_of(robot, 301)
     points = Points(rows[:, 0], rows[:, 1:5], rows[:, 5:9], rows[:, 9:13])
     whole = join_points(points, robot).trajectory
-    monkeypatch.setattr("ssm_planner.verify.interpolation.BLOCK", 17)
+    monkeypatch.setattr("ssm_planner.formats.points.BLOCK", 17)
     assert np.array_equal(join_points(points, robot).trajectory.coefficients, whole.coefficients)
     assert isinstance(whole, Trajectory)
     assert dataclasses.is_dataclass(points)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.check import check
+from ssm_planner.problem.robot import Robot
+from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from seeded import EXCESS, KINDS, seeded

@@ -12,15 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ssm_planner.codegen.vectorised import Vectorised, dense
+from ssm_planner.dynamics.motors import directions, directions_law, motor_law, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Samples
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify import bernstein
-from ssm_planner.verify.instructions import dense
-from ssm_planner.verify.motor_law import directions_law, motor_law
-from ssm_planner.verify.vectorised import Vectorised
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Samples
+from ssm_planner.verification import bernstein
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -86,7 +84,7 @@ def every_operation() -> ca.Function:
 
 
 def test_bulk_evaluation_is_casadi_s(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ssm_planner.verify.vectorised.BLOCK", 64)
+    monkeypatch.setattr("ssm_planner.codegen.vectorised.BLOCK", 64)
     rng = np.random.default_rng(3)
     function = every_operation()
     x, y = rng.uniform(-3, 3, (3, 150)), rng.uniform(-2, 2, (1, 150))

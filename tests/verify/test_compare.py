@@ -11,16 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.commands import compare as command
-from ssm_planner.commands.compare import assign
-from ssm_planner.commands.measured import read_measured
+from ssm_planner.cli import compare as command
+from ssm_planner.cli.compare import assign, read_measured
+from ssm_planner.comparison import align, compare
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
-from ssm_planner.exports.plan_file import PlanFile
-from ssm_planner.model.actuation import directions, motor_motion
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.problem.values import Robot
-from ssm_planner.verify.align import align
-from ssm_planner.verify.compare import compare
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import read_back, trapezoids

@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.exports.plan_file import read_plan
-from ssm_planner.model.actuation import STILL
-from ssm_planner.model.rigid_body import RigidBody
-from ssm_planner.model.trajectory import Trajectory, hermite
-from ssm_planner.model.transmission import motor_torque, output_effort
-from ssm_planner.problem.values import Robot, TaskLimits
+from ssm_planner.dynamics.motors import STILL
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import motor_torque, output_effort
+from ssm_planner.formats.plan_json import read_plan
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.requirements import motor_requirements
-from ssm_planner.verify import screen
-from ssm_planner.verify.certificate import Certificate, LimitCheck
-from ssm_planner.verify.check import check
+from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.verification import prefilter as screen
+from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import smooth, trapezoids

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.errors import GeometryError
-from ssm_planner.model.transmission import motor_torque, output_effort
-from ssm_planner.problem.load import load_robot
-from ssm_planner.verify.simulate_adaptive import simulate_arm
-from ssm_planner.verify.simulate_arm import ArmSimulation
+from ssm_planner.loading.load import load_robot
+from ssm_planner.simulation.arm import ArmSimulation
+from ssm_planner.simulation.arm_adaptive import simulate_arm
 
 ROBOT = Path(__file__).parents[2] / "problems" / "robots" / "vitreoretinal.yaml"
 Q0 = np.array([-0.98, 1.15, 0.26, 0.0])

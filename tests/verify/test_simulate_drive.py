@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.model.drive_dynamics import (
+from ssm_planner.dynamics.forward import (
     always_unique,
     breaks_away,
     effective_inertia,
@@ -19,12 +19,12 @@ from ssm_planner.model.drive_dynamics import (
     slip_acceleration,
     with_load,
 )
-from ssm_planner.model.transmission import breakaway_torque, motor_torque, output_effort
-from ssm_planner.problem.load import load_drive
-from ssm_planner.problem.values import Friction
-from ssm_planner.verify.simulate import NOT_UNIQUE, simulate_drive
-from ssm_planner.verify.simulate_fixed import simulate_drive_fixed
-from ssm_planner.verify.simulate_servo import Servo, servo_for
+from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
+from ssm_planner.loading.load import load_drive
+from ssm_planner.problem.drive import Friction
+from ssm_planner.simulation.drive import NOT_UNIQUE, simulate_drive
+from ssm_planner.simulation.servo import Servo, servo_for
+from ssm_planner.simulation.step import simulate_drive_fixed
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 FRICTION = {

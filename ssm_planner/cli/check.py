@@ -1,0 +1,111 @@
+"""`ssm-planner check TRAJECTORY`: the certificate of anybody's trajectory. It never imports the planner."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter, quantity_argument
+
+if TYPE_CHECKING:
+    from ssm_planner.formats.points import Reading
+    from ssm_planner.problem.problem import TaskLimits
+    from ssm_planner.problem.robot import Robot
+    from ssm_planner.verification.certificate import Certificate
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "trajectory",
+        type=Path,
+        help="plan.json, a CSV (columns named with units), a JointTrajectory (YAML or rosbag2), or an export folder",
+    )
+    parser.add_argument("--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json")
+    parser.add_argument(
+        "--problem", type=Path, help="problem file: its limits of the task, and its robot unless --robot is given"
+    )
+    parser.add_argument("--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.trajectory}")
+    from ssm_planner.verification.check import check
+
+    reading, robot, limits = read(options.trajectory, options.robot, options.problem)
+    if options.tip_speed:
+        limits = dataclasses.replace(limits, tip_speed=options.tip_speed)
+    progress("checking")
+    certificate = check(
+        reading.trajectory,
+        robot,
+        limits,
+        interpolation=reading.interpolation,
+        resolution=reading.resolution,
+    )
+    progress("done")
+    if options.json:
+        document = {"trajectory": str(options.trajectory), "robot": robot.name, "notes": list(reading.notes)}
+        print_json({**document, **certificate.to_dict()})
+    else:
+        print("\n".join(certificate_lines(certificate, reading.notes, robot)))
+    return OK if certificate.passed else FAILED
+
+
+def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) -> tuple[Reading, Robot, TaskLimits]:
+    """(trajectory, robot, limits of the task) of a file.
+
+    A plan.json brings its own robot and limits; those of a problem file come first, a robot file before both. Raises
+    TrajectoryError or ProblemError.
+    """
+    from ssm_planner.errors import TrajectoryError
+    from ssm_planner.formats.read import read_trajectory
+    from ssm_planner.loading.load import load_problem, load_robot
+    from ssm_planner.problem.problem import TaskLimits
+
+    problem = None if problem_file is None else load_problem(problem_file)
+    robot = load_robot(robot_file) if robot_file is not None else None if problem is None else problem.robot
+    limits = None if problem is None else problem.task_limits
+    if path.suffix.lower() == ".json":
+        from ssm_planner.formats.plan_json import read_plan
+        from ssm_planner.formats.points import Reading
+
+        plan = read_plan(path)
+        reading = Reading(plan.trajectory, "quintic polynomial pieces", None)
+        return reading, robot or plan.robot, limits or plan.limits
+    if robot is None:
+        raise TrajectoryError(
+            f"{path}: does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+        )
+    return read_trajectory(path, robot), robot, limits or TaskLimits(robot.limits)
+
+
+def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
+    """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
+    from ssm_planner.cli.output import shown_unit, text_table
+
+    rows = []
+    for limit in sorted(certificate.limits, key=lambda limit: limit.margin):
+        if limit.name.endswith("jump") and limit.passed:
+            continue
+        unit, scale = shown_unit(limit.unit, limit.name)
+        rows.append(
+            (
+                limit.name,
+                limit.joint or "",
+                f"{scale * limit.worst:.6g}",
+                f"{scale * limit.limit:.6g}",
+                unit,
+                f"{100 * limit.margin:+.4f} %",
+                f"{limit.time:.4f}",
+                "" if limit.passed else "EXCEEDED",
+            )
+        )
+    lines = [f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes", ""]
+    lines += text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows)
+    lines += ["", *(f"note: {note}" for note in notes), *(f"not checked: {what}" for what in certificate.unchecked)]
+    verdict = "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
+    return [*lines, f"check: {verdict}"]

@@ -1,0 +1,89 @@
+"""`ssm-planner export PLAN --to FORMAT`: a plan in the forms that controllers and simulators take."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.cli.output import OK, print_json, progress_reporter
+from ssm_planner.errors import ExportError
+
+FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("plan", type=Path, help="plan.json")
+    parser.add_argument("--to", required=True, choices=FORMATS, help="form to write")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: beside the plan)")
+    parser.add_argument("--force", action="store_true", help="export an unverified plan too, in files marked so")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    parser.add_argument(
+        "--rate",
+        type=_rate,
+        metavar="HZ",
+        help="csv: rows at equal distances (default: where the limits need them); epos4: setpoints per second (default "
+        "1000); ros2: states in the bag (default 100)",
+    )
+    parser.add_argument("--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque, or counts")
+    parser.add_argument("--mode", choices=("csp", "csv", "cst"), help="epos4: cyclic mode (default csp)")
+    parser.add_argument(
+        "--counts-per-turn",
+        nargs="+",
+        metavar="[JOINT=]N",
+        help="epos4, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder_counts",
+    )
+    parser.add_argument("--effort", action="store_true", default=None, help="ros2: give joint efforts too")
+    parser.add_argument("--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.plan}")
+    from ssm_planner.formats.export import export
+
+    chosen: dict[str, Any] = {
+        "rate": options.rate,
+        "columns": None if options.columns is None else [word.strip() for word in options.columns.split(",")],
+        "mode": options.mode,
+        "counts_per_turn": None if options.counts_per_turn is None else _counts(options.counts_per_turn),
+        "effort": options.effort,
+        "bag": options.bag,
+    }
+    given = {name: value for name, value in chosen.items() if value is not None}
+    files, manifest = export(options.plan, options.to, options.output, force=options.force, **given)
+    progress("done")
+    if options.json:
+        print_json({**manifest, "files": {name: str(path) for name, path in files.items()}})
+        return OK
+    for note in manifest.get("notes", []):
+        print(f"note: {note}")
+    if not manifest["verified"]:
+        print("UNVERIFIED: the plan has no passed certificate; every file is marked so")
+    print("\n".join(f"file: {path}" for path in files.values()))
+    return OK
+
+
+def _rate(text: str) -> float:
+    match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
+    try:
+        value = float(match.group(1)) if match else -1.0
+    except ValueError:
+        value = -1.0
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a rate, such as 500 or 1kHz")
+    return value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
+
+
+def _counts(words: list[str]) -> int | dict[str, int]:
+    """Increments for all joints, or by joint."""
+    counts: dict[str, int] = {}
+    for word in words:
+        joint, _, number = word.rpartition("=")
+        if not number.isdigit():
+            raise ExportError(f"--counts-per-turn {word}: not [JOINT=]N with a whole number N")
+        counts[joint] = int(number)
+    if "" in counts and len(counts) > 1:
+        raise ExportError("--counts-per-turn: either one number for all joints, or JOINT=N for each")
+    return counts.get("", counts)

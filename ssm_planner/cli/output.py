@@ -1,0 +1,69 @@
+"""What commands share: quantities as arguments, progress on stderr, JSON on stdout.
+
+Tables of text on the terminal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+OK, FAILED = 0, 1
+
+
+def quantity_argument(kind: str) -> Callable[[str], float]:
+    """An argparse type for a quantity with unit, such as `-140deg`; kind as in problem/kinds.py."""
+
+    def convert(text: str) -> float:
+        from ssm_planner.units import BadQuantity, quantity
+
+        try:
+            return quantity(text.strip(), kind)
+        except BadQuantity as error:
+            raise argparse.ArgumentTypeError(f"{text.strip()!r}: {error}") from error
+
+    return convert
+
+
+def progress_reporter() -> Callable[[str], None]:
+    """Reports each step on stderr with the time since the start."""
+    begin = time.perf_counter()
+
+    def report(step: str) -> None:
+        print(f"[{time.perf_counter() - begin:6.2f} s] {step}", file=sys.stderr, flush=True)
+
+    return report
+
+
+def print_json(document: Any) -> None:
+    """One JSON object on stdout."""
+    print(json.dumps(document, indent=1, allow_nan=False))
+
+
+SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)}
+"""Units that people read more easily, with the factor from SI."""
+
+
+def shown_unit(unit: str, name: str = "") -> tuple[str, float]:
+    """(unit to show, factor) of an SI unit such as rad/s; name: of the limit, for motors turn in rpm."""
+    if name == "motor speed":
+        return "rpm", 30 / math.pi
+    base, slash, per = unit.partition("/")
+    name, scale = SHOWN.get(base, (base, 1.0))
+    return name + slash + per, scale
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table: the first column to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
+
+    def line(cells: Sequence[str]) -> str:
+        rest = (cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True))
+        return "  ".join([cells[0].ljust(widths[0]), *rest]).rstrip()
+
+    return [line(header), "  ".join("-" * width for width in widths), *(line(row) for row in rows)]

@@ -1,0 +1,39 @@
+"""`ssm-planner plan PROBLEM`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("problem", type=Path, help="problem file (YAML)")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    from ssm_planner.reporting.figures.process import FigureProcess
+
+    progress = progress_reporter()
+    progress(f"reading {options.problem}")
+    with FigureProcess() as drawer:  # first of all, so that it is ready when the plan is
+        from ssm_planner.loading.load import load_problem
+        from ssm_planner.pipeline.run import plan_to_folder
+        from ssm_planner.reporting.text.plan import summary_lines
+
+        problem = load_problem(options.problem)
+        folder = options.output or Path("results") / problem.name
+        result, files = plan_to_folder(problem, folder, progress, drawer)
+    progress("done")
+    if options.json:
+        print_json({**result.summary(), "files": {name: str(path) for name, path in files.items()}})
+    else:
+        print("\n".join(summary_lines(result)))
+        if files:
+            print(f"\nResults: {folder}")
+    return OK if result.passed else FAILED

@@ -1,0 +1,36 @@
+"""`ssm-planner predict DRIVE RECORDING…`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ssm_planner.cli.output import OK, print_json, progress_reporter
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("drive", type=Path, help="drive file (YAML)")
+    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings or folders of them")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write a figure per recording there")
+    parser.add_argument("--json", action="store_true", help="print one JSON list on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    from ssm_planner.cli.drives import predict_command
+
+    progress(f"predicting with {options.drive}")
+    results = predict_command(options.drive, options.recordings, options.output)
+    progress("done")
+    if options.json:
+        print_json(results)
+        return OK
+    for result in results:
+        print(f"{result['recording']:<40}  NRMSD {result['nrmsd']:.4f}   friction from {result['friction']}")
+        if result["contact_lost"]:
+            print("  the preload does not keep both nuts in contact: the law does not hold there")
+        for repair in result["repairs"]:
+            print(f"  repaired: {repair}")
+        for path in result["files"].values():
+            print(f"  figure: {path}")
+    return OK

@@ -1,0 +1,164 @@
+"""`ssm-planner size PLAN`: what a motion requires of motors and gears, and which candidates provide it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter, quantity_argument
+from ssm_planner.errors import ProblemError, TrajectoryError
+
+if TYPE_CHECKING:
+    from ssm_planner.problem.motor import Motor
+    from ssm_planner.sizing.duty import Duty
+    from ssm_planner.sizing.motor_limits import Conditions
+    from ssm_planner.sizing.size import Sizing
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "plan", type=Path, help="plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads"
+    )
+    parser.add_argument("--robot", type=Path, help="robot file (YAML) of a trajectory that is no plan.json")
+    parser.add_argument(
+        "--motor",
+        nargs="+",
+        default=[],
+        metavar="[JOINT=]FILE",
+        help="candidate motors (YAML) for every driven joint or for one; default: the robot's own",
+    )
+    parser.add_argument("--ambient", type=quantity_argument("temperature"), help="surroundings (default 25degC)")
+    parser.add_argument("--supply", type=quantity_argument("voltage"), help="controller's voltage (default: nominal)")
+    parser.add_argument("--current-limit", type=quantity_argument("current"), help="controller's largest current")
+    parser.add_argument(
+        "--pause", type=quantity_argument("time"), default=0.0, help="rest after each motion (default 0)"
+    )
+    parser.add_argument("--payload", type=quantity_argument("mass"), default=0.0, help="point mass at the tool tip")
+    parser.add_argument("--confidence", type=float, default=0.99, help="for which adequate is claimed (default 0.99)")
+    parser.add_argument(
+        "--spread", type=float, help="range of friction that the drive files state nothing of, such as 0.2 for ±20 %%"
+    )
+    parser.add_argument("--draws", type=int, default=0, help="Monte Carlo draws of the friction (default: linearised)")
+    parser.add_argument("--what-if", action="store_true", help="largest payload and shortest duration")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write sizing.json and the figures there")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.plan}")
+    from ssm_planner.reporting.text.sizing import sizing_lines, what_if_lines
+    from ssm_planner.sizing.size import size
+
+    duty, conditions = read_duty(options.plan, options.robot), _conditions(options)
+    candidates = read_candidates(options.motor, duty)
+    progress("judging motors")
+    sizing = size(duty, candidates, conditions, options.payload)
+    document: dict[str, Any] = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
+    lines = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
+    if options.what_if:
+        from ssm_planner.sizing.what_if import largest_payload, shortest_duration
+
+        progress("what if")
+        motors = chosen_motors(sizing)
+        payload = largest_payload(duty, motors, conditions, options.payload)
+        duration = shortest_duration(duty, motors, conditions, options.payload)
+        document["what_if"] = {"largest_payload": payload.to_dict(), "shortest_duration": duration.to_dict()}
+        lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
+    document["files"] = {} if options.output is None else write_results(sizing, document, options.output)
+    progress("done")
+    if options.json:
+        print_json(document)
+    else:
+        print("\n".join([*lines, *(f"file: {path}" for path in document["files"].values())]))
+    return FAILED if sizing.adequate is False else OK
+
+
+def read_duty(path: Path, robot_file: Path | None = None) -> Duty:
+    """What to size for: a plan.json, a motorisation file, or with a robot file any trajectory that `check` reads.
+
+    Raises TrajectoryError or ProblemError.
+    """
+    from ssm_planner.sizing.duty import Duty
+
+    if robot_file is not None:
+        from ssm_planner.formats.read import read_trajectory
+        from ssm_planner.loading.load import load_robot
+
+        robot = load_robot(robot_file)
+        reading = read_trajectory(path, robot)
+        notes = reading.notes
+        if reading.resolution is not None:
+            notes = (*notes, f"{path} gives no accelerations for all of its points: inertia is not fully counted")
+        return Duty(str(path), robot, ((reading.trajectory, None),), notes)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        from ssm_planner.loading.motorisation import load_motorisation
+
+        return Duty.of_motorisation(load_motorisation(path))
+    if path.suffix.lower() not in ("", ".json"):
+        raise TrajectoryError(f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot")
+    from ssm_planner.formats.plan_json import read_plan
+
+    found = read_plan(path)
+    return Duty.of_trajectory(found.trajectory, found.robot, str(path))
+
+
+def read_candidates(words: Sequence[str], duty: Duty) -> dict[str, list[Motor]]:
+    """Candidates by joint from `[JOINT=]FILE`; without a joint for all that the duty moves. Raises ProblemError."""
+    from ssm_planner.loading.load import load_motor
+    from ssm_planner.problem.robot import JOINTS
+
+    moved = [joint.name for joint in duty.robot.joints if joint.drive is not None]
+    only = {joint for _, joint in duty.runs}
+    moved = [name for name in moved if None in only or name in only]
+    candidates: dict[str, list[Motor]] = {}
+    for word in words:
+        joint, equals, file = word.partition("=")
+        if equals and "/" not in joint and not Path(word).exists():
+            if joint not in JOINTS:
+                raise ProblemError("no joint of this name", key="--motor", value=word, allowed=", ".join(JOINTS))
+            names = [joint]
+        else:
+            names, file = moved, word
+        motor = load_motor(file)
+        for name in names:
+            candidates.setdefault(name, []).append(motor)
+    return candidates
+
+
+def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
+    """Per joint the smallest motor that suffices, else the largest candidate."""
+    chosen: dict[str, Motor] = {}
+    for joint in sizing.joints:
+        if joint.candidates:
+            chosen[joint.load.joint] = (joint.smallest or joint.candidates[-1]).motor
+    return chosen
+
+
+def write_results(sizing: Sizing, document: dict[str, Any], folder: Path) -> dict[str, str]:
+    """sizing.json and the figures; their paths by name. Raises ExportError."""
+    import json
+
+    from ssm_planner.atomic import replacing
+    from ssm_planner.reporting.figures.sizing import write_sizing_figures
+
+    files = {name: str(path) for name, path in write_sizing_figures(sizing, folder).items()}
+    with replacing(folder / "sizing.json") as temporary:
+        temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return {"sizing": str(folder / "sizing.json"), **files}
+
+
+def _conditions(options: argparse.Namespace) -> Conditions:
+    from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, Conditions
+
+    return Conditions(
+        ambient=REFERENCE_TEMPERATURE if options.ambient is None else options.ambient,
+        supply_voltage=options.supply,
+        current_limit=options.current_limit,
+        pause=options.pause,
+        confidence=options.confidence,
+        draws=options.draws,
+        spread=options.spread,
+    )

@@ -1,0 +1,66 @@
+"""`ssm-planner workspace ROBOT` and `ssm-planner workspace --reach A B`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.cli.output import FAILED, OK, print_json, quantity_argument
+from ssm_planner.errors import ProblemError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    angle = quantity_argument("angle")
+    parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
+    parser.add_argument(
+        "--reach", type=angle, nargs=2, metavar=("A", "B"), help="tilt range to reach, such as -140deg -80deg"
+    )
+    parser.add_argument(
+        "--margin", type=angle, default=0.0, help="tilt to spare at both ends, such as 1deg (default 0)"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write the figures there")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    from ssm_planner.cli.kinematics import workspace_command
+    from ssm_planner.loading.load import load_robot
+
+    if options.robot is None and options.reach is None:
+        raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
+    robot = None if options.robot is None else load_robot(options.robot)
+    reach = None if options.reach is None else tuple(options.reach)
+    result = workspace_command(robot, reach, options.output, options.margin)
+    if options.json:
+        print_json(result)
+    else:
+        print("\n".join(_lines(result)))
+    return OK if result.get("reachable", True) else FAILED
+
+
+def _lines(result: dict[str, Any]) -> list[str]:
+    def degrees(value: float) -> str:
+        return f"{math.degrees(value):.4f} deg"
+
+    lines = []
+    if "tilt_range" in result:
+        low, high = result["tilt_range"]
+        lines += [
+            f"alpha       {degrees(result['alpha'])}",
+            f"beta        {degrees(result['beta'])}",
+            f"tilt range  {degrees(low)} to {degrees(high)} ({math.degrees(high - low):.4f} deg)",
+            f"home        roll {degrees(result['home']['roll'])}, tilt {degrees(result['home']['tilt'])}",
+        ]
+    elif not result["reachable"]:
+        lines.append("no mechanism of this kind reaches the range")
+    else:
+        lines += [
+            f"smallest alpha that reaches the range: alpha {degrees(result['alpha'])}, beta {degrees(result['beta'])}",
+            "corners (alpha, beta) of all that reach it:",
+            *(f"  {degrees(alpha)}, {degrees(beta)}" for alpha, beta in result["region"]),
+        ]
+        if "robot" in result:
+            lines.append(f"the robot has {degrees(result['robot']['margin'])} to spare")
+    return [*lines, *(f"figure: {path}" for path in result.get("files", {}).values())]

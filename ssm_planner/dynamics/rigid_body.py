@@ -1,0 +1,158 @@
+"""Rigid-body dynamics of the four bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q), symbolic and numeric.
+
+One recursion (Newton–Euler about the RCM) written in CasADi; every number in the program comes from it.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.codegen.functions import call
+from ssm_planner.problem.robot import Body, Geometry, Robot
+from ssm_planner.typing import Array
+
+
+def inverse_dynamics_symbolic(
+    geometry: Geometry, bodies: tuple[Body, ...], gravity: Array, q: ca.SX, qd: ca.SX, qdd: ca.SX
+) -> ca.SX:
+    """Joint efforts that produce qdd at (q, qd); (4,) each, rad, m, N·m, N.
+
+    All three revolute axes pass through the origin, so body 1 to 3 never translate; body 4 slides along ω3.
+    Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4), each body in the frame that moves with it and is the
+    base frame at q = 0: there axes, centres of mass and inertias are constants. Gravity enters as an acceleration −g of
+    the base.
+    """
+    axes = [_constant(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)]
+    omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(-ca.DM(gravity))
+    moments, turns = [], []
+    for i, body in enumerate(bodies):
+        com = _constant(body.frame @ body.com)
+        inertia = _constant(body.frame @ inertia_about_com(body) @ body.frame.T)
+        if i < 3:
+            # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
+            back = _rotation(axes[i], q[i]).T
+            omega, omega_dot, base_acceleration = back @ omega, back @ omega_dot, back @ base_acceleration
+            omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
+            omega = omega + axes[i] * qd[i]
+            turns.append(back.T)
+            place, sliding = ca.SX(com), ca.SX.zeros(3)
+        else:
+            place, sliding = com + axes[2] * q[3], axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
+        force = body.mass * (
+            base_acceleration + sliding + ca.cross(omega_dot, place) + ca.cross(omega, ca.cross(omega, place))
+        )
+        moments.append(inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(place, force))
+    tau = [ca.dot(axes[2], force)]
+    total = moments[2] + moments[3]  # body 4 turns with body 3
+    tau.append(ca.dot(axes[2], total))
+    for i in (1, 0):
+        total = moments[i] + turns[i + 1] @ total
+        tau.append(ca.dot(axes[i], total))
+    return ca.vertcat(*reversed(tau))
+
+
+def inertia_about_com(body: Body) -> Array:
+    """Inertia tensor about the centre of mass in the body frame, kg·m², (3, 3) (parallel-axis theorem)."""
+    c = body.com
+    return np.asarray(body.inertia - body.mass * (c @ c * np.eye(3) - np.outer(c, c)))
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """Numeric rigid-body dynamics of one robot, vectorised over samples."""
+
+    geometry: Geometry
+    bodies: tuple[Body, ...]
+    gravity: Array
+
+    @classmethod
+    def from_robot(cls, robot: Robot) -> RigidBody:
+        """The same object for the same geometry, bodies and gravity, so that its Functions are built once."""
+        return _rigid_body(pickle.dumps((robot.geometry, robot.bodies, robot.gravity)))
+
+    def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
+        """Joint efforts (n, 4) at q, qd, qdd (n, 4)."""
+        return call(self._inverse_dynamics, q, qd, qdd)[0]
+
+    def gravity_load(self, q: Array) -> Array:
+        """Efforts (n, 4) that hold the robot still at q (n, 4)."""
+        zero = np.zeros_like(q)
+        return self.inverse_dynamics(q, zero, zero)
+
+    def path_load(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+        """a, b, c of the efforts a s̈ + b ṡ² + c along a path q(s), (n, 4) each; dq, ddq (n, 4): its derivatives by s."""
+        a, b, c = call(self._path_load, q, dq, ddq)
+        return a, b, c
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M(q), (n, 4, 4), symmetric, for q (n, 4)."""
+        return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
+
+    def energy(self, q: Array, qd: Array) -> tuple[Array, Array]:
+        """Kinetic and potential energy, J, (n,) each; the potential is zero with all masses at the RCM."""
+        kinetic, potential = call(self._energy, q, qd)
+        return kinetic[:, 0], potential[:, 0]
+
+    def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
+        return inverse_dynamics_symbolic(self.geometry, self.bodies, self.gravity, q, qd, qdd)
+
+    @cached_property
+    def _inverse_dynamics(self) -> ca.Function:
+        q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
+        return ca.Function("inverse_dynamics", [q, qd, qdd], [self.symbolic(q, qd, qdd)], ["q", "qd", "qdd"], ["tau"])
+
+    @cached_property
+    def _path_load(self) -> ca.Function:
+        q, dq, ddq = (ca.SX.sym(name, 4) for name in ("q", "dq", "ddq"))
+        zero = ca.SX.zeros(4)
+        still = self.symbolic(q, zero, zero)
+        parts: Any = [self.symbolic(q, zero, dq) - still, self.symbolic(q, dq, ddq) - still, still]
+        return ca.Function("path_load", [q, dq, ddq], ca.cse(parts))
+
+    @cached_property
+    def _mass_matrix(self) -> ca.Function:
+        q, qdd = ca.SX.sym("q", 4), ca.SX.sym("qdd", 4)
+        tau = self.symbolic(q, ca.SX.zeros(4), qdd)
+        return ca.Function("mass_matrix", [q], [ca.vec(ca.densify(ca.jacobian(tau, qdd)))])
+
+    @cached_property
+    def _energy(self) -> ca.Function:
+        q, qd = ca.SX.sym("q", 4), ca.SX.sym("qd", 4)
+        mass_matrix = ca.reshape(self._mass_matrix(q), 4, 4)
+        kinetic = ca.dot(qd, mass_matrix @ qd) / 2
+        return ca.Function("energy", [q, qd], [kinetic, self._potential(q)])
+
+    def _potential(self, q: ca.SX) -> ca.SX:
+        rotation = ca.SX.eye(3)
+        axes = (self.geometry.omega1, self.geometry.omega2, self.geometry.omega3)
+        potential = ca.SX(0)
+        for i, body in enumerate(self.bodies):
+            if i < 3:
+                rotation = rotation @ _rotation(ca.DM(axes[i]), q[i])
+            com = rotation @ ca.DM(body.frame @ body.com)
+            if i == 3:
+                com += rotation @ ca.DM(axes[2]) * q[3]
+            potential -= body.mass * ca.dot(ca.DM(self.gravity), com)
+        return potential
+
+
+@lru_cache(maxsize=16)
+def _rigid_body(content: bytes) -> RigidBody:
+    return RigidBody(*pickle.loads(content))
+
+
+def _constant(value: Array) -> ca.DM:
+    """A constant without the rounding that stands for zeros, so that expressions stay small."""
+    return ca.DM(np.where(np.abs(value) < 1e-15 * np.abs(value).max(initial=0.0), 0.0, value))
+
+
+def _rotation(axis: ca.DM, angle: ca.SX) -> ca.SX:
+    """e^{ω̂θ} for a unit axis (Rodrigues; Murray, Li, Sastry eq. 2.14)."""
+    hat = ca.skew(axis)
+    return ca.SX.eye(3) + hat * ca.sin(angle) + (hat @ hat) * (1 - ca.cos(angle))

@@ -1,0 +1,87 @@
+"""Export of a plan in the forms that controllers take: nothing without a passed certificate, nothing half written."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ssm_planner.atomic import staging
+from ssm_planner.errors import ExportError
+from ssm_planner.formats.manifest import write_manifest
+from ssm_planner.formats.plan_json import PlanFile, plan_document, plan_from_bytes, read_plan
+from ssm_planner.formats.read import MANIFEST
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
+
+if TYPE_CHECKING:
+    from ssm_planner.plans import Plan
+
+
+FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
+UNVERIFIED = "_unverified"
+
+
+def export(
+    plan: PlanFile | Plan | str | Path, to: str, path: str | Path | None = None, *, force: bool = False, **options: Any
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Write a plan in one of FORMATS into the folder `path` (default: `<to>` beside the plan); (files, manifest).
+
+    The plan is checked once more, and one that does not pass is refused; with `force` it is written, and every file
+    name and the manifest say that it is unverified. options: of the format, see its function. Raises ExportError.
+    """
+    if to not in FORMATS:
+        raise ExportError(f"{to!r} is not a form of export (allowed: {', '.join(FORMATS)})")
+    source = _plan_file(plan)
+    certificate, passed = verified(source, force)
+    suffix = "" if passed else UNVERIFIED
+    write = _writer(to, options)
+    folder = Path(path) if path is not None else source.path.parent / to
+    with staging(folder, MANIFEST) as temporary:
+        details = write(source, certificate, temporary, suffix, **options)
+        manifest = write_manifest(temporary, to, source, certificate, passed, details)
+    files = {name: folder / name for name in manifest["files"]}
+    return {**files, "manifest": folder / MANIFEST}, manifest
+
+
+def verified(plan: PlanFile, force: bool) -> tuple[Certificate, bool]:
+    """(certificate found anew, whether it and the one in the file passed). Raises ExportError where not, unless forced."""
+    found = check(plan.trajectory, plan.robot, plan.limits)
+    stated = plan.certificate
+    if found.passed and stated is not None and stated.passed:
+        return found, True
+    if force:
+        return found, False
+    if found.passed:
+        what = "has no certificate" if stated is None else "has a certificate that did not pass"
+        raise ExportError(f"{plan.path}: the plan {what}: plan again, or give --force for files marked unverified")
+    worst = found.worst
+    raise ExportError(
+        f"{plan.path}: the plan does not pass the check: {worst.name} of {worst.joint or 'the tool'} exceeds its limit "
+        f"by {-100 * worst.margin:.3g} % at {worst.time:.4f} s; not exported (--force: marked unverified)"
+    )
+
+
+def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:
+    """The function that writes a format. Raises ExportError for options it does not take."""
+    module = {"c": "c_code"}.get(to, to)
+    write: Callable[..., dict[str, Any]] = getattr(import_module(f"ssm_planner.formats.{module}"), f"export_{to}")
+    taken = list(inspect.signature(write).parameters)[4:]
+    for name in options:
+        if name not in taken:
+            raise ExportError(
+                f"{name} means nothing to an export to {to} (allowed: {', '.join(taken) or 'no options'})"
+            )
+    return write
+
+
+def _plan_file(plan: PlanFile | Plan | str | Path) -> PlanFile:
+    if isinstance(plan, PlanFile):
+        return plan
+    if isinstance(plan, (str, Path)):
+        return read_plan(plan)
+    text = json.dumps(plan_document(plan), indent=1, allow_nan=False) + "\n"
+    return plan_from_bytes(text.encode(), Path("results") / plan.problem.name / "plan.json")

@@ -1,0 +1,172 @@
+"""JointTrajectory messages: made of a plan, and read as YAML, as given to `ros2 topic pub` or an action goal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.formats.points import Points, Reading, join_points
+from ssm_planner.formats.spline_points import SplinePoints
+from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import Array
+
+TICKS = 10**9
+
+
+def trajectory_message(plan: PlanFile, points: SplinePoints, effort: bool) -> Message:
+    """The points as a JointTrajectory; effort: rigid-body efforts at the joints, N·m and N."""
+    s = points.samples
+    empty: list[Sequence[float]] = [[] for _ in s.t]
+    efforts = empty
+    if effort:
+        efforts = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd).tolist()
+    return Message(
+        tuple(joint.name for joint in plan.robot.joints),
+        s.t,
+        s.q.tolist(),
+        s.qd.tolist(),
+        s.qdd.tolist() if points.with_acceleration else empty,
+        efforts,
+    )
+
+
+def split_time(t: float) -> tuple[int, int]:
+    """(sec, nanosec)."""
+    ticks = round(t * TICKS)
+    return ticks // TICKS, ticks % TICKS
+
+
+REST = 1.2e-7
+"""Largest final velocity (rad/s, m/s) that joint_trajectory_controller accepts by default."""
+INSTALL = "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
+
+
+@dataclass(frozen=True, eq=False)
+class Message:
+    """A JointTrajectory: for each of n points time, and a list for each joint or an empty one."""
+
+    names: tuple[str, ...]
+    time: Array
+    positions: list[Sequence[float]]
+    velocities: list[Sequence[float]]
+    accelerations: list[Sequence[float]]
+    effort: list[Sequence[float]]
+
+
+def read_yaml(path: Path, robot: Robot) -> Reading:
+    """The trajectory of a JointTrajectory or a FollowJointTrajectory goal in YAML. Raises TrajectoryError."""
+    import yaml
+
+    try:
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        data = next(iter(yaml.load_all(path.read_text(encoding="utf-8"), Loader=loader)), None)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = "" if mark is None else f":{mark.line + 1}"
+        raise TrajectoryError(f"{path}{line}: not YAML: {getattr(error, 'problem', error)}") from error
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(f"{path}: not a text file") from error
+    except OSError as error:
+        raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
+    for key in ("goal", "trajectory"):
+        if isinstance(data, dict) and isinstance(data.get(key), dict):
+            data = data[key]
+    return read_message(message_from(data, str(path)), robot, str(path))
+
+
+def message_from(data: Any, where: str) -> Message:
+    """A message as plain dictionaries and lists. Raises TrajectoryError."""
+    if not isinstance(data, dict) or not isinstance(data.get("points"), list) or "joint_names" not in data:
+        raise TrajectoryError(f"{where}: not a JointTrajectory (joint_names and points are needed)")
+    names, points = data["joint_names"], data["points"]
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise TrajectoryError(f"{where}: joint_names is not a list of names")
+    time = np.array([_time(point, k, where) for k, point in enumerate(points)])
+    fields = [[_numbers(point, key, k, where) for k, point in enumerate(points)] for key in FIELDS]
+    return Message(tuple(names), time, *fields)
+
+
+FIELDS = ("positions", "velocities", "accelerations", "effort")
+
+
+def read_message(message: Message, robot: Robot, where: str, notes: tuple[str, ...] = ()) -> Reading:
+    """The trajectory that a controller runs for a message. Raises TrajectoryError."""
+    faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
+    if faults:
+        raise TrajectoryError(f"{where}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""))
+    order = [message.names.index(joint.name) for joint in robot.joints]
+    q, _ = _table(message.positions, order)
+    qd, has_qd = _table(message.velocities, order)
+    qdd, has_qdd = _table(message.accelerations, order)
+    points = Points(
+        message.time,
+        q,
+        qd if has_qd.any() else None,
+        qdd if has_qdd.any() else None,
+        None if has_qd.all() else has_qd,
+        None if has_qdd.all() else has_qdd,
+        place=lambda k: f"{where}: point {k}",
+    )
+    return join_points(points, robot, (*notes, *remarks))
+
+
+def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
+    """(faults, remarks): why joint_trajectory_controller rejects a message, and what depends on its configuration."""
+    names, time = message.names, message.time
+    faults = [f"joint {name!r} is not one of {', '.join(joints)}" for name in names if name not in joints]
+    faults += [f"joint {name!r} is named twice" for name in sorted(set(names)) if names.count(name) > 1]
+    faults += [f"joint {name!r} is missing" for name in joints if name not in names]
+    if not len(time):
+        return [*faults, "no points"], []
+    if time[0] < 0:
+        faults.append(f"point 0: time_from_start is negative: {time[0]:.12g} s")
+    for k in np.flatnonzero(np.diff(time) <= 0)[:1]:
+        faults.append(f"point {k + 1}: time_from_start does not increase ({time[k + 1]:.12g} s after {time[k]:.12g} s)")
+    for field in FIELDS:
+        for k, values in enumerate(getattr(message, field)):
+            if len(values) not in ({len(names)} if field == "positions" else {0, len(names)}):
+                faults.append(f"point {k}: {len(values)} {field} for {len(names)} joints")
+                break
+    remarks = []
+    last = np.abs(np.array(message.velocities[-1], dtype=float)) if len(message.velocities[-1]) else np.zeros(1)
+    if last.max(initial=0.0) > REST:
+        remarks.append(
+            f"the last velocity is {last.max():.3g}, not zero: rejected unless allow_nonzero_velocity_at_trajectory_end"
+        )
+    if any(len(values) for values in message.effort):
+        remarks.append("effort is given: rejected where no effort interface is claimed")
+    if time[0] > 0:
+        remarks.append(f"until {time[0]:.6g} s the controller moves from where the robot is: not checked")
+    return faults, remarks
+
+
+def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
+    """(values (n, 4) with 0 where a point gives none, flags (n,))."""
+    has = np.array([len(row) > 0 for row in rows])
+    table = np.array([row if len(row) else [0.0] * len(order) for row in rows], dtype=float)
+    return table[:, order], has
+
+
+def _time(point: Any, k: int, where: str) -> float:
+    stamp = point.get("time_from_start") if isinstance(point, dict) else None
+    try:
+        if isinstance(stamp, dict):
+            nanoseconds = int(stamp.get("sec", 0)) * 10**9 + int(stamp.get("nanosec", 0))
+            return nanoseconds / 1e9
+    except (TypeError, ValueError):
+        stamp = None
+    raise TrajectoryError(f"{where}: point {k}: no time_from_start with sec and nanosec (found: {stamp!r})")
+
+
+def _numbers(point: dict[str, Any], key: str, k: int, where: str) -> Sequence[float]:
+    values = point.get(key) or []
+    if not isinstance(values, list) or not all(type(value) in (int, float) for value in values):
+        raise TrajectoryError(f"{where}: point {k}: {key} is not a list of numbers")
+    return values

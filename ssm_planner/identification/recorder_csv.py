@@ -1,0 +1,263 @@
+"""Numbers as people and spreadsheets write them, and the list of what had to be mended to read them.
+
+Tables in text files: the EPOS recorder's layout and CSV with named columns, numbers with or without local habits.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.typing import Array
+
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
+
+
+class Notes:
+    """Repairs of one file, equal ones counted."""
+
+    def __init__(self, path: Path, decimal_point: bool) -> None:
+        self.path, self.decimal_point = path, decimal_point
+        self.single: list[str] = []
+        self.counted: dict[str, list[int]] = {}
+
+    def add(self, text: str) -> None:
+        self.single.append(text)
+
+    def count(self, text: str, line: int) -> None:
+        self.counted.setdefault(text, []).append(line + 1)
+
+    def number(self, text: str, line: int) -> float:
+        """The number a field holds, its local habits undone; NaN for an empty field or a stated nan."""
+        text = text.strip().strip('"').strip()
+        if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
+            return math.nan
+        if NUMBER.fullmatch(text):
+            return float(text)
+        edited = _EDITED.fullmatch(text)
+        if edited:
+            value, before = edited.group(1).strip(), edited.group(2)
+            self.add(f"line {line + 1}: edited value {value} restored to {before}, which the file states it was")
+            return float(before)
+        if _THOUSANDS.fullmatch(text) and self.decimal_point:
+            self.count("numbers with thousands separators read without them", line)
+            return float(text.replace(",", ""))
+        if _DECIMAL_COMMA.fullmatch(text):
+            self.count("numbers with a decimal comma read as such", line)
+            return float(text.replace(",", "."))
+        head = text.split(",", 1)[0].strip()
+        if "," in text and NUMBER.fullmatch(head):
+            self.add(f"line {line + 1}: text after the number {head} ignored ({text[:40]!r})")
+            return float(head)
+        raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
+
+    def all(self) -> list[str]:
+        counted = [f"{len(at)} {text} (first: line {at[0]})" for text, at in self.counted.items()]
+        return self.single + counted
+
+
+_RPM = math.pi / 30.0
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
+    "speed": {"rpm": _RPM, "1/min": _RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0, "mrpm": 1e-3 * _RPM},
+    "torque": {
+        "%": 0.01,
+        "percent": 0.01,
+        "‰": 0.001,
+        "permille": 0.001,
+        "n*m": 1.0,
+        "nm": 1.0,
+        "mn*m": 1e-3,
+        "mnm": 1e-3,
+    },
+}
+"""Factor to SI by quantity and unit in lower case; %, ‰ are of the motor's nominal torque."""
+_OF_NOMINAL = ("%", "percent", "‰", "permille")
+
+NAMES = {
+    "time": ("time", "t", "timestamp"),
+    "speed": ("velocity actual value averaged", "velocity actual value", "velocity", "speed", "w", "omega"),
+    "torque": ("torque actual value averaged", "torque actual value", "torque", "tau"),
+}
+"""Accepted column names, best first."""
+
+MAX_LINE = 100_000
+"""Longest line read, characters."""
+
+_UNIT_IN_NAME = re.compile(r"^(.*?)\s*[\[(](.*?)[\])]\s*$")
+
+
+@dataclass
+class Table:
+    """Numbers of a file, (samples, columns), with the line of each sample; NaN where a field is no finite number."""
+
+    names: list[str]
+    units: list[str]
+    values: Array
+    lines: list[int]
+    repairs: list[str]
+    header: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column that was found: its place, name and factor to SI."""
+
+    index: int
+    name: str
+    unit: str
+    factor: float
+    of_nominal: bool
+
+
+def parse_table(text: str, path: Path) -> Table:
+    """Split a text into header, channel names, units and samples."""
+    lines = text.splitlines()
+    for k, line in enumerate(lines):
+        if len(line) > MAX_LINE:
+            raise RecordingError(f"{path}:{k + 1}: a line of {len(line)} characters is no line of a table")
+    separator = _separator(lines, path)
+    names_at = _find_names(lines, separator, path)
+    header: dict[str, str] = {}
+    for line in lines[:names_at]:
+        key, _, value = _strip(line).replace('"', "").partition(separator)
+        header[key.strip().rstrip(":").lower()] = value.strip()
+    names = [name.strip().strip('"') for name in _fields(lines[names_at], separator)]
+    first = names_at + 1
+    units = [""] * len(names)
+    if first < len(lines):
+        second = [field.strip().strip('"') for field in _fields(lines[first], separator)]
+        if second and not any(NUMBER.fullmatch(f) for f in second):
+            units, first = second, first + 1
+    names, units = _align(names, units)
+    return _samples(lines, first, separator, names, units, header, path)
+
+
+def find_columns(table: Table, path: Path) -> dict[str, Column]:
+    """Time, speed and torque columns of a table, whatever their order; RecordingError where one is missing."""
+    split = [_name_and_unit(name, unit) for name, unit in zip(table.names, table.units, strict=True)]
+    found: dict[str, Column] = {}
+    for quantity, accepted in NAMES.items():
+        candidates = [(accepted.index(n), k) for k, (n, _) in enumerate(split) if n in accepted]
+        if not candidates:
+            raise RecordingError(
+                f"{path}: no {quantity} column among {[n for n in table.names if n] or table.names}; "
+                f"accepted names: {', '.join(accepted)}"
+            )
+        index = min(candidates)[1]
+        unit = split[index][1]
+        allowed = UNITS[quantity]
+        if unit.lower() not in allowed:
+            given = f"unit {unit!r}" if unit else "no unit"
+            raise RecordingError(
+                f"{path}: {quantity} column {table.names[index]!r} has {given}; allowed: {', '.join(allowed)}"
+            )
+        found[quantity] = Column(
+            index, table.names[index], unit, allowed[unit.lower()], quantity == "torque" and unit.lower() in _OF_NOMINAL
+        )
+    return found
+
+
+def _separator(lines: list[str], path: Path) -> str:
+    for separator in (";", "\t", ","):
+        if any(separator in line for line in lines[:40]):
+            return separator
+    raise RecordingError(f"{path}: no columns found (separators ; tab and , are known)")
+
+
+def _find_names(lines: list[str], separator: str, path: Path) -> int:
+    """Line of the channel names: the last line before the numbers that names a speed or torque channel."""
+    words = ("velocity", "speed", "torque", "tau", "omega")
+    for k, line in enumerate(lines[:200]):
+        fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
+        if len(fields) >= 2 and any(f.startswith(words) for f in fields) and not fields[0].startswith("trigger"):
+            return k
+    raise RecordingError(
+        f"{path}: no line of channel names found (a velocity and a torque column are needed); "
+        "neither an EPOS recorder export nor a CSV with named columns"
+    )
+
+
+def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
+    """Give the recorder's unnamed time column its name, and names and units the same length."""
+    width = max(len(names), len(units))
+    names, units = names + [""] * (width - len(names)), units + [""] * (width - len(units))
+    if not any(_name_and_unit(n, u)[0] in NAMES["time"] for n, u in zip(names, units, strict=True)):
+        for k, (name, unit) in enumerate(zip(names, units, strict=True)):
+            if not name and unit.lower() in UNITS["time"]:
+                names[k] = "time"
+                break
+    return names, units
+
+
+def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
+    """("velocity", "rpm") from `velocity` and `rpm`, `Velocity [rpm]` or `velocity_rpm`."""
+    match = _UNIT_IN_NAME.match(name)
+    if match and not unit:
+        name, unit = match.group(1), match.group(2)
+    plain = name.strip().lower()
+    if not unit and "_" in plain:
+        stem, suffix = plain.rsplit("_", 1)
+        spelled = {"rad/s": ("rads", "radps"), "N*m": ("nm",), "mN*m": ("mnm",), "%": ("percent", "pct")}
+        for known, spellings in spelled.items():
+            if suffix in spellings:
+                return stem.replace("_", " "), known
+        if any(suffix in units for units in UNITS.values()):
+            return stem.replace("_", " "), suffix
+    return plain.replace("_", " "), unit.strip()
+
+
+def _strip(line: str) -> str:
+    """A line without the commas and blanks that a spreadsheet leaves at its end."""
+    return line.rstrip().rstrip(",").rstrip()
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    fields = (line.rstrip() if separator == "," else _strip(line)).split(separator)
+    while fields and not fields[-1].strip():
+        fields.pop()
+    return fields
+
+
+def _samples(
+    lines: list[str], first: int, separator: str, names: list[str], units: list[str], header: dict[str, str], path: Path
+) -> Table:
+    width, rows, numbers = len(names), [], []
+    notes = Notes(path, any("." in line for line in lines[first : first + 200]))
+    last = max((k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")), default=first - 1)
+    for k in range(first, last + 1):
+        raw = lines[k]
+        fields = _fields(raw, separator)
+        if not fields:
+            notes.count("blank lines skipped", k)
+            continue
+        if separator != "," and raw.rstrip().endswith(","):
+            notes.count("lines with commas added at their end read without them", k)
+        if len(fields) > width:
+            notes.count(f"lines with more than {width} columns: the rest ignored", k)
+        if len(fields) < width:
+            if k == last:
+                notes.add(f"the last line ({k + 1}) is cut off and left out")
+                continue
+            fields = fields + [""] * (width - len(fields))
+        try:
+            row = [float(f) for f in fields[:width]]
+        except ValueError:
+            row = [notes.number(f, k) for f in fields[:width]]
+        rows.append(row)
+        numbers.append(k + 1)
+    if not rows:
+        raise RecordingError(f"{path}: the header is there, but no sample follows it")
+    promised = header.get("recorded samples", "")
+    if promised.isdigit() and int(promised) != len(rows):
+        notes.add(f"the header promises {promised} samples, {len(rows)} were found")
+    return Table(names, units, np.array(rows, dtype=float), numbers, notes.all(), header)

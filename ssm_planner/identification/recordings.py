@@ -1,0 +1,171 @@
+"""Recordings of one drive: EPOS recorder exports and CSV files with named columns, read with every repair stated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.recorder_csv import Column, Table, find_columns, parse_table
+from ssm_planner.typing import Array
+
+MAX_BYTES = 32_000_000
+"""Largest file read: more than half an hour at 1 kHz. An EPOS recorder export is some 10 kB."""
+
+MIN_SAMPLES = 8
+SPIKE_GAP = 3.0
+"""A sample is a spike when its distance to the others exceeds this many times their range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Speed and torque of one motor over time, SI, in the drive's positive direction; arrays (samples,)."""
+
+    name: str
+    time: Array
+    w: Array
+    tau: Array
+    repairs: tuple[str, ...] = ()
+    """What was mended or left out, one sentence each."""
+    quantum: float = 0.0
+    """Resolution of the speed channel, rad/s."""
+    header: dict[str, str] = field(default_factory=dict)
+
+
+def read_recording(
+    path: str | Path, *, nominal_torque: float | None = None, direction: int = 1, name: str | None = None
+) -> Recording:
+    """Read one recording.
+
+    nominal_torque: N·m behind a torque channel in percent or per mille. direction: sign of the recorded channels.
+    name: how results call it, default the file's name.
+    Raises RecordingError naming file, line and fault where the file cannot be used.
+    """
+    path = Path(path)
+    text = _read_text(path)
+    table = parse_table(text, path)
+    columns = find_columns(table, path)
+    repairs = list(table.repairs)
+    time, speed, torque = (_in_si(table, columns[key], path, nominal_torque) for key in ("time", "speed", "torque"))
+    keep = np.isfinite(time) & np.isfinite(speed) & np.isfinite(torque)
+    if not keep.all():
+        bad = np.flatnonzero(~keep)
+        if len(bad) > max(1, 0.05 * len(keep)):
+            raise RecordingError(
+                f"{path}:{table.lines[bad[0]]}: {len(bad)} of {len(keep)} samples are not finite numbers; "
+                "at most 5 % may be left out"
+            )
+        repairs.append(f"{len(bad)} samples that are not finite left out (first: line {table.lines[bad[0]]})")
+    lines = np.asarray(table.lines)[keep]
+    time, speed, torque = time[keep], speed[keep], torque[keep]
+    _check_time(time, lines, path)
+    if len(time) < MIN_SAMPLES:
+        raise RecordingError(f"{path}: {len(time)} samples; at least {MIN_SAMPLES} are needed")
+    for quantity, channel in (("torque", torque), ("speed", speed)):
+        spikes = find_spikes(channel)
+        if len(spikes):
+            shown = ", ".join(f"line {lines[k]}" for k in spikes[:5])
+            repairs.append(f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})")
+            channel[spikes] = np.nan
+    keep = np.isfinite(torque) & np.isfinite(speed)
+    time, speed, torque = time[keep], speed[keep], torque[keep]
+    if np.ptp(torque) == 0.0 and np.any(speed != 0.0):
+        raise RecordingError(
+            f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
+        )
+    return Recording(
+        name=name or path.name,
+        time=time - time[0],
+        w=direction * speed,
+        tau=direction * torque,
+        repairs=tuple(repairs),
+        quantum=_quantum(speed),
+        header=table.header,
+    )
+
+
+def read_recordings(
+    paths: list[str | Path] | tuple[str | Path, ...], *, nominal_torque: float | None = None, direction: int = 1
+) -> list[Recording]:
+    """Read files and all `*.csv` and `*.txt` files below directories, sorted and
+    named by their place within each directory."""
+    files: list[tuple[Path, str]] = []
+    for entry in map(Path, paths):
+        if entry.is_dir():
+            found = sorted(p for p in entry.rglob("*") if p.suffix.lower() in (".csv", ".txt") and p.is_file())
+            if not found:
+                raise RecordingError(f"{entry}: no .csv or .txt file in this directory")
+            files.extend((file, file.relative_to(entry).as_posix()) for file in found)
+        else:
+            files.append((entry, entry.name))
+    return [read_recording(file, nominal_torque=nominal_torque, direction=direction, name=name) for file, name in files]
+
+
+def find_spikes(values: Array, most: float = 0.01) -> NDArray[np.intp]:
+    """Indices of isolated samples: beyond a gap of SPIKE_GAP times the range of all but the outermost samples.
+
+    At most a share `most` of the samples (one, for short recordings) on either side; more are no isolated samples.
+    """
+    order = np.argsort(values, kind="stable")
+    ranked = values[order]
+    outermost = max(1, int(most * len(values)))
+    inner = ranked[outermost : len(values) - outermost]
+    gap = np.diff(ranked) > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)
+    below = np.flatnonzero(gap[:outermost])
+    above = np.flatnonzero(gap[len(gap) - outermost :])
+    low = int(below[-1]) + 1 if len(below) else 0
+    high = len(values) - outermost + int(above[0]) if len(above) else len(values)
+    return np.sort(np.concatenate([order[:low], order[high:]]))
+
+
+def _read_text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise RecordingError(
+                f"{path}: {size / 1e6:.0f} MB; recordings up to {MAX_BYTES / 1e6:.0f} MB are read, cut it into parts"
+            )
+        raw = path.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if not raw.strip():
+        raise RecordingError(f"{path}: the file is empty")
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        try:
+            return raw.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise RecordingError(f"{path}: not a text file") from error
+    control = raw[:65536].translate(None, bytes(range(32, 256)) + b"\t\r\n\f")
+    if control:
+        raise RecordingError(f"{path}: not a text file (it holds control bytes)")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", errors="replace")
+
+
+def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | None) -> Array:
+    values = table.values[:, column.index]
+    if column.of_nominal:
+        if nominal_torque is None:
+            raise RecordingError(
+                f"{path}: torque is in {column.unit}, so the motor's nominal torque is needed "
+                "(nominal_torque in the drive file's rig)"
+            )
+        return values * (column.factor * nominal_torque)
+    return values * column.factor
+
+
+def _check_time(time: Array, lines: Array, path: Path) -> None:
+    backwards = np.flatnonzero(np.diff(time) <= 0)
+    if len(backwards):
+        k = backwards[0] + 1
+        raise RecordingError(f"{path}:{lines[k]}: time does not increase ({time[k]:g} s after {time[k - 1]:g} s)")
+
+
+def _quantum(speed: Array) -> float:
+    steps = np.diff(np.unique(np.round(speed, 6)))
+    return float(steps.min()) if len(steps) else 0.0

@@ -1,0 +1,131 @@
+"""Forward kinematics and Jacobians by the product of exponentials (paper, eq. 2), in batch.
+
+e^{ω̂θ} is linear in (1, cos θ, sin θ), so R is a constant times the 27 products of these for three joints, and tool
+axis and Jacobian columns a constant times 9: one matrix product per cache-sized block of configurations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssm_planner.kinematics.arguments import batch
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.typing import Array
+
+BLOCK = 1024
+"""Configurations per block: temporaries stay in the cache, and products are too small for BLAS to start threads."""
+
+
+def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
+    """Tool pose of joints q (n, 4), rad and m: (R (n, 3, 3), p (n, 3)); paper, eq. 2."""
+    q = batch("q", q, 4)
+    rotations, positions = np.empty((len(q), 9)), np.empty((len(q), 3))
+    for block in blocks(len(q)):
+        one, two, three = (_terms(q[block, i]) for i in range(3))
+        _pose(mechanism, q[block, 3], _products(one, two), three, rotations[block], positions[block])
+    return rotations.reshape(-1, 3, 3), positions
+
+
+def forward_with_jacobian(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array, Array]:
+    """Pose and space Jacobian together: (R (n, 3, 3), p (n, 3), J (n, 6, 4)) of q (n, 4)."""
+    q = batch("q", q, 4)
+    rotations, positions, jacobians = np.empty((len(q), 9)), np.empty((len(q), 3)), np.empty((len(q), 24))
+    space = _space_terms(mechanism)
+    for block in blocks(len(q)):
+        one, two, three = (_terms(q[block, i]) for i in range(3))
+        elbow = _products(one, two)
+        _pose(mechanism, q[block, 3], elbow, three, rotations[block], positions[block])
+        np.matmul(elbow.T, space, out=jacobians[block])
+    return rotations.reshape(-1, 3, 3), positions, jacobians.reshape(-1, 6, 4)
+
+
+def tip_position(mechanism: Mechanism, q: ArrayLike) -> Array:
+    """p (n, 3) of joints q (n, 4): the tool tip in the base frame, m."""
+    return forward(mechanism, q)[1]
+
+
+def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
+    """Columns ξ'_i = Ad(e^{ξ̂1θ1} … e^{ξ̂(i−1)θ(i−1)}) ξ_i as (v, omega); q (n, 4) to (n, 6, 4)."""
+    q = batch("q", q, 4)
+    jacobians = np.empty((len(q), 24))
+    space = _space_terms(mechanism)
+    for block in blocks(len(q)):
+        np.matmul(_products(_terms(q[block, 0]), _terms(q[block, 1])).T, space, out=jacobians[block])
+    return jacobians.reshape(-1, 6, 4)
+
+
+def body_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
+    """Columns Ad(g⁻¹) ξ'_i: the same motions seen in the tool frame, as (v, omega); q (n, 4) to (n, 6, 4)."""
+    q = batch("q", q, 4)
+    jacobians = np.empty((len(q), 24))
+    body = _body_terms(mechanism)
+    for block in blocks(len(q)):
+        turned = _products(_terms(q[block, 2]), _terms(q[block, 1]))
+        np.matmul(turned.T, body, out=jacobians[block])
+    out = jacobians.reshape(-1, 6, 4)
+    # the tip is at θ4 e_z of the tool frame, so it moves with θ4 (ω × e_z)
+    np.multiply(out[:, 4, :3], q[:, 3:], out=out[:, 0, :3])
+    np.multiply(out[:, 3, :3], -q[:, 3:], out=out[:, 1, :3])
+    return out
+
+
+def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
+    """Consecutive slices that cover range(count)."""
+    return (slice(start, min(start + size, count)) for start in range(0, count, size))
+
+
+def _terms(angle: Array) -> Array:
+    """(1, cos θ, sin θ) as rows, (3, n)."""
+    out = np.empty((3, len(angle)))
+    out[0] = 1.0
+    np.cos(angle, out=out[1])
+    np.sin(angle, out=out[2])
+    return out
+
+
+def _products(a: Array, b: Array) -> Array:
+    """All products of a row of a with a row of b, (rows of a · rows of b, n)."""
+    return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
+
+
+def _pose(mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, rotations: Array, positions: Array) -> None:
+    """Write R and p of one block, from the products of joints 1 and 2 and the terms of joint 3."""
+    np.matmul(_products(elbow, three).T, mechanism.orientation_terms, out=rotations)
+    np.multiply(rotations[:, 2::3], theta4[:, np.newaxis], out=positions)
+
+
+def _space_terms(mechanism: Mechanism) -> Array:
+    """Space Jacobian, row by row, as a constant (9, 24) times the products of joints 1 and 2."""
+    one, two, _ = mechanism.exponentials
+    terms = np.zeros((3, 3, 6, 4))
+    terms[0, 0, 3:, 0] = mechanism.omega1
+    terms[:, 0, 3:, 1] = one @ mechanism.omega2
+    tool = np.einsum("aij,bjk,k->abi", one, two, mechanism.omega3)
+    terms[:, :, 3:, 2] = tool
+    terms[:, :, :3, 3] = tool
+    return terms.reshape(9, 24)
+
+
+def _body_terms(mechanism: Mechanism) -> Array:
+    """Body Jacobian at θ4 = 0 as a constant (9, 24) times the products of joints 3 and 2.
+
+    The axes of joints 1 and 2 in the tool frame are R_0ᵀ e^{−ω̂3θ3} e^{−ω̂2θ2} ω1 and R_0ᵀ e^{−ω̂3θ3} ω2.
+    """
+    _, two, three = np.swapaxes(mechanism.exponentials, -1, -2)
+    home = mechanism.tool_home.T
+    terms = np.zeros((3, 3, 6, 4))
+    terms[:, :, 3:, 0] = np.einsum("il,alj,bjk,k->abi", home, three, two, mechanism.omega1)
+    terms[:, 0, 3:, 1] = np.einsum("il,alj,j->ai", home, three, mechanism.omega2)
+    terms[0, 0, 5, 2] = 1.0
+    terms[0, 0, 2, 3] = 1.0
+    return terms.reshape(9, 24)
+
+
+def tip_velocity(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Velocity of the tool tip, m/s, (n, 3): v + ω × p of the spatial velocity (v, ω) = J_s(q) qd; q, qd (n, 4)."""
+    twist = np.einsum("nij,nj->ni", space_jacobian(mechanism, q), batch("qd", qd, 4))
+    velocity: Array = twist[:, :3] + np.cross(twist[:, 3:], tip_position(mechanism, q))
+    return velocity

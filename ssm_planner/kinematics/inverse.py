@@ -1,0 +1,284 @@
+"""The inner loop of inverse kinematics: one block of tool poses, both branches, at a few dozen operations each.
+
+subproblems.py holds the Paden–Kahan subproblems for any axes; here they are written out in the frame (ω1, t, n), where
+most of their terms are constants of the mechanism, and without a sine or cosine.
+
+Inverse kinematics in closed form, every branch, in batch (paper, §II-C).
+
+Subproblem 3′ gives θ4, Subproblem 2 gives θ1 and θ2, Subproblem 1 gives θ3: subproblems.py.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.errors import GeometryError
+from ssm_planner.kinematics import arguments
+from ssm_planner.kinematics.arguments import ROTATION_TOLERANCE, batch
+from ssm_planner.kinematics.forward import blocks
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
+from ssm_planner.kinematics.solutions import Solutions, select
+from ssm_planner.kinematics.subproblems import subproblem_3_prime
+from ssm_planner.kinematics.task import joints_of_task, task_batch, task_from_joints
+from ssm_planner.kinematics.triangle import elbow_squares
+from ssm_planner.kinematics.workspace import tilt_magnitudes
+from ssm_planner.typing import Array
+
+BRANCHES = (1, -1)
+ALIGNED = 1e-14
+"""Distance of two unit vectors below which it is their angle, to the last digit."""
+LEVER = 1e-3
+"""Where tip and orientation of a target contradict each other, m of tip error that weigh as much as 1 rad."""
+
+
+def solve_block(
+    mech: Mechanism, w: Array, z: Array, p: Array, joints: Array, orientation_error: Array, tip_error: Array
+) -> None:
+    """Write joints (n, 2, 4) and errors (n,) of one block.
+
+    The rows of w, z and p (3, n) are components along ω1, t, n: z of the tool axis, p of the tip, w of the tool
+    direction at right angles to it that θ2 = δ, θ1 = θ3 = 0 put in the plane of ω1 and ω2, toward ω1 as seen from ω2.
+    """
+    along = _dot(p, z)
+    u = _unit(along * p + LEVER**2 * z)
+    cosine2, sine2 = _elbow(mech, u)
+    theta4 = _dot(p, u)
+    tip_error[:] = np.sqrt(_square(p - theta4 * u))
+    chord = np.sqrt(_square(z - u))
+    orientation_error[:] = chord
+    if chord.max() > ALIGNED:
+        middle = z + u
+        length2 = _square(middle)
+        orientation_error[:] = 2.0 * np.arctan2(chord, np.sqrt(length2))
+        # the smallest rotation that takes z to u takes w along
+        w = w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle
+
+    # Subproblem 2: θ2 from the triangle, θ1 from the azimuths of e^{ω̂2θ2} ω3 and of u about ω1
+    c, s = np.sqrt(cosine2), np.sqrt(sine2)
+    x = 2.0 * np.arctan2(s, c)
+    twice = 2.0 * (s * c)
+    on_t = math.sin(mech.alpha - mech.beta) * cosine2 + math.sin(mech.alpha + mech.beta) * sine2
+    on_n = math.sin(mech.beta) * twice
+    tt, tn, nt, nn = on_t * u[1], on_t * u[2], on_n * u[1], on_n * u[2]
+    turned = (tt - nn, tn + nt), (tt + nn, tn - nt)
+    size = np.sqrt(turned[0][0] ** 2 + turned[0][1] ** 2)
+    free = size == 0.0
+    size[free] = 1.0
+
+    # Subproblem 1 about ω3, with w, turned back by θ1, in the frame (ω2, toward ω1, −n)
+    cos_x, w_along, w_across = cosine2 - sine2, math.cos(mech.alpha) * w[0], math.sin(mech.alpha) * w[0]
+    scale = math.sin(mech.beta) * (cosine2 + sine2)
+    rows = np.empty((2, 4, len(x)))
+    for k, (branch, (cosine, sine)) in enumerate(zip(BRANCHES, turned, strict=True)):
+        cosine[free] = 1.0
+        c1, s1 = cosine / size, sine / size
+        w1, w2 = c1 * w[1] + s1 * w[2], c1 * w[2] - s1 * w[1]
+        h0, h1 = w_along + math.sin(mech.alpha) * w1, w_across - math.cos(mech.alpha) * w1
+        sin_x = twice if branch > 0 else -twice
+        at_zero = math.cos(mech.beta) * (cos_x * h1 - sin_x * w2) - scale * h0
+        np.arctan2(sine, cosine, out=rows[k, 0])
+        np.add(mech.delta, branch * x, out=rows[k, 1])
+        np.arctan2(-(cos_x * w2 + sin_x * h1), at_zero, out=rows[k, 2])
+        rows[k, 3] = theta4
+    joints[:] = np.moveaxis(rows, 2, 0)
+
+
+def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
+    """(C², S²) of unit pointings u (3, n), each of which is moved into the workspace, in place, if it is outside."""
+    around = u[1] ** 2 + u[2] ** 2
+    sine, cosine = np.sqrt((u[0] - 1.0) ** 2 + around), np.sqrt((u[0] + 1.0) ** 2 + around)
+    cosine2, sine2 = elbow_squares(NUMPY, mech.alpha, mech.beta, cosine, sine)
+    outside = np.flatnonzero(np.minimum(cosine2, sine2) < 0.0)
+    if outside.size:
+        tilt = 2.0 * np.arctan2(sine[outside], cosine[outside])
+        tilt = np.clip(tilt, *tilt_magnitudes(mech.alpha, mech.beta))
+        azimuth = np.arctan2(u[2, outside], u[1, outside])
+        u[:, outside] = np.cos(tilt), np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
+        squares = elbow_squares(NUMPY, mech.alpha, mech.beta, np.cos(tilt / 2.0), np.sin(tilt / 2.0))
+        cosine2[outside], sine2[outside] = (np.maximum(square, 0.0) for square in squares)
+    return cosine2, sine2
+
+
+def are_rotations(columns: Array) -> bool:
+    """Are the columns x, y, z (9, n) orthonormal and right-handed? No, if one is NaN."""
+    x, y, z = columns[0:3], columns[3:6], columns[6:9]
+    defect = (_square(x) - 1.0) ** 2 + (_square(y) - 1.0) ** 2 + _dot(x, y) ** 2
+    defect += (x[1] * y[2] - x[2] * y[1] - z[0]) ** 2
+    defect += (x[2] * y[0] - x[0] * y[2] - z[1]) ** 2
+    defect += (x[0] * y[1] - x[1] * y[0] - z[2]) ** 2
+    return bool(defect.max() <= ROTATION_TOLERANCE**2)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Inner products of columns, (3, n) and (3, n) to (n,)."""
+    product: Array = a[0] * b[0]
+    product += a[1] * b[1]
+    product += a[2] * b[2]
+    return product
+
+
+def _square(a: Array) -> Array:
+    """Squared lengths of columns."""
+    return _dot(a, a)
+
+
+def _unit(a: Array) -> Array:
+    """Columns scaled to length 1."""
+    return a / np.sqrt(_square(a))
+
+
+TOLERANCE = 1e-7
+"""Error, rad and m, up to which a target counts as reached."""
+BLOCK = 3072
+"""Targets per block: temporaries stay in the cache, and the matrix product is too small for BLAS to start threads."""
+
+
+def inverse(
+    mechanism: Mechanism,
+    rotations: ArrayLike,
+    positions: ArrayLike,
+    *,
+    limits: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
+) -> Solutions:
+    """Joints of tool poses R (n, 3, 3) and p (n, 3) on both branches.
+
+    Of the two θ4 = ±|p| of Subproblem 3′ the orientation takes one. Where p is off the tool axis R e_z, which no joints
+    can reach, the pointing v is taken that minimises |p − θ4 v|² + LEVER² |v − R e_z|² for θ4 = pᵀR e_z, and then
+    θ4 = pᵀv. At depth 0 this is the orientation alone. A pointing outside the workspace is moved to the boundary at its
+    own roll, the nearest that Subproblem 2 reaches.
+    With `limits` (4, 2) solutions are marked, with `reference` (4,) or (n, 4) ordered: see solutions.py.
+    Raises GeometryError for shapes, NaN and matrices that are not rotations.
+    """
+    _refuse_parallel(mechanism)
+    matrix = arguments.matrices("rotations", rotations)
+    p = batch("positions", positions, 3)
+    if len(p) != len(matrix):
+        raise GeometryError(f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length")
+    n = len(p)
+    joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
+    to_frame = np.einsum("ik,cj->jkic", mechanism.frame, _spin(-mechanism.tool_angle)).reshape(9, 9)
+    flat = matrix.reshape(n, 9)
+    for block in blocks(n, BLOCK):
+        columns = to_frame @ flat[block].T
+        if not are_rotations(columns):
+            arguments.rotations("rotations", matrix)
+        out = joints[block], orientation_error[block], tip_error[block]
+        solve_block(mechanism, columns[0:3], columns[6:9], mechanism.frame.T @ p[block].T, *out)
+    return _solutions(joints, orientation_error, tip_error, limits, reference)
+
+
+def inverse_task(
+    mechanism: Mechanism, task: ArrayLike, *, limits: ArrayLike | None = None, reference: ArrayLike | None = None
+) -> Solutions:
+    """Joints of (roll, tilt, spin, depth) (n, 4) on both branches; tilt of either sign.
+
+    Roll and spin are taken as given: θ1 and θ3 are continuous in them. A tilt outside the workspace is moved to its
+    nearest end. `limits` and `reference` as for `inverse`.
+    """
+    _refuse_parallel(mechanism)
+    task = task_batch("task", task)
+    n = len(task)
+    low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
+    joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
+    for block in blocks(n, BLOCK):
+        roll, tilt, spin, depth = task[block].T
+        inside = np.clip(np.abs(tilt), low, high)
+        error = np.abs(np.abs(tilt) - inside)
+        nearest = roll, np.copysign(inside, tilt), spin, depth * np.cos(error)
+        for k, branch in enumerate(BRANCHES):
+            for i, angle in enumerate(joints_of_task(NUMPY, mechanism, nearest, branch)):
+                joints[block, k, i] = angle
+        orientation_error[block] = error
+        tip_error[block] = np.abs(depth * np.sin(error))
+    return _solutions(joints, orientation_error, tip_error, limits, reference)
+
+
+def inverse_tip(
+    mechanism: Mechanism,
+    tip: ArrayLike,
+    spin: ArrayLike = 0.0,
+    *,
+    limits: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
+) -> Solutions:
+    """Joints of tip positions (n, 3) with spin (n,): up to four solutions.
+
+    Subproblem 3′ gives two translations θ4 (tool through the RCM to the tip, or from the tip's side), each with two
+    branches; k counts (depth > 0, +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM gives no
+    pointing: then the tool keeps that of `reference`, or of home, and the second pair does not count.
+    """
+    tip = batch("tip", tip, 3)
+    spins = np.asarray(spin, dtype=float)
+    arguments.finite("spin", spins)
+    if spins.shape not in ((), (len(tip),)):
+        raise GeometryError(f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip")
+    spins = np.broadcast_to(spins, len(tip))
+    zero = np.zeros(3)
+    theta4, _ = subproblem_3_prime(mechanism.omega3, zero, zero, np.linalg.norm(tip, axis=1))
+    at_rcm = np.abs(theta4[:, 0]) <= TOLERANCE
+    pair = []
+    for depth in np.sort(mechanism.insertion_sign * theta4, axis=1)[:, ::-1].T:
+        task = np.column_stack((*_pointing(mechanism, tip, depth, at_rcm, reference), spins, depth))
+        pair.append(inverse_task(mechanism, task))
+    pair[1].reaches[at_rcm] = False
+    found = Solutions(
+        joints=np.concatenate([each.joints for each in pair], axis=1),
+        branch=np.concatenate([each.branch for each in pair], axis=1),
+        reaches=np.concatenate([each.reaches for each in pair], axis=1),
+        in_limits=np.concatenate([each.in_limits for each in pair], axis=1),
+        reachable=pair[0].reachable | pair[1].reachable,
+        orientation_error=np.minimum(pair[0].orientation_error, pair[1].orientation_error),
+        tip_error=np.minimum(pair[0].tip_error, pair[1].tip_error),
+    )
+    return select(found, limits, reference)
+
+
+def _solutions(
+    joints: Array, orientation_error: Array, tip_error: Array, limits: ArrayLike | None, reference: ArrayLike | None
+) -> Solutions:
+    reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
+    shape = joints.shape[:2]
+    found = Solutions(
+        joints=joints,
+        branch=np.broadcast_to(BRANCHES, shape),
+        reaches=np.repeat(reachable[:, np.newaxis], 2, axis=1),
+        in_limits=np.broadcast_to(True, shape),
+        reachable=reachable,
+        orientation_error=orientation_error,
+        tip_error=tip_error,
+    )
+    return select(found, limits, reference)
+
+
+def _pointing(
+    mech: Mechanism, tip: Array, depth: Array, at_rcm: NDArray[np.bool_], reference: ArrayLike | None
+) -> tuple[Array, Array]:
+    """Roll and tilt of the tool whose tip is at the given depth, at the RCM those of the reference or of home."""
+    u = mech.frame.T @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
+    around = np.hypot(u[1], u[2])
+    roll = np.where(around > 0.0, np.arctan2(mech.side * u[1], -mech.side * u[2]), 0.0)
+    tilt = mech.side * np.arctan2(around, u[0])
+    kept = np.array([[mech.home_roll, mech.home_tilt, 0.0, 0.0]])
+    if reference is not None and at_rcm.any():
+        kept = task_from_joints(mech, reference)
+    return np.where(at_rcm, kept[:, 0], roll), np.where(at_rcm, kept[:, 1], tilt)
+
+
+def _refuse_parallel(mech: Mechanism) -> None:
+    for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
+        if math.sin(angle) < PARALLEL:
+            raise GeometryError(
+                f"{name} = {angle:.6g} rad: joints {joints} turn about one axis, their angles are not unique"
+            )
+
+
+def _spin(angle: float) -> Array:
+    """Rz."""
+    return np.array(
+        [[math.cos(angle), -math.sin(angle), 0.0], [math.sin(angle), math.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )

@@ -1,0 +1,116 @@
+"""Task coordinates to joints and back in closed form, once, for NumPy arrays and CasADi expressions.
+
+Task coordinates (roll, tilt, spin, depth), in batch.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssm_planner.codegen.namespace import NUMPY, Namespace
+from ssm_planner.errors import GeometryError
+from ssm_planner.kinematics.arguments import batch
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics.solutions import nearest_turn
+from ssm_planner.kinematics.triangle import azimuths, elbow_squares, tilt_magnitude
+from ssm_planner.typing import Array
+
+
+def joints_of_task(
+    xp: Namespace, mechanism: Mechanism, task: tuple[Any, Any, Any, Any], branch: Any
+) -> tuple[Any, ...]:
+    """Closed-form inverse: (θ1, θ2, θ3, θ4) of (roll, tilt, spin, depth) on one branch.
+
+    Continuous along any path that stays on the branch, with roll and spin as given (not wrapped).
+    """
+    roll, tilt, spin, depth = task
+    mech = mechanism
+    cosine2, sine2 = elbow_squares(xp, mech.alpha, mech.beta, xp.cos(tilt / 2.0), xp.sin(tilt / 2.0))
+    c, s = xp.sqrt(xp.nonnegative(cosine2)), branch * xp.sqrt(xp.nonnegative(sine2))
+    zeta, eta = azimuths(xp, mech.alpha, mech.beta, c, s)
+    turned = xp.where(tilt * mech.side >= 0.0, 0.0, math.pi)
+    theta1 = roll - zeta - mech.side * math.pi / 2.0 + turned
+    theta2 = mech.delta + 2.0 * xp.arctan2(s, c)
+    theta3 = spin + eta - mech.spin_offset - turned
+    return theta1, theta2, theta3, mech.insertion_sign * depth
+
+
+def task_of_joints(xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
+    """(roll, tilt, spin, depth) of joints, tilt on the home side; roll and spin are not wrapped."""
+    theta1, theta2, theta3, theta4 = q
+    mech = mechanism
+    x = theta2 - mech.delta
+    zeta, eta = azimuths(xp, mech.alpha, mech.beta, xp.cos(x / 2.0), xp.sin(x / 2.0))
+    roll = theta1 + zeta + mech.side * math.pi / 2.0
+    tilt = mech.side * tilt_magnitude(xp, mech.alpha, mech.beta, x)
+    return roll, tilt, theta3 - eta + mech.spin_offset, mech.insertion_sign * theta4
+
+
+def task_rates_of_joints(
+    xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, Any], qd: tuple[Any, Any, Any, Any]
+) -> tuple[Any, Any, Any, Any]:
+    """Time derivative of task_of_joints.
+
+    It grows without bound towards a tilt of 0 or 180°, where roll and spin are one; there itself it is that of θ2 at rest.
+    With x, P, E of triangle.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
+    dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ.
+    """
+    mech, (speed1, speed2, speed3, speed4) = mechanism, qd
+    x = q[1] - mech.delta
+    c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
+    minus, plus = xp.sin(mech.alpha - mech.beta) * (c * c), xp.sin(mech.alpha + mech.beta) * (s * s)
+    sine2 = (minus + plus) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
+    sine2 = xp.where(sine2 > 0.0, sine2, 1.0)
+    roll = speed1 - xp.sin(mech.beta) * (minus - plus) / sine2 * speed2
+    tilt = mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * (2.0 * s * c) / xp.sqrt(sine2) * speed2
+    spin = speed3 + xp.sin(mech.alpha) * (minus + plus) / sine2 * speed2
+    return roll, tilt, spin, mech.insertion_sign * speed4
+
+
+def task_batch(name: str, value: ArrayLike) -> Array:
+    """Task coordinates (n, 4), checked: tilt is in [−π, π]."""
+    task = batch(name, value, 4)
+    bad = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
+    if bad.size:
+        raise GeometryError(
+            f"{name}[{bad[0]}, 1] of shape {task.shape}: tilt = {task[bad[0], 1]:.6g} rad, must be in [-pi, pi] rad;"
+            " degrees are not meant"
+        )
+    return task
+
+
+def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None = None) -> Array:
+    """(roll, tilt, spin, depth) of joints q (n, 4); returns (n, 4).
+
+    Tilt takes the sign of the home tilt: of the two names (ψ, φ, σ) and (ψ + π, −φ, σ + π) of a pose, the one on that
+    side. Roll and spin are in (−π, π], or the 2π-equivalents nearest to `near`, task coordinates (n, 4) or (4,).
+    """
+    q = batch("q", q, 4)
+    task = np.stack(task_of_joints(NUMPY, mechanism, (q[:, 0], q[:, 1], q[:, 2], q[:, 3])), axis=1)
+    centre = np.zeros((1, 4)) if near is None else batch("near", near, 4)
+    for column in (0, 2):
+        task[:, column] = nearest_turn(task[:, column], centre[:, column])
+    return task
+
+
+def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Rates of (roll, tilt, spin, depth) of joints q and joint rates qd, (n, 4) each; rad/s and m/s, (n, 4).
+
+    Roll and spin rates grow without bound towards a tilt of 0 or 180°, where the two are the same rotation.
+    """
+    q, qd = batch("q", q, 4), batch("qd", qd, 4)
+    return np.stack(task_rates_of_joints(NUMPY, mechanism, tuple(q.T), tuple(qd.T)), axis=1)
+
+
+def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:
+    """R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ) and the tip position; task (n, 4), any sign of tilt."""
+    task = task_batch("task", task)
+    pointing = rotation(mechanism.omega1, task[:, 0]) @ rotation(mechanism.tilt_axis, task[:, 1])
+    spin = rotation((0.0, 0.0, 1.0), task[:, 2])
+    theta4 = mechanism.insertion_sign * task[:, 3:]
+    return pointing @ mechanism.tool_on_omega1 @ spin, (pointing @ mechanism.omega1) * theta4

@@ -1,0 +1,140 @@
+"""Workspace in closed form (paper, §II-B): f(θ2), its extremes, and tilt intervals.
+
+Tilt is the angle φ between ω1 and the tool, signed; it depends on θ2 alone. For each tilt inside the workspace there
+are two θ2, one on each branch; the branches meet at the extremes of φ, where dφ/dθ2 = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.errors import GeometryError
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
+from ssm_planner.kinematics.triangle import elbow_squares, tilt_magnitude
+from ssm_planner.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Extreme:
+    """A configuration of extreme tilt (paper, eqs. 6–9)."""
+
+    theta2: float
+    """θ_r, in (−π, π]."""
+    c1: float
+    c2: float
+    """e^{ω̂2 θ_r} v4 = c1 ω1 + c2 ω2."""
+    direction: Array
+    """e^{ω̂2 θ_r} v4, (3,)."""
+    tilt: float
+    """|φ_r|, in [0, π]."""
+
+
+def tilt_magnitudes(alpha: float, beta: float) -> tuple[float, float]:
+    """Smallest and largest |φ|, in [0, π]: |α − β| and α + β, folded at π (paper, eq. 9).
+
+    α and β in [0, π], any: with one of them 0 or π the two are equal.
+    """
+    return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
+
+
+def tilt_interval(mechanism: Mechanism) -> tuple[float, float]:
+    """(lo, hi) of the signed tilt on the home side; the vitreoretinal robot: (−139.778°, −79.778°)."""
+    low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
+    return (low, high) if mechanism.side > 0 else (-high, -low)
+
+
+def tilt_cosine(mechanism: Mechanism, theta2: ArrayLike) -> tuple[Array, Array, Array]:
+    """f(θ2) = ω1ᵀ e^{ω̂2θ2} v4 = cos φ and its first two derivatives (paper, eqs. 4 and 5), any shape."""
+    angle = np.asarray(theta2, dtype=float)[..., np.newaxis]
+    still, cosine, sine = mechanism.exponentials[1] @ mechanism.omega3 @ mechanism.omega1
+    f = still + cosine * np.cos(angle) + sine * np.sin(angle)
+    first = sine * np.cos(angle) - cosine * np.sin(angle)
+    return f[..., 0], first[..., 0], (still - f)[..., 0]
+
+
+def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
+    """The configurations of smallest and of largest |φ| (paper, eq. 8):
+
+    e^{ω̂2 θ_r} v4 = ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2, upper signs first.
+    GeometryError where ω1 and ω2, or ω2 and ω3, are parallel: then φ is constant.
+    """
+    alpha, beta = mechanism.alpha, mechanism.beta
+    if min(math.sin(alpha), math.sin(beta)) < PARALLEL:
+        raise GeometryError(f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is constant")
+    found = []
+    for sign, tilt in zip((1, -1), tilt_magnitudes(alpha, beta), strict=True):
+        c1, c2 = sign * math.sin(beta) / math.sin(alpha), math.sin(alpha - sign * beta) / math.sin(alpha)
+        theta2 = math.remainder(mechanism.delta + (0.0 if sign > 0 else math.pi), 2.0 * math.pi)
+        direction = c1 * mechanism.omega1 + c2 * mechanism.omega2
+        found.append(Extreme(theta2, c1, c2, direction, tilt))
+    return found[0], found[1]
+
+
+def tilt_from_theta2(mechanism: Mechanism, theta2: ArrayLike) -> Array:
+    """φ(θ2) on the home side, any shape."""
+    x = np.asarray(theta2, dtype=float) - mechanism.delta
+    tilt: Array = mechanism.side * tilt_magnitude(NUMPY, mechanism.alpha, mechanism.beta, x)
+    return tilt
+
+
+def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
+    """θ2(φ) in δ + branch · [0, π], any shape; branch is +1 or −1, the sign of sin(θ2 − δ).
+
+    Outside the workspace the θ2 of the nearest tilt.
+    """
+    low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
+    half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
+    cosine2, sine2 = elbow_squares(NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half))
+    x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
+    theta2: Array = mechanism.delta + check_branch(branch) * x
+    return theta2
+
+
+def theta2_interval(mechanism: Mechanism, tilt_range: tuple[float, float], branch: int) -> tuple[float, float]:
+    """(lo, hi) of θ2 that passes through a tilt range on one branch, as far as the range is in the workspace.
+
+    GeometryError if the range and the workspace have no tilt in common.
+    """
+    low, high = magnitude_range("tilt_range", tilt_range)
+    nearest, farthest = tilt_magnitudes(mechanism.alpha, mechanism.beta)
+    if low > farthest or high < nearest:
+        raise GeometryError(
+            f"tilt_range = [{tilt_range[0]:.6g}, {tilt_range[1]:.6g}] rad is outside the workspace,"
+            f" |tilt| in [{nearest:.6g}, {farthest:.6g}] rad"
+        )
+    ends = theta2_from_tilt(mechanism, np.array([low, high]), branch)
+    return float(ends.min()), float(ends.max())
+
+
+def tilt_range_of_theta2(mechanism: Mechanism, theta2_range: tuple[float, float]) -> tuple[float, float]:
+    """(lo, hi) of the tilt, on the home side, that an interval of θ2 passes through, extremes inside it included."""
+    start, end = theta2_range
+    if not start <= end:
+        raise GeometryError(f"theta2_range = [{start:.6g}, {end:.6g}]: lower must not exceed upper")
+    # the extremes are at δ + kπ
+    turns = np.arange(math.ceil((start - mechanism.delta) / math.pi), math.floor((end - mechanism.delta) / math.pi) + 1)
+    inside = mechanism.delta + math.pi * turns[:2]
+    tilts = tilt_from_theta2(mechanism, np.concatenate(([start, end], inside)))
+    return float(tilts.min()), float(tilts.max())
+
+
+def magnitude_range(name: str, tilt_range: tuple[float, float]) -> tuple[float, float]:
+    """Smallest and largest |φ| of a signed tilt range, checked."""
+    low, high = (float(end) for end in tilt_range)
+    if not -math.pi <= low <= high <= math.pi:
+        raise GeometryError(
+            f"{name} = [{low:.6g}, {high:.6g}]: lower must not exceed upper, both in [-pi, pi] rad, not degrees"
+        )
+    return (0.0 if low < 0.0 < high else min(abs(low), abs(high))), max(abs(low), abs(high))
+
+
+def check_branch(branch: int) -> int:
+    """Refuse anything but +1 and −1."""
+    if branch not in (1, -1):
+        raise GeometryError(f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)")
+    return branch

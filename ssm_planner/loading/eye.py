@@ -1,0 +1,124 @@
+"""The eye of a problem file → Eye: a globe about the port that the tip can enter, and a lens beside the port."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.loading.schema.problem import EyeModel, LensModel
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem.problem import Eye, Lens
+from ssm_planner.problem.robot import frozen
+from ssm_planner.typing import Array
+
+SQUARE = math.radians(0.5)
+"""How far the axes of a lens may be from a right angle; the first is then turned into it."""
+
+
+def eye_from(section: Section, model: EyeModel) -> Eye:
+    """The eye that a section describes, already validated. Raises ProblemError where no tool could work in it."""
+    if not model.clearance < model.radius:
+        raise section.error(
+            "nothing is left of the eye", "clearance", allowed=f"less than the radius, {_mm(model.radius)}"
+        )
+    distance = math.hypot(*model.centre)
+    if abs(distance - model.radius) > model.port:
+        raise section.error(
+            f"the remote centre is {_mm(distance)} from the centre of an eye of radius {_mm(model.radius)}, "
+            f"so the port is not at its wall",
+            "centre",
+            allowed=f"{_mm(model.radius - model.port)} to {_mm(model.radius + model.port)} from the remote centre",
+        )
+    # without this the tip could not get from the port into the eye and keep the clearance all the way
+    room = model.port - (distance - model.radius)
+    if not model.clearance < room:
+        raise section.error(
+            "the tip cannot keep this distance from the wall where it leaves the port",
+            "clearance",
+            allowed=f"less than {_mm(room)}, or a larger port",
+        )
+    lens = None if model.lens is None else _lens(section.sub("lens"), model.lens, model)
+    return Eye(
+        centre=frozen(model.centre, (3,)),
+        radius=model.radius,
+        clearance=model.clearance,
+        port=model.port,
+        shaft_radius=model.shaft_radius,
+        lens=lens,
+    )
+
+
+def as_written(eye: Eye) -> dict[str, Any]:
+    """What a problem file says of an eye, exactly: eye_from gives it back."""
+    written: dict[str, Any] = {
+        "centre": _lengths(eye.centre),
+        **{name: f"{getattr(eye, name)!r} m" for name in ("radius", "clearance", "port", "shaft_radius")},
+    }
+    if eye.lens is not None:
+        written["lens"] = {
+            "centre": _lengths(eye.lens.centre),
+            "semi_axes": _lengths(eye.lens.semi_axes),
+            "axis": eye.lens.frame[:, 2].tolist(),
+            "first_axis": eye.lens.frame[:, 0].tolist(),
+        }
+    return written
+
+
+def _lengths(vector: Array) -> list[str]:
+    return [f"{length!r} m" for length in vector.tolist()]
+
+
+def _lens(section: Section, model: LensModel, eye: EyeModel) -> Lens:
+    for i, length in enumerate(model.semi_axes):
+        if not 0 < length < eye.radius:
+            raise section.error(
+                "not the half of a lens", "semi_axes", i, allowed=f"above 0 and below {_mm(eye.radius)}"
+            )
+    centre, semi_axes = np.array(model.centre), np.array(model.semi_axes)
+    if np.linalg.norm(centre - eye.centre) > eye.radius:
+        raise section.error("outside the eye", "centre", allowed=f"within {_mm(eye.radius)} of the eye's centre")
+    frame = _frame(section, model)
+    ratio = float(np.linalg.norm(frame.T @ centre / semi_axes))
+    least = 1 + eye.shaft_radius / float(semi_axes.min())
+    if ratio <= least:
+        raise section.error(
+            "the lens is where the shaft enters the eye",
+            "centre",
+            allowed=f"a place from where the lens, enlarged {least:.4g} times, does not reach the remote centre",
+        )
+    return Lens(frozen(centre, (3,)), frozen(semi_axes, (3,)), frozen(frame, (3, 3)))
+
+
+def _frame(section: Section, model: LensModel) -> Array:
+    """Columns: the directions of the semi-axes, right-handed."""
+    third = _direction(section, model.axis, "axis")
+    if model.first_axis is None:
+        first, second, _ = model.semi_axes
+        if not math.isclose(first, second, rel_tol=1e-9):
+            raise section.error(
+                "missing: the first two semi-axes differ", "first_axis", allowed="the direction of the first semi-axis"
+            )
+        # any direction will do: the base axis that is farthest from the third
+        along = np.eye(3)[int(np.argmin(np.abs(third)))]
+    else:
+        along = _direction(section, model.first_axis, "first_axis")
+        if abs(float(along @ third)) > math.sin(SQUARE):
+            angle = math.degrees(math.acos(float(along @ third)))
+            raise section.error(f"at {angle:.4g} deg to axis", "first_axis", allowed="a right angle, within 0.5 deg")
+    along = along - third * float(along @ third)
+    along /= np.linalg.norm(along)
+    return np.column_stack((along, np.cross(third, along), third))
+
+
+def _direction(section: Section, value: tuple[float, ...], name: str) -> Array:
+    vector = np.array(value)
+    length = float(np.linalg.norm(vector))
+    if not 1e-9 < length < np.inf:
+        raise section.error("no direction", name, allowed="three numbers that are not all zero; the length is free")
+    return vector / length
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.5g} mm"

@@ -1,0 +1,212 @@
+"""The mechanism's axes, from unit vectors or from the angles α, β and the tilt at home.
+
+Body entries of a robot file → Body, with an inertia that a body can have.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ssm_planner.loading.schema.robot import BodyModel, GeometryModel, InertiaModel
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem.robot import Body, Geometry, frozen
+from ssm_planner.typing import Array
+
+UNIT_TOLERANCE = 1e-6
+SMALLEST_ANGLE = math.radians(0.1)
+"""Between neighbouring axes; below it they count as parallel."""
+BETA_TOLERANCE = math.radians(0.5)
+
+
+def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
+    """Product of elementary rotations (axis letter, angle), each about the axes of the frame turned so far; (3, 3)."""
+    result = np.eye(3)
+    for axis, angle in chain:
+        i = "xyz".index(axis)
+        j, k = (i + 1) % 3, (i + 2) % 3
+        turn = np.eye(3)
+        turn[j, j] = turn[k, k] = math.cos(angle)
+        turn[k, j] = math.sin(angle)
+        turn[j, k] = -math.sin(angle)
+        result = result @ turn
+    return result
+
+
+def geometry_from(section: Section, model: GeometryModel, last_frame: Array) -> Geometry:
+    """The geometry that a section describes; last_frame: base ← last body at q = 0, (3, 3). Raises ProblemError."""
+    angles = [name for name in ("alpha", "beta", "home_tilt", "home_roll") if getattr(model, name) is not None]
+    if model.axes is not None and angles:
+        raise section.error("axes are given as well", angles[0], allowed="either axes, or alpha with home_tilt")
+    if model.axes is not None:
+        omegas = tuple(_unit(section, model, name) for name in ("joint1", "joint2", "joint3"))
+    else:
+        omegas = _from_angles(section, model)
+    for first, second in ((0, 1), (1, 2)):
+        if np.linalg.norm(np.cross(omegas[first], omegas[second])) < math.sin(SMALLEST_ANGLE):
+            raise section.error(
+                f"the axes of joints {first + 1} and {second + 1} are parallel",
+                *(("axes",) if model.axes is not None else ("alpha" if first == 0 else "home_tilt",)),
+                allowed="at least 0.1 deg between neighbouring axes",
+            )
+    tool_home = last_frame if model.tool_home is None else rotation(model.tool_home)
+    if np.linalg.norm(tool_home[:, 2] - omegas[2]) > UNIT_TOLERANCE:
+        found, wanted = (np.array2string(vector, precision=5) for vector in (tool_home[:, 2], omegas[2]))
+        source = "the last body's frame" if model.tool_home is None else "this frame"
+        raise section.error(
+            f"the z axis of the tool is the tool axis, {wanted}, but {source} has its z along {found}",
+            "tool_home",
+            allowed="rotations from the base to the tool at home, such as [y -113 deg, y 90 deg]",
+            show=False,
+        )
+    omega1, omega2, omega3 = (frozen(omega, (3,)) for omega in omegas)
+    sign = -1 if model.insertion == "negative" else 1
+    return Geometry(omega1, omega2, omega3, frozen(tool_home, (3, 3)), sign)
+
+
+def _unit(section: Section, model: GeometryModel, name: str) -> Array:
+    axis = np.array(getattr(model.axes, name))
+    length = float(np.linalg.norm(axis))
+    if abs(length - 1) > UNIT_TOLERANCE:
+        raise section.error(f"the vector has length {length:.7g}", "axes", name, allowed="a unit vector, within 1e-6")
+    return axis / length
+
+
+def _from_angles(section: Section, model: GeometryModel) -> tuple[Array, Array, Array]:
+    """ω1 = x, ω2 = (cos α, sin α, 0), ω3 = Rx(home_roll) Ry(home_tilt) x; the tilt axis is y."""
+    for name in ("alpha", "home_tilt"):
+        if getattr(model, name) is None:
+            raise section.error(
+                "missing: this key is required", name, allowed="axes, or alpha and home_tilt with beta or home_roll"
+            )
+    alpha, tilt = float(model.alpha or 0.0), float(model.home_tilt or 0.0)
+    for name, angle in (("alpha", alpha), ("beta", model.beta)):
+        if angle is not None and not SMALLEST_ANGLE < angle < math.pi - SMALLEST_ANGLE:
+            raise section.error("the axes would be parallel", name, allowed="between 0.1 and 179.9 deg")
+    roll = _home_roll(section, model, alpha, tilt)
+    omega3 = rotation((("x", roll), ("y", tilt)))[:, 0]
+    return np.array([1.0, 0, 0]), np.array([math.cos(alpha), math.sin(alpha), 0]), omega3
+
+
+def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float) -> float:
+    """As given (0 by default) where that agrees with beta; otherwise the one that beta asks for.
+
+    cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
+    """
+    roll = model.home_roll or 0.0
+    across = math.sin(alpha) * math.sin(tilt)
+    cosine = math.cos(alpha) * math.cos(tilt) + across * math.sin(roll)
+    beta = math.acos(max(-1.0, min(1.0, cosine)))
+    if model.beta is None or abs(model.beta - beta) <= BETA_TOLERANCE:
+        return roll
+    if model.home_roll is not None:
+        raise section.error(
+            f"alpha, home_tilt and home_roll give {math.degrees(beta):.4f} deg", "beta", allowed="within 0.5 deg of it"
+        )
+    wanted = math.cos(model.beta) - math.cos(alpha) * math.cos(tilt)
+    if abs(wanted) > abs(across):
+        low, high = (
+            math.degrees(math.acos(max(-1.0, min(1.0, math.cos(alpha) * math.cos(tilt) + sign * abs(across)))))
+            for sign in (1, -1)
+        )
+        raise section.error(
+            "no home_roll gives this beta together with alpha and home_tilt",
+            "beta",
+            allowed=f"{low:.4g} to {high:.4g} deg",
+        )
+    return math.asin(wanted / across)
+
+
+SLACK = 1e-6
+"""Of the triangle inequality, relative to the largest moment: printed figures are rounded."""
+
+LARGEST_GYRATION = 1.0
+"""m; a link of a surgical tool is smaller."""
+
+
+def bodies_from(section: Section, models: list[BodyModel]) -> tuple[Body, Body, Body, Body]:
+    """Four bodies; each frame is given relative to the one before it at q = 0. Raises ProblemError."""
+    frame = np.eye(3)
+    bodies = []
+    for i, model in enumerate(models):
+        frame = frame @ rotation(model.frame)
+        inertia = _inertia(section.sub(i), model)
+        bodies.append(
+            Body(model.name, model.mass, frozen(model.com, (3,)), frozen(inertia, (3, 3)), frozen(frame, (3, 3)))
+        )
+    first, second, third, fourth = bodies
+    return first, second, third, fourth
+
+
+def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
+    """Principal moments about the centre of mass, ascending, kg·m², (3,); inertia (3, 3) is about the origin."""
+    about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
+    return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
+
+
+def possible(moments: Array) -> bool:
+    """Whether a body can have these principal moments: positive, none above the sum of the other two."""
+    low, middle, high = moments
+    return bool(low > 0 and high <= low + middle + SLACK * high)
+
+
+def _tensor(model: InertiaModel, sign: float) -> Array:
+    xy, xz, yz = sign * model.xy, sign * model.xz, sign * model.yz
+    return np.array([[model.xx, xy, xz], [xy, model.yy, yz], [xz, yz, model.zz]])
+
+
+def _inertia(section: Section, model: BodyModel) -> Array:
+    """The tensor about the frame's origin: products −∫xy dm, whatever sign the file uses."""
+    if model.inertia is None:
+        if model.mass > 0:
+            raise section.error("missing: a body with mass has an inertia", "inertia")
+        return np.zeros((3, 3))
+    products = any((model.inertia.xy, model.inertia.xz, model.inertia.yz))
+    convention = model.products_of_inertia
+    if products and convention is None:
+        raise section.error(
+            "missing: the sign convention of the products of inertia",
+            "products_of_inertia",
+            allowed="cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)",
+        )
+    sign = -1.0 if convention == "cad" else 1.0
+    tensor = _tensor(model.inertia, sign)
+    if model.mass == 0:
+        if np.any(tensor):
+            raise section.error("a body without mass has no inertia", "inertia", allowed="zeros, or a mass")
+        return tensor
+    com = frozen(model.com, (3,))
+    moments = principal_moments(model.mass, com, tensor)
+    if not possible(moments):
+        flipped = principal_moments(model.mass, com, _tensor(model.inertia, -sign))
+        raise section.error(_impossible(moments, flipped, convention), "inertia", allowed=_LAW)
+    gyration = float(np.sqrt(moments[2] / model.mass))
+    if gyration > LARGEST_GYRATION:
+        raise section.error(
+            f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?",
+            "inertia",
+            allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m",
+        )
+    return tensor
+
+
+_LAW = "principal moments about the centre of mass that are positive, none above the sum of the other two"
+
+
+def _impossible(moments: Array, flipped: Array, convention: str | None) -> str:
+    text = f"no body can have this inertia: its principal moments about the centre of mass are {_list(moments)}"
+    if convention is not None:
+        other = "tensor" if convention == "cad" else "cad"
+        text += f"; the usual cause is the sign of the products of inertia: here products_of_inertia is {convention}"
+        if possible(flipped):
+            text += f", and with {other} the moments are {_list(flipped)}, which a body can have: try it"
+        else:
+            text += (
+                f", but {other} would not do either; check that it is about the origin of the body frame, and its unit"
+            )
+    return text
+
+
+def _list(moments: Array) -> str:
+    return "(" + ", ".join(f"{moment:.4g}" for moment in moments) + ") kg*m^2"

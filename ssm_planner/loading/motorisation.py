@@ -1,0 +1,39 @@
+"""A motorisation file → Motorisation: runs of single joints that say what motors the joints need."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ssm_planner.loading.faults import validated
+from ssm_planner.loading.robots import robot_from
+from ssm_planner.loading.schema.motor import MotorisationModel
+from ssm_planner.loading.yaml_nodes import Section, follow, read
+from ssm_planner.problem.motorisation import Motorisation, Stroke
+
+
+def load_motorisation(path: str | Path) -> Motorisation:
+    """The motorisation runs in a YAML file, their robot loaded. Raises ProblemError."""
+    return motorisation_from(read(path))
+
+
+def motorisation_from(section: Section) -> Motorisation:
+    """The motorisation runs that a section describes. Raises ProblemError."""
+    if section.holds("motion") and not section.holds("back_and_forth"):
+        raise section.error("a problem to plan: plan it first, then size its plan.json", "motion", show=False)
+    model = validated(section, MotorisationModel)
+    robot = robot_from(follow(section, "robot"))
+    drives = {joint.name: joint.drive for joint in robot.joints}
+    strokes: list[Stroke] = []
+    for i, run in enumerate(model.back_and_forth):
+        here = section.sub("back_and_forth", i)
+        given = list(run.model_fields_set)
+        if len(given) != 1:
+            raise here.error(f"{len(given)} joints in one run", allowed="one joint per run: roll, tilt or insertion")
+        (joint,) = given
+        if drives[joint] is None:
+            raise here.error("this joint has no drive, so there is no motor to size", joint, allowed="a driven joint")
+        if any(stroke.joint == joint for stroke in strokes):
+            raise here.error("a second run of this joint", joint, allowed="one run per joint and file")
+        stroke = getattr(run, joint)
+        strokes.append(Stroke(joint, stroke.centre, stroke.reach, stroke.velocity, stroke.acceleration, model.held))
+    return Motorisation(model.name or section.file.stem, robot, tuple(strokes), str(section.file))

@@ -1,0 +1,168 @@
+"""Slips of unit in a motor file, found by holding its figures against each other.
+
+A motor file → Motor: figures that contradict each other or their unit are found here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ssm_planner.loading.faults import validated
+from ssm_planner.loading.schema.motor import MotorModel
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem.motor import Motor
+
+LARGEST_POWER = 2e3
+"""W, nominal torque times largest speed, of a motor that moves a surgical tool."""
+ACCELERATION = (1e2, 1e7)
+"""Nominal torque by rotor inertia, rad/s²; small motors have 1e4 to 2e5."""
+NO_LOAD_SPEED = (10.0, 2.5e4)
+"""Nominal voltage by torque constant, rad/s."""
+NOMINAL_RISE = (0.1, 4.0)
+"""Temperature rise at nominal current by the rise that the winding may have; 1 in a consistent datasheet."""
+REFERENCE_TEMPERATURE = 298.15
+"""At which datasheets state resistance and torque constant, K."""
+WINDING_TEMPERATURE = (330.0, 530.0)
+
+
+def check_plausible(section: Section, values: Mapping[str, float]) -> None:
+    """Raises ProblemError for a figure that the others show to be off by orders of magnitude; values: SI, by key."""
+    _check_power(section, values)
+    _check_voltage(section, values)
+    _check_heat(section, values)
+
+
+def _check_power(section: Section, values: Mapping[str, float]) -> None:
+    torque = values["nominal_torque"]
+    power = torque * values["max_speed"]
+    if power > LARGEST_POWER:
+        raise section.error(
+            f"nominal_torque × max_speed is {power:.3g} W, implausible here: is the unit of torque mN*m, of speed rpm?",
+            "nominal_torque",
+            allowed=f"up to {LARGEST_POWER:g} W",
+        )
+    inertia = values.get("rotor_inertia")
+    if inertia is not None and not ACCELERATION[0] <= torque / inertia <= ACCELERATION[1]:
+        raise section.error(
+            f"implausible beside nominal_torque, which would accelerate the rotor at {torque / inertia:.3g} rad/s^2: "
+            "are the units right, g*cm^2 and mN*m?",
+            "rotor_inertia",
+            allowed=f"{torque / ACCELERATION[1]:.3g} to {torque / ACCELERATION[0]:.3g} kg*m^2",
+        )
+
+
+def _check_voltage(section: Section, values: Mapping[str, float]) -> None:
+    voltage, constant = values.get("nominal_voltage"), values.get("torque_constant")
+    if voltage is None or constant is None:
+        return
+    speed = voltage / constant
+    if not NO_LOAD_SPEED[0] <= speed <= NO_LOAD_SPEED[1]:
+        raise section.error(
+            f"implausible beside nominal_voltage: the motor would idle at {speed * 30 / math.pi:.3g} rpm: "
+            "is the unit right, mN*m/A?",
+            "torque_constant",
+            allowed=f"{voltage / NO_LOAD_SPEED[1]:.3g} to {voltage / NO_LOAD_SPEED[0]:.3g} N*m/A",
+        )
+
+
+def _check_heat(section: Section, values: Mapping[str, float]) -> None:
+    if values.get("torque_constant_per_kelvin", 0.0) > 0:
+        raise section.error(
+            "magnets weaken as they warm", "torque_constant_per_kelvin", allowed="0 or less, such as -0.0011"
+        )
+    limit = values.get("max_winding_temperature")
+    if limit is not None and not WINDING_TEMPERATURE[0] <= limit <= WINDING_TEMPERATURE[1]:
+        raise section.error(
+            "implausible for a winding: is the unit right, degC?",
+            "max_winding_temperature",
+            allowed=f"{WINDING_TEMPERATURE[0] - 273.15:.0f} degC to {WINDING_TEMPERATURE[1] - 273.15:.0f} degC",
+        )
+    winding, motor = values.get("time_constant_winding"), values.get("time_constant_motor")
+    if winding is not None and motor is not None and winding >= motor:
+        raise section.error(
+            "longer than time_constant_motor: the winding warms faster than the motor as a whole; are they exchanged?",
+            "time_constant_winding",
+            allowed=f"less than {motor:g} s",
+        )
+    needed = ("nominal_current", "terminal_resistance", "resistance_winding_housing", "resistance_housing_ambient")
+    if limit is None or any(name not in values for name in needed):
+        return
+    current, resistance, inner, outer = (values[name] for name in needed)
+    share = current**2 * resistance * (inner + outer) / (limit - REFERENCE_TEMPERATURE)
+    if not NOMINAL_RISE[0] <= share <= NOMINAL_RISE[1]:
+        raise section.error(
+            f"implausible: at nominal_current the winding would warm by {100 * share:.3g} % of what "
+            "max_winding_temperature allows; a datasheet has about 100 %: are all units right, of one winding?",
+            "terminal_resistance",
+            allowed=f"{NOMINAL_RISE[0] * resistance / share:.3g} to {NOMINAL_RISE[1] * resistance / share:.3g} ohm",
+        )
+
+
+LARGEST_TORQUE = 5.0
+"""N·m, of a motor that moves a surgical tool; a larger figure has lost its milli."""
+SMALLEST_TORQUE = 1e-6
+TORQUE_AGREEMENT = 0.25
+"""Torque constant times nominal current against nominal torque: the rest is friction and rounding of the motor."""
+CONSTANT_AGREEMENT = 0.1
+"""Torque constant times speed constant, which is 1 in SI."""
+
+
+def motor_from(section: Section) -> Motor:
+    """The motor that a section describes. Raises ProblemError."""
+    model = validated(section, MotorModel)
+    figures = dict(model.figures())
+    values = {name: figure.value for name, figure in figures.items()}
+    for name, figure in figures.items():
+        if figure.source is None and model.source is None:
+            raise section.error(
+                "no source", name, allowed="{value: …, source: …}, or one source: for the whole file", show=False
+            )
+    _check(section, values)
+    check_plausible(section, values)
+    sources = {name: figure.source or model.source or "" for name, figure in figures.items()}
+    placeholders = tuple(name for name, figure in figures.items() if model.placeholder or figure.placeholder)
+    values.pop("speed_constant", None)
+    counts = values.pop("encoder_counts", None)
+    return Motor(
+        name=model.name,
+        encoder_counts=None if counts is None else round(counts),
+        sources=sources,
+        placeholders=placeholders,
+        file=str(section.file),
+        **values,
+    )
+
+
+def _check(section: Section, values: dict[str, float]) -> None:
+    nominal, largest = values["nominal_torque"], values["max_torque"]
+    for name in ("nominal_torque", "max_torque"):
+        if not SMALLEST_TORQUE <= values[name] <= LARGEST_TORQUE:
+            raise section.error(
+                f"implausible for a motor of this size ({values[name]:g} N*m): is the unit right, mN*m?",
+                name,
+                allowed=f"{SMALLEST_TORQUE * 1e3:g} mN*m to {LARGEST_TORQUE:g} N*m",
+            )
+    if largest < nominal:
+        raise section.error("smaller than nominal_torque", "max_torque", allowed=f"at least {nominal:g} N*m")
+    if largest > 100 * nominal:
+        raise section.error(
+            "more than 100 times nominal_torque: is the unit right?", "max_torque", allowed=f"{nominal:g} N*m upwards"
+        )
+    counts = values.get("encoder_counts")
+    if counts is not None and counts != round(counts):
+        raise section.error("not a whole number", "encoder_counts")
+    constant, current = values.get("torque_constant"), values.get("nominal_current")
+    if constant is not None and current is not None and abs(constant * current / nominal - 1) > TORQUE_AGREEMENT:
+        raise section.error(
+            f"contradicts torque_constant × nominal_current = {constant * current * 1e3:.4g} mN*m by more than 25 %",
+            "nominal_torque",
+            allowed="figures of one datasheet and one winding",
+        )
+    speed = values.get("speed_constant")
+    if constant is not None and speed is not None and abs(constant * speed - 1) > CONSTANT_AGREEMENT:
+        raise section.error(
+            f"contradicts torque_constant, which gives {1 / constant * 60 / 6.283185307179586:.4g} rpm/V",
+            "speed_constant",
+            allowed="speed constant = 1 / torque constant in SI",
+        )

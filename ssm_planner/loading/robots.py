@@ -1,0 +1,88 @@
+"""A robot file → Robot, with the drives and motors it names."""
+
+from __future__ import annotations
+
+from ssm_planner.loading.drives import drive_from
+from ssm_planner.loading.faults import validated
+from ssm_planner.loading.mechanism import bodies_from, geometry_from
+from ssm_planner.loading.motors import motor_from
+from ssm_planner.loading.schema.robot import PrismaticModel, RevoluteModel, RobotModel, TaskLimitsModel
+from ssm_planner.loading.yaml_nodes import Section, follow
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.problem import TASK
+from ssm_planner.problem.robot import JOINTS, Geometry, Joint, Robot, frozen
+from ssm_planner.typing import Range
+
+
+def robot_from(section: Section) -> Robot:
+    """The robot that a section describes. Raises ProblemError."""
+    model = validated(section, RobotModel)
+    bodies = bodies_from(section.sub("bodies"), model.bodies)
+    geometry = geometry_from(section.sub("geometry"), model.geometry, bodies[-1].frame)
+    roll, tilt, spin, insertion = (
+        _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
+    )
+    limits = task_limits(model.limits)
+    depths = travel(geometry, insertion)
+    if "depth" in limits and not max(depths[0], limits["depth"][0]) < min(depths[1], limits["depth"][1]):
+        raise section.error(
+            "outside the travel of joint 4",
+            "limits",
+            "depth",
+            allowed=f"within {depths[0] * 1e3:g} mm to {depths[1] * 1e3:g} mm",
+        )
+    return Robot(
+        name=model.name,
+        geometry=geometry,
+        bodies=bodies,
+        joints=(roll, tilt, spin, insertion),
+        gravity=frozen(model.gravity, (3,)),
+        limits=limits,
+        file=str(section.file),
+    )
+
+
+def travel(geometry: Geometry, insertion: Joint) -> Range:
+    """Range of depth that joint 4 allows, m."""
+    low, high = sorted(geometry.insertion_sign * position + 0.0 for position in insertion.position)
+    return low, high
+
+
+def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
+    """The ranges that are given, by task coordinate."""
+    ranges = ((name, getattr(model, name)) for name in TASK)
+    return {name: range_ for name, range_ in ranges if range_ is not None}
+
+
+def _joint(section: Section, name: str, model: RevoluteModel | PrismaticModel) -> Joint:
+    drive = None if model.drive is None else _drive(section, model)
+    motor = None if model.motor is None else motor_from(follow(section, "motor"))
+    if drive is not None and motor is not None and (motor.rotor_inertia or 0.0) > drive.input_inertia:
+        raise section.error(
+            f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia than the whole input side "
+            f"of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it",
+            "motor",
+            allowed="a drive whose input_inertia counts the rotor in",
+        )
+    return Joint(
+        name=name,
+        kind="revolute" if isinstance(model, RevoluteModel) else "prismatic",
+        position=model.position,
+        velocity=model.velocity,
+        acceleration=model.acceleration,
+        jerk=model.jerk,
+        drive=drive,
+        motor=motor,
+        motor_direction=model.motor_direction,
+    )
+
+
+def _drive(section: Section, model: RevoluteModel | PrismaticModel) -> Drive:
+    drive = drive_from(follow(section, "drive"))
+    if drive.friction is None:
+        raise section.error("the friction of this drive is still to be identified", "drive")
+    revolute = isinstance(model, RevoluteModel)
+    if revolute != (drive.kind == "worm"):
+        turns = "turns: it needs a worm" if revolute else "slides: it needs a lead_screw or antibacklash_screw"
+        raise section.error(f"a {drive.kind} drive, but this joint {turns}", "drive")
+    return drive

@@ -1,0 +1,24 @@
+"""What the files may say: strict pydantic models, one module per kind of file."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+
+def json_schema(file: Literal["problem", "robot", "drive", "motor", "motorisation"]) -> dict[str, Any]:
+    """JSON schema of a kind of file, for editors that complete and check YAML."""
+    from pydantic import TypeAdapter
+
+    from ssm_planner.loading.schema.drive import AntibacklashScrewModel, LeadScrewModel, WormModel
+    from ssm_planner.loading.schema.motor import MotorisationModel, MotorModel
+    from ssm_planner.loading.schema.problem import ProblemModel
+    from ssm_planner.loading.schema.robot import RobotModel
+
+    models: dict[str, Any] = {
+        "problem": ProblemModel,
+        "robot": RobotModel,
+        "drive": WormModel | LeadScrewModel | AntibacklashScrewModel,
+        "motor": MotorModel,
+        "motorisation": MotorisationModel,
+    }
+    return TypeAdapter(models[file]).json_schema()

@@ -1,0 +1,284 @@
+"""YAML text → a tree of plain data in which every value and key knows its line.
+
+Files as the user wrote them: sections of plain data that can say where each value stands.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ssm_planner.errors import ProblemError
+
+LARGEST_TREE = 300_000
+"""Values after aliases are expanded."""
+DEEPEST = 30
+
+_INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
+_FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_WORDS: dict[str, object] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
+    **dict.fromkeys((".inf", ".Inf", ".INF", "+.inf"), float("inf")),
+    "-.inf": float("-inf"),
+}
+_STRING_TAGS = (None, "!", "tag:yaml.org,2002:str", "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+
+
+@dataclass(frozen=True)
+class Node:
+    """One value of a file: plain data, its line, and the nodes and key lines below it."""
+
+    value: Any
+    line: int
+    size: int = 1
+    children: Mapping[str | int, Node] = field(default_factory=dict)
+    key_lines: Mapping[str | int, int] = field(default_factory=dict)
+
+
+def parse(file: Path, text: str) -> Node:
+    """The one document in a YAML text; file is for messages. Raises ProblemError for anything else."""
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    try:
+        return _Builder(file, yaml.parse(text, Loader=loader)).document()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = None if mark is None else mark.line + 1
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        raise ProblemError(f"not valid YAML: {what}", file=file, line=line) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        character = error.character if isinstance(error.character, int) else ord(error.character[:1] or "\0")
+        raise ProblemError(f"not a text file: character U+{character:04X}", file=file, line=line) from None
+    except yaml.YAMLError as error:
+        raise ProblemError(f"not valid YAML: {error}", file=file) from None
+
+
+class _Builder:
+    """Builds the tree from YAML events, so that depth, size and aliases stay under control."""
+
+    def __init__(self, file: Path, events: Iterator[Any]) -> None:
+        self.file = file
+        self.events = events
+        self.anchors: dict[str, Node] = {}
+
+    def document(self) -> Node:
+        next(self.events)  # start of the stream
+        event = next(self.events)
+        if isinstance(event, yaml.StreamEndEvent):
+            raise ProblemError("the file is empty", file=self.file, line=1)
+        root = self.node(next(self.events), 0)
+        next(self.events)  # end of the document
+        event = next(self.events)
+        if not isinstance(event, yaml.StreamEndEvent):
+            raise self.error("a second document starts here", event, "one document per file, without '---' lines")
+        return root
+
+    def node(self, event: Any, depth: int) -> Node:
+        if depth > DEEPEST:
+            raise self.error("nested too deeply", event, f"at most {DEEPEST} levels")
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self.anchors:
+                raise self.error(f"*{event.anchor} refers to nothing above it", event)
+            return self.anchors[event.anchor]
+        if event.tag not in _STRING_TAGS:
+            raise self.error(f"the tag {event.tag} is not used in these files", event, "plain values")
+        if isinstance(event, yaml.ScalarEvent):
+            node = Node(_scalar(event), _line(event))
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = self.sequence(event, depth)
+        else:
+            node = self.mapping(event, depth)
+        if node.size > LARGEST_TREE:
+            raise self.error("too many values", event, f"at most {LARGEST_TREE} in one file, aliases expanded")
+        if event.anchor is not None:
+            self.anchors[event.anchor] = node
+        return node
+
+    def sequence(self, start: Any, depth: int) -> Node:
+        items: list[Node] = []
+        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
+            items.append(self.node(event, depth + 1))
+        return Node(
+            [item.value for item in items],
+            _line(start),
+            1 + sum(item.size for item in items),
+            dict(enumerate(items)),
+            {i: item.line for i, item in enumerate(items)},
+        )
+
+    def mapping(self, start: Any, depth: int) -> Node:
+        children: dict[str | int, Node] = {}
+        key_lines: dict[str | int, int] = {}
+        while not isinstance(event := next(self.events), yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent) or event.tag not in _STRING_TAGS:
+                raise self.error("a key must be a plain word", event)
+            key = event.value
+            if key in children:
+                raise ProblemError(
+                    f"this key is given twice (first on line {key_lines[key]})",
+                    file=self.file,
+                    line=_line(event),
+                    key=key,
+                    allowed="each key once",
+                )
+            key_lines[key] = _line(event)
+            children[key] = self.node(next(self.events), depth + 1)
+        return Node(
+            {key: child.value for key, child in children.items()},
+            _line(start),
+            1 + sum(child.size for child in children.values()),
+            children,
+            key_lines,
+        )
+
+    def error(self, reason: str, event: Any, allowed: str | None = None) -> ProblemError:
+        return ProblemError(reason, file=self.file, line=_line(event), allowed=allowed)
+
+
+def _scalar(event: Any) -> object:
+    """Numbers and words as YAML 1.2 reads them: 1e-5 is a number; yes, no, on, off and 1:30 are text."""
+    text: str = event.value
+    if event.style or event.tag == "tag:yaml.org,2002:str":
+        return text
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return text
+
+
+def _line(event: Any) -> int:
+    return int(event.start_mark.line) + 1
+
+
+LARGEST_FILE = 10_000_000
+"""Bytes; no problem file written by hand comes near it."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a file, by the path of keys and list positions that leads to it."""
+
+    file: Path
+    root: Node
+    path: tuple[str | int, ...] = ()
+
+    @property
+    def value(self) -> Any:
+        return self._locate(())[1].value
+
+    def sub(self, *path: str | int) -> Section:
+        """The part below; the path need not exist (messages then point at the deepest part that does)."""
+        return Section(self.file, self.root, (*self.path, *path))
+
+    def holds(self, part: str | int) -> bool:
+        """Whether there is a value under this key or list position."""
+        _, node, complete = self._locate(())
+        return complete and part in node.children
+
+    def line(self, *path: str | int) -> int:
+        """Line of the key that holds the value, or of the value itself in a list; counted from 1."""
+        return self._locate(path)[0]
+
+    def error(self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True) -> ProblemError:
+        """A ProblemError that names file, line, key path and (unless show is false) the value found there."""
+        line, node, complete = self._locate(path)
+        value = _written(node.value) if complete and show else None
+        key = key_text((*self.path, *path)) or None
+        return ProblemError(reason, file=self.file, line=line, key=key, value=value, allowed=allowed)
+
+    def _locate(self, path: tuple[str | int, ...]) -> tuple[int, Node, bool]:
+        node, line = self.root, self.root.line
+        for part in (*self.path, *path):
+            if part not in node.children:
+                return line, node, False
+            line = node.key_lines[part]
+            node = node.children[part]
+        return line, node, True
+
+
+def key_text(path: tuple[str | int, ...]) -> str:
+    """`motion[2].tilt.to` for ("motion", 2, "tilt", "to"); list positions count from 0."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else ("." if text else "") + part
+    return text
+
+
+def read(path: str | Path) -> Section:
+    """The YAML mapping in a file. Raises ProblemError for everything that is not one readable mapping."""
+    file = Path(path)
+    root = parse(file, _text(file))
+    if not isinstance(root.value, dict):
+        raise ProblemError(
+            f"the file holds {_kind(root.value)}", file=file, line=root.line, allowed="a mapping of key: value lines"
+        )
+    return Section(file, root)
+
+
+def follow(section: Section, *path: str | int) -> Section:
+    """The mapping that a key holds, or that the file named there holds (relative to the file that names it)."""
+    here = section.sub(*path)
+    if isinstance(here.value, dict):
+        return here
+    target = Path(os.path.normpath(section.file.parent / here.value))
+    try:
+        problem = "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
+    except (OSError, ValueError) as error:
+        problem = f"cannot be read: {error}"
+    if problem:
+        raise here.error(f"the file {target} {problem}", allowed="a file, named relative to this one")
+    return read(target)
+
+
+def _text(file: Path) -> str:
+    try:
+        if file.is_dir():
+            raise ProblemError("this is a directory, not a file", file=file)
+        if not file.exists():
+            raise ProblemError("no such file", file=file)
+        if not file.is_file():
+            raise ProblemError("not a regular file", file=file)
+        size = file.stat().st_size
+        if size > LARGEST_FILE:
+            raise ProblemError(
+                f"the file has {size} bytes, too large for a file of this kind", file=file, allowed="at most 10 MB"
+            )
+        data = file.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ProblemError(f"cannot be read: {reason}", file=file) from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ProblemError("not a text file in UTF-8", file=file, line=line) from None
+    if not text.strip():
+        raise ProblemError("the file is empty", file=file, line=1)
+    return text
+
+
+def _kind(value: object) -> str:
+    if value is None:
+        return "nothing"
+    return "a list" if isinstance(value, list) else f"only the text {str(value)[:40]!r}"
+
+
+def _written(value: object) -> str | None:
+    """A value as the user wrote it; None for a mapping, unless it is a figure with its value."""
+    if isinstance(value, dict):
+        return _written(value["value"]) if "value" in value else None
+    if isinstance(value, list):
+        return "[" + ", ".join(_written(item) or "{…}" for item in value) + "]"
+    return value if isinstance(value, str) else repr(value)

@@ -1,0 +1,136 @@
+"""The whole program: problem → plan → check → requirements → files. The command line is a skin over this."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from ssm_planner.pipeline.folder import write_folder
+from ssm_planner.pipeline.relaxation import tried
+from ssm_planner.pipeline.tightening import Strictness
+from ssm_planner.plans import Plan
+from ssm_planner.planning.planner import Planned, plan_motion
+from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.problem import Problem
+from ssm_planner.reporting.figures.process import FigureProcess
+from ssm_planner.sizing.size import size_motion
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
+from ssm_planner.verification.sampled_extremes import CONTINUOUS
+
+ATTEMPTS = 4
+
+Progress = Callable[[str], None]
+Outcome = tuple[Planned, Certificate | None, Reason | None]
+"""What was planned, its certificate, and the reason where it is none that passed."""
+
+
+def plan(
+    problem: Problem, progress: Progress = lambda _: None, found: Callable[[Trajectory], None] = lambda _: None
+) -> Plan:
+    """Plan a problem, check the plan by code that did not make it, and say what it requires of the motors.
+
+    Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
+    planned again. found: called with each motion before it is checked. Never raises for an infeasible problem: the plan
+    then holds the reason.
+    """
+    begin = time.perf_counter()
+    planned, certificate, reason = _attempt(problem, progress, found)
+    sizing = None
+    if planned.trajectory is not None:
+        progress("motor requirements")
+        sizing = size_motion(planned.trajectory, problem.robot)
+    if reason is not None:
+        progress("looking for what would do")
+        cure = tried(problem, reason, _duration_or_reason)
+        reason = reason if cure is None else replace(reason, relaxation=cure.text)
+    seconds = time.perf_counter() - begin
+    return Plan(problem, planned.status, planned.trajectory, planned.legs, certificate, sizing, reason, seconds)
+
+
+def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:
+    """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
+    strict: Strictness | None = Strictness.of(problem)
+    first: Outcome | None = None
+    attempt = 1
+    while True:
+        assert strict is not None
+        planned = plan_motion(strict.problem, strict.factors, progress)
+        if planned.trajectory is None:
+            return _blamed(first, (planned, None, planned.reason))
+        found(planned.trajectory)
+        progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
+        certificate = check(planned.trajectory, problem.robot, problem.task_limits)
+        strict = strict.more(certificate)
+        outcome = planned, certificate, None if certificate.passed else _exceeded(certificate)
+        if certificate.passed:
+            return outcome
+        if attempt == ATTEMPTS or strict is None:
+            return _blamed(first, outcome)
+        first = first or outcome
+        attempt += 1
+
+
+def _blamed(first: Outcome | None, last: Outcome) -> Outcome:
+    """Of an attempt under the problem's own limits and one under stricter ones, that whose reason is to be given.
+
+    Where a motor gets too hot over the whole motion, smaller peaks may not help, and what stands in the way of a motion
+    with these is no limit of the problem.
+    """
+    if first is not None and first[2] is not None and first[2].constraint == CONTINUOUS:
+        return first
+    return last
+
+
+def _duration_or_reason(problem: Problem) -> float | Reason:
+    planned, _, reason = _attempt(problem, lambda _: None, lambda _: None)
+    if reason is not None or planned.trajectory is None:
+        return reason or Reason("solver", None, None, None, None, None, "no motion found")
+    return planned.trajectory.duration
+
+
+def plan_to_folder(
+    problem: Problem, folder: Path, progress: Progress = lambda _: None, drawer: FigureProcess | None = None
+) -> tuple[Plan, dict[str, Path]]:
+    """Plan and write plan.json, trajectory.csv and the figures; drawer as in `write_folder`.
+
+    Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program.
+    """
+
+    def found(trajectory: Trajectory) -> None:
+        if drawer is not None:
+            drawer.draw("motion", trajectory, problem.robot)
+
+    result = plan(problem, progress, found)
+    if not result.passed:
+        return result, {}
+    progress("writing results")
+    return result, write_folder(result, folder, drawer)
+
+
+def _exceeded(certificate: Certificate) -> Reason:
+    """The worst violation that the check found and tightening did not cure."""
+    worst = certificate.worst
+    joint = "" if worst.joint is None else f" of joint {worst.joint}"
+    text = (
+        f"the independent check found {worst.name}{joint} exceeded: {worst.worst:.6g} {worst.unit} against "
+        f"{worst.limit:.6g} {worst.unit} at t = {worst.time:.4f} s; the motion is not written"
+    )
+    required, available = worst.worst, worst.limit
+    if worst.name == "self-locking":
+        required, available = worst.limit, worst.worst
+        text = (
+            f"the drive{joint} does not hold by itself: its friction coefficient may be as low as {available:.4g}, "
+            f"self-locking needs {required:.4g}; the load would drive it back"
+        )
+    where: str | None = f"t = {worst.time:.4f} s"
+    if worst.name == CONTINUOUS:
+        where = None
+        text = (
+            f"the motor{joint} would run at an RMS torque of {1e3 * required:.6g} mN·m, it may do "
+            f"{1e3 * available:.6g} mN·m for all time; the motion is not written"
+        )
+    return Reason(worst.name, worst.joint, where, required, available, None, text)

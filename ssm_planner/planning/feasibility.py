@@ -1,0 +1,84 @@
+"""Whether the places of a motion are allowed: joint ranges and the eye, along straight paths and at the points of others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.kinematics.eye import RETINA, eye_limits
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import Array
+
+if TYPE_CHECKING:
+    from ssm_planner.planning.phase import Leg
+
+
+LOOKS = 201
+SLACK = 1e-9
+"""Share of a range, or m and shares of the lens, by which a place may miss it."""
+
+
+def misplaced(problem: Problem, mechanism: Mechanism, legs: Sequence[Leg]) -> Reason | None:
+    """The first place that a limit forbids: a joint's range, the retina's clearance or the lens."""
+    for leg in legs:
+        q = leg.path.sample(np.linspace(0.0, 1.0, LOOKS)).q if leg.path is not None else leg.points
+        reason = _range(problem.robot, leg, q) or by_eye(problem, mechanism, leg, q)
+        if reason is not None:
+            return reason
+    return None
+
+
+def place(leg: Leg, k: int, count: int) -> str:
+    """Words for sample k of `count` along a leg."""
+    if leg.path is None and count == len(leg.points) and 0 < k < count - 1:
+        return f"{leg.motion.name}, at point {k} on its way"
+    if k in (0, count - 1):
+        return f"{leg.motion.name}, at its {'end' if k else 'start'}"
+    return f"{leg.motion.name}, {100 * k / (count - 1):.0f} % of the way"
+
+
+def _range(robot: Robot, leg: Leg, q: Array) -> Reason | None:
+    for i, joint in enumerate(robot.joints):
+        low, high = joint.position
+        over = np.maximum(low - q[:, i], q[:, i] - high)
+        if over.max() <= SLACK * (high - low):
+            continue
+        k = int(np.argmax(over))
+        value, limit = float(q[k, i]), low if q[k, i] < low else high
+        unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
+        where = place(leg, k, len(q))
+        text = (
+            f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
+            f"{limit * scale:.6g} {unit} ({where})"
+        )
+        return Reason("position", joint.name, where, value, limit, None, text)
+    return None
+
+
+def by_eye(problem: Problem, mechanism: Mechanism, leg: Leg, q: Array) -> Reason | None:
+    """The retina or the lens, where it forbids one of these joints (n, 4): the worst place."""
+    if problem.eye is None:
+        return None
+    for name, (value, least) in eye_limits(NUMPY, problem.eye, tip_position(mechanism, q).T).items():
+        k = int(np.argmin(value))
+        found = float(value[k])
+        if found >= least - SLACK:
+            continue
+        where = place(leg, k, len(q))
+        if name == RETINA:
+            text = (
+                f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"
+            )
+        else:
+            text = (
+                f"the shaft would touch the lens: {found:.4g} of its size from its centre, at least {least:.4g} is free"
+            )
+        return Reason(name, None, where, least, found, None, f"{text} ({where})")
+    return None

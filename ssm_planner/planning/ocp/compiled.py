@@ -1,0 +1,218 @@
+"""What of a robot stands as constants in a stage, as a key: two robots with the same key share compiled programs.
+
+Element functions in C, where there is a compiler: the same numbers about ten times faster than interpreted.
+
+Compiling takes from half a second to some five, so it is done in the background, for a stage that has taken long, and kept
+in the user's cache by content. Without a compiler, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import OrderedDict
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from ssm_planner.planning.ocp.element import ElementFunctions, Stage, element_functions
+from ssm_planner.problem.robot import Robot
+
+
+def robot_key(robot: Robot) -> bytes:
+    """Geometry, bodies, gravity, drives and nominal torques; not the limits, which are parameters.
+
+    Equal keys mean equal content; equal content may have different keys, which only costs time.
+    """
+    joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
+    return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints))
+
+
+FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC")
+"""No optimisation that changes rounding: the result is the interpreter's to the last bit."""
+LONG = 0.15
+"""Time spent evaluating a stage from which on it is compiled, s."""
+KEPT, KEPT_FILES = 24, 200
+"""Stages in memory, and libraries on disk: those used last."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The element functions of a stage as C, and where the library made of it is kept."""
+
+    names: tuple[str, ...]
+    text: str
+    library: Path
+
+    @classmethod
+    def of(cls, element: ElementFunctions, folder: Path) -> Source:
+        generator = ca.CodeGenerator("element.c")
+        names = []
+        for field in fields(element):
+            function = getattr(element, field.name)
+            if function is not None:
+                generator.add(function)
+                names.append(field.name)
+        text = generator.dump()
+        # a home folder may be shared between machines of several kinds
+        machine = platform.system(), platform.machine()
+        content = hashlib.sha256("\n".join([text, ca.CasadiMeta.version(), *machine, *FLAGS]).encode()).hexdigest()
+        return cls(tuple(names), text, folder / f"{content[:32]}.so")
+
+    @property
+    def ready(self) -> bool:
+        return self.library.is_file()
+
+    def load(self, element: ElementFunctions) -> ElementFunctions:
+        """The same functions from the library. Raises OSError or RuntimeError where it cannot be used."""
+        os.utime(self.library)  # of the libraries, the last used are kept
+        loaded = {name: ca.external(getattr(element, name).name(), str(self.library)) for name in self.names}
+        return ElementFunctions(**{field.name: loaded.get(field.name) for field in fields(element)})  # type: ignore[arg-type]
+
+    def compile(self) -> subprocess.Popen[bytes] | None:
+        """Begin to make the library, in a process of low priority that goes on by itself; whole or not at all.
+
+        Raises OSError where the folder cannot be written.
+        """
+        compiler = _compiler()
+        if compiler is None:
+            return None
+        libraries = sorted(self.library.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
+        for old in libraries[: max(0, len(libraries) - KEPT_FILES + 1)]:
+            old.unlink(missing_ok=True)
+        work = Path(tempfile.mkdtemp(dir=self.library.parent))
+        (work / "element.c").write_text(self.text, encoding="utf-8")
+        command = [sys.executable, "-c", _MAKE, compiler, str(work), str(self.library), *FLAGS]
+        quiet = subprocess.DEVNULL
+        return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
+
+
+class Stages:
+    """The element functions of the stages in use, compiled where that is done already."""
+
+    def __init__(self) -> None:
+        self._used: OrderedDict[tuple[Any, ...], _Used] = OrderedDict()
+        self._running: subprocess.Popen[bytes] | None = None
+
+    def functions(self, stage: Stage, key: tuple[Any, ...]) -> tuple[ElementFunctions, bool]:
+        """The functions of a stage with this key, and whether they are compiled."""
+        if key not in self._used:
+            self._used[key] = used = _Used(element_functions(stage))
+            while len(self._used) > KEPT:
+                self._used.popitem(last=False)
+            used.load_from(filled_cache())
+        self._used.move_to_end(key)
+        used = self._used[key]
+        if not used.compiled and used.seconds > LONG:
+            self._compile(used)
+        return used.functions, used.compiled
+
+    def spent(self, key: tuple[Any, ...], seconds: float) -> None:
+        """Note how long the functions of a stage have been evaluated."""
+        if key in self._used:
+            self._used[key].seconds += seconds
+
+    def compile_all(self) -> None:
+        """Compile all stages in use, one after the other, and load them; nothing without a compiler."""
+        for used in self._used.values():
+            for _ in range(2):
+                self.wait()
+                self._compile(used)
+
+    def wait(self) -> None:
+        """Wait for the library that is being made."""
+        if self._running is not None:
+            self._running.wait()
+
+    def _compile(self, used: _Used) -> None:
+        """Load the library, or begin to make it where no other is being made; once, for a compiler may fail."""
+        used.load_from(cache())
+        idle = self._running is None or self._running.poll() is not None
+        if used.source is not None and not used.compiled and not used.tried and idle:
+            used.tried = True
+            with suppress(OSError):  # a full disk, a folder that became read-only: it stays interpreted
+                self._running = used.source.compile()
+
+
+@dataclass
+class _Used:
+    functions: ElementFunctions
+    seconds: float = 0.0
+    tried: bool = False
+    compiled: bool = False
+    source: Source | None = None
+
+    def load_from(self, folder: Path | None) -> None:
+        """Take the functions from the folder's library, where it is there."""
+        if folder is None or self.compiled:
+            return
+        self.source = self.source or Source.of(self.functions, folder)
+        if self.source.ready:
+            with suppress(OSError, RuntimeError):  # taken away meanwhile, or no library: it stays interpreted
+                self.functions, self.compiled = self.source.load(self.functions), True
+
+
+_MAKE = """
+import os, shutil, subprocess, sys
+compiler, work, library, *flags = sys.argv[1:]
+os.nice(10)
+try:
+    made = os.path.join(work, "element.so")
+    if subprocess.call([compiler, *flags, "-o", made, os.path.join(work, "element.c")]) == 0:
+        os.replace(made, library)
+finally:
+    shutil.rmtree(work, ignore_errors=True)
+"""
+
+
+def _compiler() -> str | None:
+    """cc; not that of macOS without its developer tools, which only opens a window that offers them."""
+    tools = ["xcode-select", "-p"]
+    if platform.system() == "Darwin" and subprocess.run(tools, capture_output=True, check=False).returncode != 0:
+        return None
+    return shutil.which("cc")
+
+
+def cache() -> Path | None:
+    """The folder of compiled stages, which only the user can write; None where nothing is to be compiled."""
+    folder = _folder()
+    if folder is None:
+        return None
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return folder if _safe(folder) else None
+
+
+def filled_cache() -> Path | None:
+    """The folder of compiled stages, where there is one with something in it: looking a stage up takes some time."""
+    folder = _folder()
+    return folder if folder is not None and _safe(folder) and any(folder.glob("*.so")) else None
+
+
+def _folder() -> Path | None:
+    if os.name != "posix" or os.environ.get("SSM_PLANNER_COMPILE") == "0":
+        return None
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ssm_planner"
+
+
+def _safe(folder: Path) -> bool:
+    """What lies there is executed."""
+    try:
+        state = folder.stat()
+    except OSError:
+        return False
+    return state.st_uid == os.getuid() and not state.st_mode & 0o022
+
+
+stages = Stages()

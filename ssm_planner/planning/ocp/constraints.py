@@ -1,0 +1,172 @@
+"""The limits of a robot as the optimisation takes them.
+
+Limits at one instant of a motion as rows "≤ 1", symbolic: what the optimisation keeps at its collocation points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.transmission import TorqueRows, motor_torque_rows, output_effort
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.typing import Array
+
+UNLIMITED = 1e9
+
+
+def limit_table(robot: Robot) -> Array:
+    """Velocity, acceleration, jerk and motor-torque limits (rows) of the joints (columns), (4, 4)."""
+    table = np.full((4, 4), UNLIMITED)
+    for i, joint in enumerate(robot.joints):
+        table[0, i], table[1, i] = joint.velocity, joint.acceleration
+        if joint.jerk is not None:
+            table[2, i] = joint.jerk
+        if joint.drive is not None and joint.motor is not None:
+            table[0, i] = min(joint.velocity, joint.motor.max_speed / joint.drive.ratio)
+            table[3, i] = joint.motor.max_torque
+    return table
+
+
+def tightened(robot: Robot, factors: Array | None) -> Robot:
+    """The robot with factors (4, 4) on velocity, acceleration, jerk and motor-torque limits (rows) of its joints."""
+    if factors is None:
+        return robot
+    joints = []
+    for joint, (velocity, acceleration, jerk, torque) in zip(robot.joints, factors.T, strict=True):
+        motor = joint.motor
+        joints.append(
+            replace(
+                joint,
+                velocity=joint.velocity * velocity,
+                acceleration=joint.acceleration * acceleration,
+                jerk=None if joint.jerk is None else joint.jerk * jerk,
+                motor=None if motor is None else replace(motor, max_torque=motor.max_torque * torque),
+            )
+        )
+    first, second, third, fourth = joints
+    return replace(robot, joints=(first, second, third, fourth))
+
+
+def limits_jerk(robot: Robot) -> bool:
+    return any(joint.jerk is not None for joint in robot.joints)
+
+
+BRAKING_SOFTNESS = 1e-3
+"""Smoothing of the mesh's larger side in the braking rows, as a share of the torque limit (on the safe side)."""
+COST_SOFTNESS = 1e-2
+"""The same in heat and effort, as a share of the nominal torque: at a sharp edge of the cost the solver goes to and fro."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (0 to 3, None for the whole arm)."""
+
+    name: str
+    joint: int | None
+    value: ca.SX
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Symbolic state of all joints, (4,) each; sigma: direction of each joint's motion, +1, −1 or 0 (does not move)."""
+
+    qd: ca.SX
+    qd_hull: ca.SX
+    """Stands in for qd in the velocity rows (stage.element_state)."""
+    qdd: ca.SX
+    qddd: ca.SX
+    tau_rigid: ca.SX
+    tip_speed: ca.SX
+    """|ṗ| of the tool tip, scalar; of the hull where qd_hull is."""
+    sigma: ca.SX
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Symbolic limits, so that one problem serves all values; (4,) each, torque of joints without motor unused."""
+
+    velocity: ca.SX
+    acceleration: ca.SX
+    jerk: ca.SX
+    torque: ca.SX
+    tip_speed: ca.SX
+
+
+def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[Row]:
+    """Tip speed; velocity, acceleration and, where asked for, jerk of every joint."""
+    rows = [Row("tip speed", None, at.tip_speed / bounds.tip_speed)]
+    for i, joint in enumerate(joints):
+        senses = (1, -1) if joint.drive is None else (at.sigma[i],)
+        rows += [Row("velocity", i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
+        for side in (1, -1):
+            rows.append(Row("acceleration", i, side * at.qdd[i] / bounds.acceleration[i]))
+            if jerk:
+                rows.append(Row("jerk", i, side * at.qddd[i] / bounds.jerk[i]))
+    return rows
+
+
+def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, breakaway: bool = False) -> list[Row]:
+    """Motor torque of every driven joint under the exact friction law for the known direction of motion.
+
+    breakaway: with the static coefficient, for instants at which a joint starts to move.
+    """
+    rows = []
+    for i, joint in enumerate(joints):
+        drive = joint.drive
+        if drive is None or joint.motor is None:
+            continue
+        first, second = directed_torques(drive, at, i, breakaway=breakaway)
+        limit = bounds.torque[i]
+        rows += [Row("motor torque", i, value / limit) for value in (first, second)]
+        # σ τ is the larger of the two; the smooth maximum below never exceeds it
+        half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
+        resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
+        rows.append(Row("motor torque", i, -resisting))
+    return rows
+
+
+def heat(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Σ (τ_motor / τ_nominal)²: what warms the windings."""
+    return ca.sumsqr(_torques(at, joints))
+
+
+def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Σ ((τ_motor − that of endlessly slow motion in the same place) / τ_nominal)².
+
+    What inertia and speed ask of the motors. Friction and weight have to be overcome at any speed; counting their heat
+    would reward standing still wherever they are small. slow: the same instant without speed and acceleration.
+    """
+    return ca.sumsqr(_torques(at, joints) - _torques(slow, joints))
+
+
+def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """σ τ_motor / τ_nominal of every motor, the larger side of the mesh smoothed."""
+    values = []
+    for i, joint in enumerate(joints):
+        if joint.drive is None or joint.motor is None:
+            continue
+        sides = directed_torques(joint.drive, at, i, breakaway=False)
+        first, second = (value / joint.motor.nominal_torque for value in sides)
+        values.append((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2))
+    return ca.vertcat(ca.SX(0, 1), *values)
+
+
+def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> tuple[ca.SX, ca.SX]:
+    """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
+    friction = friction_of(drive)
+    sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]
+    mu = friction.mu_static if breakaway else friction_coefficient(friction, sigma * w)
+    effort = output_effort(drive, at.tau_rigid[i], at.qd[i], at.qdd[i], sigma)
+    forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
+    is_forward, is_backward = sigma * (sigma + 1) / 2, sigma * (sigma - 1) / 2
+
+    def torque(rows: TorqueRows, k: int) -> ca.SX:
+        return rows.slope[k] * effort + rows.inertia * wd + rows.coulomb + rows.viscous * w
+
+    first, second = (is_forward * torque(forward, k) - is_backward * torque(backward, k) for k in (0, 1))
+    return first, second

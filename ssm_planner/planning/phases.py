@@ -1,0 +1,155 @@
+"""From the motion list of a problem to legs with closed-form inverse kinematics: end points, branch, joint turns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.solutions import Solutions
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.planning.boundary_rates import with_speeds
+from ssm_planner.planning.feasibility import misplaced
+from ssm_planner.planning.phase import Leg
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.planning.scan_pattern import expanded
+from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.typing import Array
+
+NOWHERE = 1e-9
+"""A motion over less than this (rad, m) goes nowhere."""
+
+
+def legs_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Leg, ...], Reason | None]:
+    """The legs of a problem with the speeds at both ends, or the reason why no start configuration carries it.
+
+    Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
+    range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
+    """
+    reasons = []
+    for first in _starts(problem, mechanism):
+        legs = _chain(problem, mechanism, first)
+        reason = misplaced(problem, mechanism, legs)
+        if reason is None:
+            return with_speeds(problem, mechanism, legs)
+        reasons.append(reason)
+    return (), reasons[0]
+
+
+def _starts(problem: Problem, mechanism: Mechanism) -> list[Array]:
+    """Start configurations to try: as given, or every closed-form solution with its whole turns."""
+    target = problem.start
+    if target.joints is not None:
+        return [np.array(target.joints)]
+    found = _solutions(problem, mechanism, target, np.zeros(4), None)
+    branches = np.where(found.reaches[0], found.branch[0], 0)
+    order = sorted(np.flatnonzero(branches), key=lambda k: bool(branches[k] != mechanism.home_branch))
+    return [q for k in order for q in _with_turns(found.joints[0, k])]
+
+
+def _with_turns(q: Array) -> list[Array]:
+    """The same configuration with revolute joints within half a turn of zero, and one turn to the other side."""
+    angles = np.arctan2(np.sin(q[:3]), np.cos(q[:3]))
+    choices = [[angle, angle - 2 * np.pi * np.sign(angle)] if angle else [angle] for angle in angles]
+    grid = [np.array([a, b, c, q[3]]) for a in choices[0] for b in choices[1] for c in choices[2]]
+    return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
+
+
+def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Leg, ...]:
+    """The legs one after the other from a start configuration; start and end in task coordinates stay continuous."""
+    legs = []
+    driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
+    near = None if problem.start.task is None else _task_of(problem, mechanism, problem.start, np.zeros(4))
+    start = task_from_joints(mechanism, first[None, :], near=near)[0]
+    for motion in expanded(problem, mechanism):
+        if motion.kind == "dwell" or motion.target is None:
+            legs.append(Leg(motion, start, start, np.stack([first, first]), None))
+            continue
+        path = None
+        if motion.kind == "straight":
+            end = _task_of(problem, mechanism, motion.target, start)
+            _refuse_standstill(problem, motion, end - start)
+            branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
+            path = StraightPath(mechanism, start, end, branch, first, driven)
+            points = path.sample(np.array([0.0, 1.0])).q
+        else:
+            passed = [first]
+            end = start
+            for k, target in enumerate((*motion.through, motion.target)):
+                passed.append(_free_end(problem, mechanism, target, end, passed[-1]))
+                _refuse_standstill(problem, motion, passed[-1] - passed[-2], k if motion.through else None)
+                end = task_from_joints(mechanism, passed[-1][None, :], near=end)[0]
+            points = np.stack(passed)
+        legs.append(Leg(motion, start, end, points, path))
+        start, first = end, points[-1]
+    return tuple(legs)
+
+
+def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Array, first: Array) -> Array:
+    """Joints at the end of a free motion: as given, or the solution nearest to where it starts, on the same branch."""
+    if target.joints is not None:
+        return np.array(target.joints)
+    found = _solutions(problem, mechanism, target, held, first)
+    branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
+    usable = found.valid[0] & (found.branch[0] == branch)
+    if not usable.any():
+        usable = found.valid[0] if found.valid[0].any() else found.reaches[0]
+    return np.array(found.joints[0, int(np.argmax(usable))])
+
+
+def _solutions(
+    problem: Problem, mechanism: Mechanism, target: Target, held: Array, reference: Array | None
+) -> Solutions:
+    """All joint solutions of a target in task coordinates or tip position."""
+    limits = None if reference is None else np.array([joint.position for joint in problem.robot.joints])
+    if target.tip is not None:
+        spin = target.spin if target.spin is not None else float(held[2])
+        found = inverse_tip(mechanism, [target.tip], spin, limits=limits, reference=reference)
+        depth = mechanism.insertion_sign * found.joints[0, :, 3]
+        low, high = problem.limits.get("depth", (-np.inf, np.inf))
+        found.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
+        if not found.reaches[0].any():
+            raise ProblemError(
+                "the mechanism cannot bring the tip there within the depth range",
+                file=problem.file,
+                line=target.line,
+                key="tip",
+                value=", ".join(f"{1e3 * x:.4g} mm" for x in target.tip),
+            )
+        return found
+    task = _task_of(problem, mechanism, target, held)
+    return inverse_task(mechanism, task[None, :], limits=limits, reference=reference)
+
+
+def _task_of(problem: Problem, mechanism: Mechanism, target: Target, held: Array) -> Array:
+    """Task coordinates (4,) of a target that names some; those that it does not name are held."""
+    task = np.array([(target.task or {}).get(name, held[k]) for k, name in enumerate(TASK)])
+    low, high = tilt_interval(mechanism)
+    if not low < task[1] < high:
+        raise ProblemError(
+            "the mechanism cannot reach this tilt",
+            file=problem.file,
+            line=target.line,
+            key="tilt",
+            value=f"{np.degrees(task[1]):.6g} deg",
+            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9): there the "
+            "speed of joint tilt grows without bound",
+        )
+    return task
+
+
+def _refuse_standstill(problem: Problem, motion: Motion, way: Array, point: int | None = None) -> None:
+    if np.abs(way).max() < NOWHERE:
+        same = "its start and target are the same"
+        if point is not None:
+            last = point == len(motion.through)
+            same = f"{'its target' if last else f'through[{point}]'} is where the motion already is"
+        raise ProblemError(
+            f"this motion goes nowhere: {same}",
+            file=problem.file,
+            line=motion.line,
+            key=motion.name,
+        )

@@ -1,0 +1,122 @@
+"""A scan as a sequence of free motions and dwells: spots on the retina, the tip at a constant distance from it.
+
+The pattern lies in the plane that touches the retina where the tool's axis meets it in the middle of the pattern, its rows
+along the direction in which roll turns the tool; the spots are projected onto the sphere from its centre. At each spot the
+tool, which passes through the remote centre, points at it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.inverse import inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.problem.problem import TASK, Eye, Motion, Problem, Scan, Target
+from ssm_planner.typing import Array
+
+
+def expanded(problem: Problem, mechanism: Mechanism) -> tuple[Motion, ...]:
+    """The motion list with every scan as free motions to, or through, its spots. Raises ProblemError."""
+    result: list[Motion] = []
+    for motion in problem.motion:
+        if motion.scan is None or motion.target is None or problem.eye is None:
+            result.append(motion)
+            continue
+        result += _motions(problem, mechanism, motion, motion.scan, problem.eye, motion.target)
+    return tuple(result)
+
+
+def pattern(scan: Scan) -> list[Array]:
+    """Spots in the plane, m: one array (n, 2) for every ring, or one for the raster, in the order of the motion."""
+    if scan.diameters:
+        return [_ring(diameter, scan.spacing) for diameter in scan.diameters]
+    x = (np.arange(scan.columns) - (scan.columns - 1) / 2) * scan.spacing
+    y = (np.arange(scan.rows) - (scan.rows - 1) / 2) * scan.spacing
+    # every other row runs back, so that no motion crosses the whole pattern
+    rows = [np.stack([x if k % 2 == 0 else x[::-1], np.full_like(x, height)], axis=1) for k, height in enumerate(y)]
+    return [np.concatenate(rows)]
+
+
+def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
+    """Points of the retina (n, 3) for spots (n, 2) in the plane that touches it where the axis (3,) meets it.
+
+    side (3,): direction of the plane's first coordinate, made perpendicular to the plane's normal.
+    """
+    middle = _reach(eye, axis[None, :], eye.radius)[0] * axis
+    normal = (middle - eye.centre) / eye.radius
+    first = side - normal * (normal @ side)
+    first /= np.linalg.norm(first)
+    flat = middle + plane[:, :1] * first + plane[:, 1:] * np.cross(normal, first)
+    outward = flat - eye.centre
+    return eye.centre + eye.radius * outward / np.linalg.norm(outward, axis=1, keepdims=True)
+
+
+def _ring(diameter: float, spacing: float) -> Array:
+    count = max(3, round(np.pi * diameter / spacing))
+    angle = 2 * np.pi * np.arange(count) / count
+    return diameter / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _reach(eye: Eye, axis: Array, radius: float) -> Array:
+    """Depth (n,) at which rays from the remote centre along axis (n, 3) leave the sphere of this radius; NaN: never."""
+    along = axis @ eye.centre
+    with np.errstate(invalid="ignore"):
+        return np.asarray(along + np.sqrt(along**2 - eye.centre @ eye.centre + radius**2))
+
+
+def _motions(
+    problem: Problem, mechanism: Mechanism, motion: Motion, scan: Scan, eye: Eye, target: Target
+) -> list[Motion]:
+    task = np.array([(target.task or {}).get(name, 0.0) for name in TASK])
+    low, high = tilt_interval(mechanism)
+    if not low < task[1] < high:
+        raise ProblemError(
+            "the mechanism cannot reach this tilt",
+            file=problem.file,
+            line=motion.line,
+            key="at.tilt",
+            value=f"{np.degrees(task[1]):.6g} deg",
+            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded",
+        )
+    axis, side = _axis(mechanism, task)
+    inside = eye.radius - scan.distance
+    result: list[Motion] = []
+    spin = float(task[2])
+    for k, plane in enumerate(pattern(scan), 1):
+        spots = spots_on_retina(eye, axis, side, plane)
+        direction = spots / np.linalg.norm(spots, axis=1, keepdims=True)
+        depth = _reach(eye, direction, inside)
+        if not np.all(depth > 0):
+            raise ProblemError(
+                "from the port no spot of this scan can be reached at that distance from the retina",
+                file=problem.file,
+                line=motion.line,
+                key="scan",
+                allowed="a direction in which the tool's axis meets the retina deeper in the eye",
+            )
+        tips = direction * depth[:, None]
+        targets = [Target(tip=(p[0], p[1], p[2]), spin=spin, line=motion.line) for p in tips.tolist()]
+        ring = motion.name if len(scan.diameters) < 2 else f"{motion.name} {k}"
+        if scan.dwell > 0:
+            for n, spot in enumerate(targets, 1):
+                result.append(Motion("free", f"{ring}, spot {n}", spot, line=motion.line))
+                result.append(Motion("dwell", f"{ring}, laser {n}", duration=scan.dwell, line=motion.line))
+            continue
+        result.append(Motion("free", f"{ring}, approach", targets[0], line=motion.line))
+        rest = targets[1:] + (targets[:1] if scan.diameters else [])
+        if rest:
+            result.append(Motion("free", ring, rest[-1], line=motion.line, through=tuple(rest[:-1])))
+    return result
+
+
+def _axis(mechanism: Mechanism, task: Array) -> tuple[Array, Array]:
+    """Direction of the tool (3,) at these task coordinates, and the direction in which roll turns it (3,)."""
+    q = inverse_task(mechanism, np.array([[task[0], task[1], task[2], 1.0]])).joints[0, 0]
+    axis = tip_position(mechanism, q[None, :])[0]
+    axis = axis / np.linalg.norm(axis)
+    assert np.allclose(task_from_joints(mechanism, q[None, :])[0, :2], task[:2], atol=1e-6)
+    return axis, np.cross(mechanism.omega1, axis)

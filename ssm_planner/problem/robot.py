@@ -1,0 +1,79 @@
+"""Robots as frozen values: geometry, bodies, joints. SI floats and radians, arrays read-only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motor import Motor
+from ssm_planner.typing import Array, Range
+
+JOINTS = ("roll", "tilt", "spin", "insertion")
+"""Names by which limits and results speak of joints 1 to 4."""
+
+
+def frozen(value: object, shape: tuple[int, ...]) -> Array:
+    """A read-only float array of the given shape."""
+    array = np.array(value, dtype=float).reshape(shape)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1); unit vectors, shape (3,)."""
+
+    omega1: Array
+    omega2: Array
+    omega3: Array
+    tool_home: Array
+    """R_0, (3, 3), base ← tool at q = 0; its z column is omega3."""
+    insertion_sign: int = -1
+    """depth = insertion_sign · θ4."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Inertial data of one moving body, in its own frame at the RCM."""
+
+    name: str
+    mass: float
+    com: Array
+    """Centre of mass in the body frame, m, (3,)."""
+    inertia: Array
+    """Inertia tensor about the body frame's origin, kg·m², (3, 3), products with the tensor's sign (−∫xy dm)."""
+    frame: Array
+    """Rotation base ← body at q = 0, (3, 3)."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Limits and actuation of one joint; rad or m and their time derivatives."""
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    position: Range
+    velocity: float
+    acceleration: float
+    jerk: float | None = None
+    drive: Drive | None = None
+    motor: Motor | None = None
+    motor_direction: Literal[-1, 1] = 1
+    """Sense in which the motor's controller counts when the joint moves forward."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    name: str
+    geometry: Geometry
+    bodies: tuple[Body, Body, Body, Body]
+    joints: tuple[Joint, Joint, Joint, Joint]
+    gravity: Array
+    """Acceleration of gravity in the base frame, m/s², (3,)."""
+    limits: Mapping[str, Range] = field(default_factory=dict)
+    """Ranges of task coordinates that the robot itself declares, by name in TASK."""
+    file: str | None = None

@@ -1,0 +1,106 @@
+"""Figures of a plan: the motion with its limits, and what it requires of the motors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
+from ssm_planner.reporting.figures.style import (
+    COLOURS,
+    DASHES,
+    LIMIT,
+    RPM,
+    SIZE,
+    finish,
+    new_panels,
+    unit_of,
+)
+from ssm_planner.sizing.requirements import MotorRequirement
+from ssm_planner.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+SAMPLES = 1200
+
+
+def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
+    """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed."""
+    t = np.linspace(0.0, trajectory.duration, SAMPLES)
+    samples = trajectory.sample(t)
+    figure, panels = new_panels(9.0, 6.4, 3, 2, (0.75, 0.1, 0.5, 0.55), (0.85, 0.2), sharex=True)
+    rows = (
+        ("q", "position", "", None),
+        ("qd", "velocity", "/s", "velocity"),
+        ("qdd", "acceleration", "/s²", "acceleration"),
+    )
+    for row, (field, name, per, limit) in enumerate(rows):
+        for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
+            unit, scale = unit_of(base)
+            axes = panels[row, column]
+            _phases(axes, trajectory, named=row == 0)
+            for i, joint in enumerate(robot.joints):
+                if joint.kind != kind:
+                    continue
+                axes.plot(t, scale * getattr(samples, field)[:, i], DASHES[i], color=COLOURS[i], label=_label(robot, i))
+                for side in (1, -1) if limit else ():
+                    axes.axhline(side * scale * getattr(joint, str(limit)), **LIMIT)
+            finish(axes, "time (s)" if row == 2 else "", f"{name} ({unit}{per})")
+    lines = [line for axes in panels[0] for line in axes.get_lines()]
+    (limit_line,) = panels[1, 0].plot([], [], **LIMIT, label="limit")
+    figure.legend(handles=[*lines, limit_line], loc="upper center", ncols=5, fontsize=SIZE, frameon=False)
+    return figure
+
+
+def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:
+    """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures."""
+    rows = len(requirements)
+    figure, panels = new_panels(9.0, 2.3 * rows + 0.2, rows, 2, (0.8, 0.1, 0.5, 0.45), (0.35, 0.6), sharey="row")
+    names = [joint.name for joint in robot.joints]
+    for row, requirement in enumerate(requirements):
+        i = names.index(requirement.joint)
+        torque = 1e3 * requirement.torque
+        over_time, against_speed = panels[row]
+        _phases(over_time, trajectory, named=row == 0)
+        over_time.plot(requirement.t, torque, color=COLOURS[i])
+        against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
+        rms = 1e3 * requirement.rms_torque
+        for axes in (over_time, against_speed):
+            axes.axhline(np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":")
+        last = row == len(requirements) - 1
+        finish(over_time, "time (s)" if last else "", f"{_label(robot, i)}\nmotor torque (mN·m)")
+        finish(against_speed, "motor speed (rpm)" if last else "", "")
+        text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
+        against_speed.set_title(f"{text}\n{_limit_text(requirement.motor)}", fontsize=SIZE - 1, loc="right", pad=3)
+    return figure
+
+
+DRAWN: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": motors_figure}
+"""The figures of a plan by file name."""
+
+
+def _limit_text(motor: Motor | None) -> str:
+    if motor is None:
+        return "no motor given"
+    mark = ", placeholder figures" if motor.placeholder else ""
+    return f"{motor.name}{mark}: nominal {1e3 * motor.nominal_torque:.3g}, largest {1e3 * motor.max_torque:.3g} mN·m"
+
+
+def _label(robot: Robot, i: int) -> str:
+    return f"joint {i + 1} ({robot.joints[i].name})"
+
+
+def _phases(axes: Axes, trajectory: Trajectory, named: bool) -> None:
+    """Shade every other phase and, where asked for, name it above the panel."""
+    for k, phase in enumerate(trajectory.phases):
+        if k % 2:
+            axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
+        if named:
+            middle = (phase.start + phase.end) / 2
+            axes.text(middle, 1.02, phase.name, transform=axes.get_xaxis_transform(), ha="center", fontsize=SIZE - 1)

@@ -1,0 +1,141 @@
+"""Figures drawn by a second process: it imports matplotlib while this one plans, and draws while this one checks and writes.
+
+The process is a plain child that reads what to draw from its standard input and returns the files' bytes on its standard
+output. It opens no file and has no terminal, so that killing it at any time leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as TookTooLong
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from ssm_planner.errors import ExportError
+from ssm_planner.reporting.figures.style import (
+    drawn,
+    new_panels,
+    save_drawn,
+    save_figure,
+)
+from ssm_planner.sizing.requirements import motor_requirements
+
+if TYPE_CHECKING:
+    from ssm_planner.formats.plan_json import PlanFile
+    from ssm_planner.plans import Plan
+    from ssm_planner.reporting.figures.process import FigureProcess
+from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
+
+PATIENCE = 60.0
+"""Seconds after which figures that do not come are drawn by the caller."""
+_START = "import sys; sys.path[:] = {path!r}; from ssm_planner.reporting.figures.process import serve; serve()"
+
+Files = dict[str, dict[str, bytes]]
+"""Content by figure and ending."""
+
+
+class FigureProcess:
+    """A child process that draws one plan. Where it cannot start or fails, `result` is empty and the caller draws."""
+
+    def __init__(self) -> None:
+        self._process = _started() if (os.cpu_count() or 1) > 1 else None
+        self._pipe = ThreadPoolExecutor(1)  # a pipe may block its writer: not the planner
+
+    def draw(self, name: str, *arguments: object) -> None:
+        """Begin with a figure in plan_figures.DRAWN; of one that is begun again the last counts. Returns at once."""
+        if self._process is not None:
+            self._pipe.submit(self._write, pickle.dumps((name, arguments)))
+
+    def result(self) -> Files:
+        """The figures that were begun, when they are done."""
+        process = self._process
+        if process is None:
+            return {}
+        try:
+            answer, _ = self._pipe.submit(process.communicate).result(PATIENCE)
+            files: Files = pickle.loads(answer) if process.returncode == 0 else {}
+        except (OSError, ValueError, TookTooLong, EOFError):
+            return {}
+        return files
+
+    def _write(self, message: bytes) -> None:
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.write(message)
+            self._process.stdin.flush()
+
+    def __enter__(self) -> FigureProcess:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._pipe.submit(self._process.communicate)
+        self._pipe.shutdown()
+
+
+def _started() -> subprocess.Popen[bytes] | None:
+    """None where this interpreter cannot be started anew, such as inside another program."""
+    if not sys.executable or getattr(sys, "frozen", False):
+        return None
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-c", _START.format(path=sys.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C reaches the planner alone, which ends this process
+        )
+    except OSError:
+        return None
+
+
+def serve() -> None:
+    """The child: get ready, draw what comes, answer with all of it when nothing more comes."""
+    answer = sys.stdout.buffer
+    sys.stdout = sys.stderr
+    from ssm_planner.reporting.figures.plan import DRAWN
+    from ssm_planner.reporting.figures.style import drawn
+
+    # the first figure of a process loads fonts and half of matplotlib
+    warm, panels = new_panels(2.0, 2.0, 1, 1, (0.5,) * 4, (0.0, 0.0))
+    panels[0, 0].plot([0, 1], label="warm")
+    warm.legend()
+    drawn(warm, pdf=False)
+    files: Files = {}
+    while True:
+        try:
+            name, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            break
+        files[name] = drawn(DRAWN[name](*arguments), pdf=False)
+    pickle.dump(files, answer)
+    answer.flush()
+
+
+def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
+    """motion and motors as PNG, drawn here or by a process that has begun to; paths by name. Raises ExportError."""
+    trajectory, robot = plan.trajectory, plan.problem.robot
+    if trajectory is None:
+        raise ExportError("there is no trajectory to draw: the problem has no plan")
+    arguments = {"motion": (trajectory, robot), "motors": (trajectory, robot, plan.requirements)}
+    files = {} if drawer is None else drawer.result()
+    paths: dict[str, Path] = {}
+    for name, figure in DRAWN.items():
+        endings = files.get(name) or drawn(figure(*arguments[name]), pdf=False)
+        paths |= save_drawn(endings, folder / name)
+    return paths
+
+
+def write_figures_of_file(plan: PlanFile, folder: Path) -> dict[str, Path]:
+    """The same figures from a plan.json that has been read, as PNG and PDF. Raises ExportError."""
+    trajectory, robot = plan.trajectory, plan.robot
+    paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
+    motors = motors_figure(trajectory, robot, motor_requirements(trajectory, robot))
+    return paths | save_figure(motors, folder / "motors")

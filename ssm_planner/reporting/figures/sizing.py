@@ -1,0 +1,147 @@
+"""Figures of sizing: payload curves at the motors, operating regions of candidates, what the torque is spent on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ssm_planner.problem.robot import JOINTS
+from ssm_planner.reporting.figures.style import AXIS, COLOURS, DASHES, LIMIT, RPM, SIZE, finish, new_figure, save_figure
+from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
+from ssm_planner.sizing.torque_breakdown import PARTS
+from ssm_planner.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ssm_planner.sizing.assess import MotorVerdict
+    from ssm_planner.sizing.size import JointSizing, Sizing
+
+
+PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
+PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
+
+
+def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
+    """payload_curves, torque_split and, where motors are judged, operating_regions, as PNG and PDF; their paths by name."""
+    figures = {"payload_curves": payload_curves(sizing), "torque_split": torque_split_figure(sizing)}
+    if sizing.verdicts:
+        figures["operating_regions"] = operating_regions(sizing)
+    paths: dict[str, Path] = {}
+    for name, figure in figures.items():
+        paths |= save_figure(figure, folder / name)
+    return paths
+
+
+def payload_curves(sizing: Sizing) -> Figure:
+    """Motor torque against motor speed, rotary joints left, translation right.
+
+    A broad bar at the peak shows the band in which the peak lies at the stated confidence.
+    """
+    groups = [
+        [joint for joint in sizing.joints if joint.load.drive.kind == "worm"],
+        [joint for joint in sizing.joints if joint.load.drive.kind != "worm"],
+    ]
+    groups = [group for group in groups if group]
+    figure = new_figure(3.6 * len(groups) + 0.4, 3.3)
+    for axes, group in zip(figure.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+        for joint in group:
+            _curve(axes, joint, sizing.conditions.confidence)
+        _cross(axes)
+        axes.locator_params(axis="x", nbins=5)
+        finish(axes, "motor speed (rpm)", "motor torque (mN·m)")
+        axes.legend(fontsize=SIZE - 1, frameon=False, loc="upper left")
+    return figure
+
+
+def torque_split_figure(sizing: Sizing) -> Figure:
+    """The torque of every joint over time and the parts it is the sum of."""
+    figure = new_figure(7.2, 2.2 * len(sizing.joints) + 0.5)
+    panels = figure.subplots(len(sizing.joints), 1, squeeze=False)[:, 0]
+    for axes, joint in zip(panels, sizing.joints, strict=True):
+        t = joint.load.t - joint.load.t[0]
+        axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
+        parts = dict(joint.requirement.split.parts())
+        for name, colour, dash in zip(PARTS, PART_COLOURS, PART_DASHES, strict=True):
+            axes.plot(t, 1e3 * parts[name], linestyle=dash, color=colour, linewidth=1.2, label=name.replace("_", " "))
+        finish(axes, "time (s)" if axes is panels[-1] else "", f"{_label(joint)}\nmotor torque (mN·m)")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=SIZE, frameon=False
+    )
+    return figure
+
+
+def operating_regions(sizing: Sizing) -> Figure:
+    """Every motion in the speed–torque plane of every candidate: continuous region shaded, short-term one outlined."""
+    verdicts = sizing.verdicts
+    across = min(len(verdicts), 3)
+    down = -(-len(verdicts) // across)
+    figure = new_figure(3.3 * across, 2.8 * down + 0.5)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axes, verdict in zip(panels, verdicts, strict=False):
+        _region(axes, verdict, sizing)
+    for axes in panels[len(verdicts) :]:
+        axes.set_visible(False)
+    for axes in panels[: len(verdicts)]:
+        axes.locator_params(axis="x", nbins=5)
+        finish(axes, "motor speed (rpm)", "|torque| (mN·m)")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=SIZE, frameon=False
+    )
+    return figure
+
+
+def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
+    motor, load, conditions = verdict.motor, verdict.load, sizing.conditions
+    speed = np.linspace(0.0, motor.max_speed, 400)
+    hot = motor.max_winding_temperature
+    short = 1e3 * available_torque(motor, conditions, speed, hot)
+    steady = continuous_torque(motor, conditions.ambient)
+    if steady is not None:
+        axes.fill_between(RPM * speed, 0.0, np.minimum(short, 1e3 * steady), color="0.88", label="continuous")
+    (outline,) = axes.plot([*(RPM * speed), RPM * speed[-1]], [*short, 0.0], label="short-term")
+    outline.set(**LIMIT)
+    i = JOINTS.index(verdict.joint)
+    torque = 1e3 * np.abs(verdict.requirement.torque)
+    speeds = RPM * np.abs(load.speed())
+    for stretch in _stretches(load.direction):
+        axes.plot(speeds[stretch], torque[stretch], color=COLOURS[i], linewidth=1.0)
+    rms = 1e3 * verdict.requirement.rms_torque
+    axes.plot([0.0, RPM * motor.max_speed], [rms, rms], ":", color="0.2", linewidth=1.0, label="RMS of the motion")
+    top = 1.15 * max(torque.max(), 0.0 if steady is None else 1e3 * steady, 1e-9)
+    axes.set_ylim(0.0, max(top, min(1.05 * short.max(), 3 * top)))
+    mark = ", placeholder figures" if motor.placeholder else ""
+    answer = {True: "suffices", False: "does not suffice", None: "not known"}[verdict.adequate]
+    axes.set_title(f"{verdict.joint}: {motor.name}\n{answer}{mark}", fontsize=SIZE - 1.5)
+
+
+def _curve(axes: Axes, joint: JointSizing, confidence: float) -> None:
+    i = JOINTS.index(joint.load.joint)
+    speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
+    for part, stretch in enumerate(_stretches(joint.load.direction)):
+        axes.plot(
+            speed[stretch], torque[stretch], DASHES[i], color=COLOURS[i], label=_label(joint) if part == 0 else None
+        )
+    if joint.band.known:
+        peak = int(np.argmax(np.abs(torque)))
+        ends = [1e3 * end("peak_torque", confidence) for end in (joint.band.low, joint.band.high)]
+        axes.plot([speed[peak]] * 2, np.copysign(ends, torque[peak]), "_-", color=COLOURS[i], linewidth=3, alpha=0.45)
+
+
+def _stretches(direction: Array) -> list[Indices]:
+    """Runs of instants that move in one direction, so that no line crosses from one to the other."""
+    cut = np.flatnonzero(np.diff(direction) != 0) + 1
+    moving = direction != 0
+    return [part for part in np.split(np.arange(len(moving)), cut) if moving[part[0]]]
+
+
+def _cross(axes: Axes) -> None:
+    axes.axhline(0.0, **AXIS)
+    axes.axvline(0.0, **AXIS)
+
+
+def _label(joint: JointSizing) -> str:
+    return f"joint {JOINTS.index(joint.load.joint) + 1} ({joint.load.joint})"

@@ -1,0 +1,130 @@
+"""One style for all figures: units, legends, colours that survive colour blindness and grey print."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ssm_planner.atomic import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
+"""Joints 1 to 4 (Okabe–Ito); line styles tell them apart in grey."""
+FIFTH = "#A0457E"
+"""For a fifth curve, with a dash of its own."""
+DASHES = ("-", "--", "-.", ":")
+LIMIT: dict[str, Any] = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
+"""A line at zero."""
+SIZE = 9.0
+DPI = 110
+RPM = 30.0 / math.pi
+SHOWN = {"rad": ("°", 180.0 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
+
+
+def unit_of(unit: str) -> tuple[str, float]:
+    """The unit in which an SI quantity is shown, and the factor to it: rad/s → (°/s, 180/π); "rpm" takes rad/s."""
+    base, slash, per = unit.partition("/")
+    name, scale = SHOWN.get(base, (base, 1.0))
+    return name + slash + per, scale
+
+
+def signed(text: str) -> str:
+    """Text with the minus sign that the axes use."""
+    return text.replace("-", "−")
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, inches, without pyplot's global state; room for labels is found when it is drawn."""
+    figure = _bare(width, height)
+    figure.set_layout_engine("constrained")
+    return figure
+
+
+def new_panels(
+    width: float, height: float, rows: int, columns: int, edges: Sequence[float], gaps: Sequence[float], **options: Any
+) -> tuple[Figure, NDArray[Any]]:
+    """A figure and its panels (rows, columns) at fixed places; options as in `Figure.subplots`.
+
+    edges: room left, right, below and above the panels, gaps: between columns and rows, inches. For figures drawn with
+    every plan: to find the room takes longer than to draw.
+    """
+    figure = _bare(width, height)
+    left, right, below, above = edges
+    across = (width - left - right - (columns - 1) * gaps[0]) / columns
+    down = (height - below - above - (rows - 1) * gaps[1]) / rows
+    figure.subplots_adjust(
+        left=left / width,
+        right=1 - right / width,
+        bottom=below / height,
+        top=1 - above / height,
+        wspace=gaps[0] / across,
+        hspace=gaps[1] / down,
+    )
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _bare(width: float, height: float) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=DPI)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def finish(axes: Axes, x: str, y: str) -> None:
+    """Labels, light grid, no frame above and to the right."""
+    axes.set_xlabel(x, fontsize=SIZE)
+    axes.set_ylabel(y, fontsize=SIZE)
+    axes.tick_params(labelsize=SIZE - 1)
+    axes.grid(True, color="0.9", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def drawn(figure: Figure, pdf: bool = True) -> dict[str, bytes]:
+    """The figure as "png" and, if wanted, "pdf" (TrueType fonts embedded), the same bytes each time.
+
+    The layout is found once, and the canvases print by themselves: Figure.savefig draws everything twice.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    files = {}
+    with BytesIO() as file, rc_context({"pdf.fonttype": 42}):
+        FigureCanvasAgg(figure).print_png(file)
+        files["png"] = file.getvalue()
+        if pdf:
+            from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+            figure.set_layout_engine("none")
+            file.seek(0)
+            file.truncate()
+            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})
+            files["pdf"] = file.getvalue()
+    return files
+
+
+def save_figure(figure: Figure, path: Path, pdf: bool = True) -> dict[str, Path]:
+    """Write path.png and, if wanted, path.pdf, as `drawn` gives them; paths by name. Raises ExportError."""
+    return save_drawn(drawn(figure, pdf), path)
+
+
+def save_drawn(files: Mapping[str, bytes], path: Path) -> dict[str, Path]:
+    """Write what `drawn` returned, each file whole or not at all; paths by name. Raises ExportError."""
+    paths = {}
+    for ending, data in files.items():
+        paths[f"{path.name}_{'figure' if ending == 'png' else ending}"] = target = path.with_name(
+            f"{path.name}.{ending}"
+        )
+        with replacing(target) as temporary:
+            temporary.write_bytes(data)
+    return paths

@@ -1,0 +1,188 @@
+"""Figures of the workspace: the reachable sphere, θ2 against tilt, joint speeds, and the design region. Degrees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssm_planner.kinematics.design import DesignRegion, design_region
+from ssm_planner.kinematics.measures import joint_speed_per_tilt_speed, smallest_singular_value
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.workspace import theta2_from_tilt, tilt_interval
+from ssm_planner.reporting.figures.style import COLOURS, DASHES, SIZE, finish, new_figure, save_figure, signed
+from ssm_planner.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
+    """The three figures of one mechanism, by file name."""
+    return {
+        "reachable_set": reachable_set_figure(mechanism),
+        "theta2_against_tilt": theta2_figure(mechanism),
+        "joint_speeds": joint_speed_figure(mechanism),
+    }
+
+
+def save_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
+    """Write each figure as PNG and PDF; the paths by name, `_pdf` added to those of PDFs. Raises ExportError."""
+    paths: dict[str, str] = {}
+    for name, figure in figures.items():
+        png, pdf = save_figure(figure, Path(directory) / name).values()
+        paths |= {name: str(png), f"{name}_pdf": str(pdf)}
+    return paths
+
+
+def reachable_set_figure(mechanism: Mechanism) -> Figure:
+    """The reachable part of the unit sphere about the RCM, and its section through ω1 with the tilt interval."""
+    figure = new_figure(9.0, 4.4)
+    sphere = figure.add_subplot(1, 2, 1, projection="3d")
+    _draw_sphere(sphere, mechanism)
+    section = figure.add_subplot(1, 2, 2)
+    _draw_section(section, mechanism)
+    return figure
+
+
+def theta2_figure(mechanism: Mechanism) -> Figure:
+    """θ2 against tilt on both branches, with the extremes where they meet."""
+    figure = new_figure(6.0, 4.2)
+    axes = figure.add_subplot()
+    tilt = _tilts(mechanism)
+    for k, branch in enumerate((1, -1)):
+        theta2 = theta2_from_tilt(mechanism, tilt, branch)
+        label = signed(f"branch {branch:+d}") + (" (home)" if branch == mechanism.home_branch else "")
+        axes.plot(np.degrees(tilt), np.degrees(theta2), DASHES[k], color=COLOURS[k], label=label)
+    axes.plot([np.degrees(mechanism.home_tilt)], [0.0], "o", color="black", label="home")
+    _mark_interval(axes, mechanism)
+    finish(axes, "tilt φ (°)", "θ₂ (°)")
+    axes.set_title(_title("θ₂ against tilt", mechanism), fontsize=SIZE)
+    axes.legend(frameon=False, fontsize=SIZE - 1)
+    return figure
+
+
+def joint_speed_figure(mechanism: Mechanism) -> Figure:
+    """Joint speed per tilt speed at constant roll and spin, and the smallest singular value, along the tilt."""
+    figure = new_figure(6.0, 5.6)
+    speeds, singular = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    tilt = _tilts(mechanism)[1:-1]
+    rates = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
+    for i in range(3):
+        speeds.semilogy(np.degrees(tilt), rates[:, i], DASHES[i], color=COLOURS[i], label=f"joint {i + 1}")
+    speeds.axhline(1.0, color="0.8", linewidth=0.8, zorder=0)
+    speeds.set_ylim(max(rates.min() / 1.5, 1e-2), min(rates.max() * 1.5, 1e3))
+    q = np.zeros((len(tilt), 4))
+    q[:, 1] = theta2_from_tilt(mechanism, tilt, mechanism.home_branch)
+    singular.plot(np.degrees(tilt), smallest_singular_value(mechanism, q), color="black")
+    singular.set_ylim(bottom=0.0)
+    finish(speeds, "", "|dθᵢ/dφ| (1)")
+    finish(singular, "tilt φ (°)", "smallest\nsingular value (1)")
+    speeds.set_title(_title("Joint speed per tilt speed", mechanism), fontsize=SIZE)
+    speeds.legend(frameon=False, ncols=3, loc="upper center", fontsize=SIZE - 1)
+    for axes in (speeds, singular):
+        _mark_interval(axes, mechanism)
+    return figure
+
+
+def design_region_figure(region: DesignRegion, built: tuple[float, float] | None = None) -> Figure:
+    """All (α, β) that reach a tilt range, for growing margins, the smallest α, and a design (α, β) if one is given."""
+    from matplotlib.patches import Polygon
+
+    figure = new_figure(5.6, 5.4)
+    axes = figure.add_subplot()
+    finish(axes, "α (°)", "β (°)")
+    for extra, grey in zip(np.radians((0.0, 10.0, 20.0)), ("0.85", "0.7", "0.55"), strict=True):
+        shown = design_region(*region.tilt_range, region.margin + float(extra))
+        if not shown.empty:
+            label = f"margin {np.degrees(shown.margin):.3g}°"
+            axes.add_patch(
+                Polygon(np.degrees(shown.vertices), facecolor=grey, edgecolor="black", label=label, zorder=2)
+            )
+    if not region.empty:
+        alpha, beta = np.degrees(region.smallest_alpha)
+        label = f"smallest α: ({alpha:.4g}°, {beta:.4g}°)"
+        axes.plot([alpha], [beta], "o", color=COLOURS[0], markersize=8, label=label, zorder=3)
+    if built is not None:
+        alpha, beta = np.degrees(built)
+        label = f"as given: ({alpha:.4g}°, {beta:.4g}°)"
+        axes.plot([alpha], [beta], "x", color="black", markersize=11, label=label, zorder=4)
+    low, high = np.degrees(region.tilt_range)
+    axes.set_title(signed(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=SIZE)
+    axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
+    axes.set_xticks(range(0, 181, 30))
+    axes.set_yticks(range(0, 181, 30))
+    if not region.empty or built is not None:
+        axes.legend(frameon=False, loc="upper right", fontsize=SIZE - 1)
+    return figure
+
+
+def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
+    """The unit sphere as a grid, its reachable band as a surface, the boundary circles and the axes."""
+    ends = np.abs(tilt_interval(mechanism))
+    around = np.linspace(0.0, 2.0 * np.pi, 121)
+    for tilt in np.linspace(0.0, np.pi, 13):
+        axes.plot(*_on_sphere(mechanism, tilt, around), color="0.85", linewidth=0.6)
+    band = _on_sphere(mechanism, *np.meshgrid(np.linspace(ends.min(), ends.max(), 25), around))
+    axes.plot_surface(*band, rstride=1, cstride=1, color="0.75", linewidth=0, antialiased=False, zorder=2)
+    for tilt in ends:
+        axes.plot(*_on_sphere(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
+    for axis, name in ((mechanism.omega1, "ω₁"), (mechanism.omega2, "ω₂"), (mechanism.omega3, "ω₃")):
+        axes.plot(*(np.outer(axis, (1.0, 1.4))), color="black", linewidth=1.3, zorder=4)
+        axes.text(*(axis * 1.5), name, ha="center", va="center", zorder=5, fontsize=SIZE)
+    axes.set_title("reachable pointings on the unit sphere", fontsize=SIZE)
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
+    axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), zlim=(-1.1, 1.1))
+    axes.set_axis_off()
+    axes.view_init(elev=18.0, azim=-55.0)
+
+
+def _draw_section(axes: Any, mechanism: Mechanism) -> None:
+    """The plane of ω1 and the tool at roll 0: ω1 to the right, tilt counted from it, home side drawn heavy."""
+    around = np.linspace(0.0, 2.0 * np.pi, 361)
+    axes.plot(np.cos(around), np.sin(around), color="0.75", linewidth=0.8)
+    low, high = tilt_interval(mechanism)
+    for sign, width, label in ((1.0, 5.0, "tilt interval"), (-1.0, 2.0, "the same at roll 180°")):
+        arc = sign * np.linspace(low, high, 181)
+        colour = "black" if sign > 0.0 else "0.6"
+        axes.plot(np.cos(arc), -np.sin(arc), color=colour, linewidth=width, solid_capstyle="butt", label=label)
+    for tilt in (low, high):
+        axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
+        # next to ω1 the label would lie on its arrow
+        height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
+        text = signed(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
+        axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center", fontsize=SIZE)
+    home = mechanism.home_tilt
+    axes.plot([0.0, np.cos(home)], [0.0, -np.sin(home)], color="black", linewidth=1.2, linestyle="--", label="home")
+    axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
+    axes.text(1.4, 0.0, "ω₁", ha="center", va="center", fontsize=SIZE)
+    axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")
+    axes.set_axis_off()
+    axes.set_title(_title("section through ω₁", mechanism), fontsize=SIZE)
+    axes.legend(frameon=False, loc="lower center", ncols=3, fontsize=SIZE - 1, handlelength=1.6, columnspacing=1.0)
+
+
+def _on_sphere(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
+    """Pointings (3, ...) in the base frame."""
+    tilt = np.broadcast_to(np.asarray(tilt, dtype=float), roll.shape)
+    points = np.stack((np.cos(tilt), np.sin(tilt) * np.sin(roll), -np.sin(tilt) * np.cos(roll)))
+    return np.tensordot(mechanism.frame, points, axes=1)
+
+
+def _tilts(mechanism: Mechanism) -> Array:
+    """The tilt interval, denser towards its ends."""
+    low, high = tilt_interval(mechanism)
+    return (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, 721))
+
+
+def _mark_interval(axes: Any, mechanism: Mechanism) -> None:
+    for tilt in np.degrees(tilt_interval(mechanism)):
+        axes.axvline(tilt, color="0.7", linewidth=0.8, zorder=0)
+
+
+def _title(what: str, mechanism: Mechanism) -> str:
+    alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
+    return f"{what} (α = {alpha:.2f}°, β = {beta:.2f}°)"

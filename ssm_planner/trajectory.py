@@ -1,0 +1,154 @@
+"""A joint motion as piecewise polynomials in time: the one form in which a motion is planned, checked and exported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ssm_planner.errors import TrajectoryError
+from ssm_planner.typing import Array, Indices
+
+DEGREE = 5
+Side = Literal["left", "right"]
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A named stretch of a trajectory between two rests or waypoints; times in s."""
+
+    name: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A motion at n instants: t (n,), q, qd, qdd, qddd (n, 4); rad, m, s."""
+
+    t: Array
+    q: Array
+    qd: Array
+    qdd: Array
+    qddd: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k on piece i.
+
+    breaks (m + 1,) in s, strictly increasing; coefficients (m, 6, 4) in rad/s^k and m/s^k, read-only.
+    """
+
+    breaks: Array
+    coefficients: Array
+    phases: tuple[Phase, ...]
+
+    def __post_init__(self) -> None:
+        pieces = len(self.breaks) - 1
+        if pieces < 1 or self.coefficients.shape != (pieces, DEGREE + 1, 4):
+            raise TrajectoryError(
+                f"a trajectory of {pieces} pieces needs coefficients of shape ({pieces}, {DEGREE + 1}, 4), "
+                f"got {self.coefficients.shape}"
+            )
+        if not (np.all(np.isfinite(self.breaks)) and np.all(np.isfinite(self.coefficients))):
+            raise TrajectoryError("a trajectory holds only finite numbers")
+        if np.any(np.diff(self.breaks) <= 0):
+            raise TrajectoryError("the breaks of a trajectory must increase")
+        self.breaks.setflags(write=False)
+        self.coefficients.setflags(write=False)
+
+    @property
+    def duration(self) -> float:
+        return float(self.breaks[-1] - self.breaks[0])
+
+    def piece_of(self, t: Array, side: Side = "right") -> Indices:
+        """Index of the piece that holds each t; at a break the one to its right or left."""
+        where = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
+        return np.clip(where, 0, len(self.breaks) - 2)
+
+    def sample(self, t: Array, side: Side = "right") -> Samples:
+        """The motion at times t (n,); one-sided limits at the breaks, where the acceleration may jump."""
+        t = np.asarray(t, dtype=float)
+        piece = self.piece_of(t, side)
+        return self.sample_pieces(piece, t - self.breaks[piece])
+
+    def sample_pieces(self, piece: Indices, local: Array) -> Samples:
+        """The motion at local time (n,) after the start of each piece (n,)."""
+        derivatives = []
+        coefficients = self.coefficients[piece]
+        for order in range(4):
+            value = coefficients[:, DEGREE - order].copy()
+            for k in range(DEGREE - order - 1, -1, -1):
+                value = value * local[:, None] + coefficients[:, k]
+            derivatives.append(value)
+            coefficients = coefficients[:, 1:] * np.arange(1, DEGREE + 1 - order)[:, None]
+        return Samples(self.breaks[piece] + local, *derivatives)
+
+    def uniform(self, rate: float) -> Samples:
+        """Samples at a fixed rate in Hz from the start, at a break what follows it; the last one is the end exactly."""
+        count = int(np.floor(self.duration * rate * (1 + 1e-12)))
+        t = self.breaks[0] + np.arange(count + 1) / rate
+        if self.breaks[-1] - t[-1] > 1e-9:
+            t = np.append(t, self.breaks[-1])
+        t[-1] = self.breaks[-1]
+        return self.sample(t)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "breaks_s": self.breaks.tolist(),
+            "coefficients": self.coefficients.tolist(),
+            "phases": [{"name": p.name, "start_s": p.start, "end_s": p.end} for p in self.phases],
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Trajectory:
+        """Read back what `to_dict` wrote. Raises TrajectoryError."""
+        try:
+            phases = tuple(Phase(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"])
+            breaks = np.array(data["breaks_s"], dtype=float)
+            coefficients = np.array(data["coefficients"], dtype=float)
+        except (KeyError, TypeError, ValueError) as error:
+            raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error
+        return cls(breaks, coefficients, phases)
+
+
+def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]) -> Array:
+    """Quintic pieces with given q, qd, qdd at both ends of every piece.
+
+    breaks (m + 1,); start and end hold (q, qd, qdd), each (m, 4). Returns coefficients (m, 6, 4).
+    """
+    h = np.diff(breaks)[:, None]
+    q0, v0, a0 = start
+    q1, v1, a1 = end
+    # remainders after the quadratic that matches the start
+    dq = (q1 - q0 - v0 * h - a0 * h**2 / 2) / h**3
+    dv = (v1 - v0 - a0 * h) / h**2
+    da = (a1 - a0) / h
+    c3 = 10 * dq - 4 * dv + da / 2
+    c4 = (-15 * dq + 7 * dv - da) / h
+    c5 = (6 * dq - 3 * dv + da / 2) / h**2
+    return np.stack([q0, v0, a0 / 2, c3, c4, c5], axis=1)
+
+
+def hold(q: Array) -> Array:
+    """One piece at rest at q (4,); coefficients (1, 6, 4)."""
+    coefficients = np.zeros((1, DEGREE + 1, 4))
+    coefficients[0, 0] = q
+    return coefficients
+
+
+def join(parts: Sequence[tuple[str, Array, Array]]) -> Trajectory:
+    """One trajectory out of phases, each (name, breaks from 0, coefficients)."""
+    if not parts:
+        raise TrajectoryError("a trajectory needs at least one phase")
+    time = 0.0
+    breaks = [np.zeros(1)]
+    phases = []
+    for name, local, _ in parts:
+        breaks.append(time + local[1:])
+        phases.append(Phase(name, time, float(time + local[-1])))
+        time = float(time + local[-1])
+    return Trajectory(np.concatenate(breaks), np.concatenate([c for *_, c in parts]), tuple(phases))

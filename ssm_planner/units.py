@@ -1,0 +1,255 @@
+"""Quantities as the user writes them, `65 deg/s`, read to SI floats."""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pint
+from dataclasses import dataclass
+
+_DEFINITIONS = """\
+pico- = 1e-12 = p-
+nano- = 1e-9 = n-
+micro- = 1e-6 = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+meter = [length] = m = metre
+second = [time] = s = sec
+minute = 60 second = min
+hour = 3600 second = h
+kilogram = [mass] = kg
+gram = 1e-3 kilogram = g
+ampere = [current] = A
+kelvin = [temperature] = K
+degree_Celsius = kelvin; offset: 273.15 = degC
+radian = [angle] = rad
+degree = 0.017453292519943295 radian = deg
+turn = 6.283185307179586 radian = rev = revolution
+revolutions_per_minute = turn / minute = rpm
+newton = kilogram * meter / second ** 2 = N
+newton_meter = newton * meter = Nm
+joule = newton * meter = J
+watt = joule / second = W
+volt = watt / ampere = V
+ohm = volt / ampere
+inch = 25.4e-3 meter = in
+"""
+"""The units these files need. Angle is a dimension of its own here, so that neither `5` nor `5 mm` passes for one."""
+
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
+_FACTOR = r"[A-Za-z_]+(?:(?:\^|\*\*)-?[1-9])?"
+# Checked before pint sees the text: pint would go and compute m**9**9**9.
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/]\s*|\s+){_FACTOR})*")
+_VECTOR = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]\s*(.*?)\s*", re.DOTALL)
+_SPELLINGS = {
+    "−": "-",
+    "°C": "degC",
+    "°": "deg",
+    "\u00b5": "u",  # micro sign
+    "\u03bc": "u",  # Greek mu
+    "\u03a9": "ohm",  # Greek omega
+    "\u2126": "ohm",  # ohm sign
+    "·": "*",
+    "⋅": "*",
+    "²": "^2",
+    "³": "^3",
+}
+
+
+_NUMBER_HINT = "a bare number such as 0.13, without a unit"
+
+
+class BadQuantity(ValueError):
+    """A text that is not the quantity wanted: why, and what is allowed."""
+
+    def __init__(self, reason: str, allowed: str) -> None:
+        super().__init__(f"{reason} (allowed: {allowed})")
+        self.reason = reason
+        self.allowed = allowed
+
+
+def quantity(value: object, kind: str) -> float:
+    """The SI magnitude of `65 deg/s` for a kind in kinds.KINDS. Raises BadQuantity."""
+    wanted = KINDS[kind]
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise BadQuantity(f"{describe(value)} where {wanted.name} is needed", wanted.expected)
+    if not isinstance(value, str):
+        raise BadQuantity("a number without a unit", wanted.expected)
+    match = _QUANTITY.fullmatch(_spell(value))
+    if match is None:
+        raise BadQuantity("not a number with a unit", wanted.expected)
+    if not match[2]:
+        raise BadQuantity("a number without a unit", wanted.expected)
+    return _convert(float(match[1]), match[2], wanted)
+
+
+def number(value: object) -> float:
+    """A bare finite number. Raises BadQuantity, also for a number with a unit."""
+    if isinstance(value, str) and (match := _QUANTITY.fullmatch(_spell(value))) and match[2]:
+        raise BadQuantity("this figure has no unit", _NUMBER_HINT)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise BadQuantity(f"{describe(value)} where a number is needed", _NUMBER_HINT)
+    if not math.isfinite(value):
+        raise BadQuantity("not a finite number", _NUMBER_HINT)
+    return float(value)
+
+
+def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
+    """SI magnitudes of `[1 mm, 2 mm, 3 mm]` or of the text `(1, 2, 3) mm`, one kind each. Raises BadQuantity."""
+    shape = ", ".join(KINDS[kind].example for kind in kinds)
+    allowed = f"{len(kinds)} values such as [{shape}]"
+    if isinstance(value, str) and (match := _VECTOR.fullmatch(_spell(value))):
+        if not match[2]:
+            raise BadQuantity("numbers without a unit", allowed)
+        value = [f"{part.strip()} {match[2]}" for part in match[1].split(",")]
+    if not isinstance(value, (list, tuple)):
+        raise BadQuantity(f"{describe(value)} where {len(kinds)} values are needed", allowed)
+    if len(value) != len(kinds):
+        raise BadQuantity(f"{len(value)} values", allowed)
+    return tuple(quantity(part, kind) for part, kind in zip(value, kinds, strict=True))
+
+
+def interval(value: object, kind: str) -> tuple[float, float]:
+    """SI bounds of `[-139 deg, -81 deg]`, the lower first. Raises BadQuantity."""
+    low, high = vector(value, (kind, kind))
+    if not low < high:
+        raise BadQuantity("the lower bound is not below the upper one", "[lower, upper]")
+    return low, high
+
+
+def _convert(magnitude: float, unit: str, wanted: Kind) -> float:
+    found = _unit(unit, wanted)
+    registry = _registry()
+    for other in (wanted.unit, *wanted.others):
+        target = registry.parse_units(other)
+        if found.dimensionality == target.dimensionality:
+            result = float(registry.Quantity(magnitude, found).to(target).magnitude)
+            return _plausible(result, wanted, f"{magnitude:g} {unit}")
+    raise BadQuantity(f"{magnitude:g} {unit} is {_name(found)}, not {wanted.name}", wanted.expected)
+
+
+def _plausible(value: float, wanted: Kind, written: str) -> float:
+    if not math.isfinite(value):
+        raise BadQuantity("not a finite number", wanted.expected)
+    if abs(value) > wanted.largest:
+        raise BadQuantity(
+            f"{written} is implausibly large for {wanted.name} here: did you mean {wanted.slip}?", wanted.expected
+        )
+    if wanted.unit == "K" and value < 0:
+        raise BadQuantity("below absolute zero", wanted.expected)
+    return value
+
+
+def _unit(text: str, wanted: Kind) -> pint.Unit:
+    import pint
+
+    if _UNIT.fullmatch(text) is None:
+        raise BadQuantity(f"{text[:40]!r} is not a unit", f"{wanted.expected}; units are joined by * and /, powers ^2")
+    try:
+        return _parse_unit(text)
+    except pint.errors.UndefinedUnitError as error:
+        names = error.unit_names
+        unknown = names if isinstance(names, str) else ", ".join(names)
+        raise BadQuantity(f"unknown unit {unknown!r}", wanted.expected) from None
+    except (pint.errors.PintError, ValueError) as error:
+        raise BadQuantity(f"{text[:40]!r} is not a unit: {error}", wanted.expected) from None
+
+
+@lru_cache(maxsize=256)
+def _parse_unit(text: str) -> pint.Unit:
+    return _registry().parse_units(re.sub(r"\s*([*/^])\s*", r"\1", text))
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    # A list of just these units loads in milliseconds; pint's own list takes as long as importing pint.
+    registry: pint.UnitRegistry = pint.UnitRegistry(None)
+    registry.load_definitions(_DEFINITIONS.splitlines())
+    return registry
+
+
+def _name(unit: pint.Unit) -> str:
+    """What a unit measures, in words where this program knows a word."""
+    registry = _registry()
+    for kind in KINDS.values():
+        if registry.parse_units(kind.unit).dimensionality == unit.dimensionality:
+            return kind.name
+    if not unit.dimensionality:
+        return "a pure number"
+    return "a " + " ".join(f"{name}^{power:g}" if power != 1 else name for name, power in unit.dimensionality.items())
+
+
+def _spell(text: str) -> str:
+    for odd, plain in _SPELLINGS.items():
+        text = text.replace(odd, plain)
+    return text
+
+
+def describe(value: object) -> str:
+    """What kind of YAML value this is, for messages."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true/false"
+    if isinstance(value, (int, float)):
+        return "a number"
+    if isinstance(value, (list, tuple)):
+        return "a list"
+    return "a mapping" if isinstance(value, dict) else "a text"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of quantity: how messages call it, an example, the SI unit, what else may be written, and its bound."""
+
+    name: str
+    example: str
+    unit: str
+    others: tuple[str, ...] = ()
+    """Further units of another dimension that mean the same (N*m*s for N*m*s/rad)."""
+    largest: float = math.inf
+    """Magnitude in SI beyond which the value must be a slip."""
+    slip: str = ""
+    """The unit that was probably meant then."""
+
+    @property
+    def expected(self) -> str:
+        return f"{self.name} such as {self.example}"
+
+
+KINDS = {
+    "angle": Kind("an angle", "-110 deg", "rad", largest=4 * math.pi * (1 + 1e-9), slip="deg"),
+    "length": Kind("a length", "20 mm", "m", largest=1.0, slip="mm"),
+    "angular_velocity": Kind("a speed", "65 deg/s", "rad/s", largest=20.0, slip="deg/s"),
+    "angular_acceleration": Kind("an acceleration", "200 deg/s^2", "rad/s^2", largest=1e4, slip="deg/s^2"),
+    "angular_jerk": Kind("a jerk", "5000 deg/s^3", "rad/s^3", largest=1e8, slip="deg/s^3"),
+    "velocity": Kind("a speed", "20 mm/s", "m/s", largest=2.0, slip="mm/s"),
+    "acceleration": Kind("an acceleration", "100 mm/s^2", "m/s^2", largest=99.0, slip="mm/s^2"),
+    "jerk": Kind("a jerk", "2000 mm/s^3", "m/s^3", largest=1e5, slip="mm/s^3"),
+    "motor_speed": Kind("a motor speed", "8000 rpm", "rad/s", largest=2.1e4, slip="rpm"),
+    "time": Kind("a time", "0.2 s", "s", largest=3600.0, slip="ms"),
+    "rate": Kind("a rate", "200 1/s", "1/s"),
+    "mass": Kind("a mass", "0.35 kg", "kg", largest=100.0, slip="g"),
+    "inertia": Kind("a moment of inertia", "0.165 g*cm^2", "kg*m^2", largest=1e3, slip="g*cm^2"),
+    "force": Kind("a force", "0.8 N", "N", largest=1e5, slip="mN"),
+    "torque": Kind("a torque", "80 mN*m", "N*m", largest=1e3, slip="mN*m"),
+    "rotary_viscosity": Kind("a viscous coefficient", "1.2e-5 N*m*s/rad", "N*m*s/rad", others=("N*m*s",)),
+    "linear_viscosity": Kind("a viscous coefficient", "0.1 N*s/m", "N*s/m"),
+    "voltage": Kind("a voltage", "24 V", "V", largest=1e3, slip="mV"),
+    "current": Kind("a current", "2480 mA", "A", largest=500.0, slip="mA"),
+    "resistance": Kind("a resistance", "0.763 ohm", "ohm", largest=1e6, slip="ohm"),
+    "torque_constant": Kind("a torque constant", "14.8 mN*m/A", "N*m/A", largest=10.0, slip="mN*m/A"),
+    "speed_constant": Kind("a speed constant", "645 rpm/V", "rad/s/V", largest=1e5, slip="rpm/V"),
+    "thermal_resistance": Kind("a thermal resistance", "32 K/W", "K/W", largest=1e4, slip="K/W"),
+    "temperature": Kind("a temperature", "155 degC", "K", largest=2000.0, slip="degC"),
+}
+"""Kinds of quantity by the name that the schema uses."""

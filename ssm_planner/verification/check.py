@@ -1,0 +1,79 @@
+"""Independent check of any trajectory against every limit, with the exact friction law, between the samples too.
+
+It knows nothing of how the trajectory came about: it takes polynomials in time. What is a polynomial itself (position,
+velocity, acceleration, jerk, motor speed) has its extremes found exactly; the rest is looked at densely, on both sides of
+every break and of every reversal, and ever closer where something worse may hide. Starts and reversals are treated with
+static friction. Motor torques are held against what the motors may give for all time too, as root mean squares.
+"""
+
+from __future__ import annotations
+
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.transmission import self_locking_margin
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification.limits import Worst, quantities
+from ssm_planner.verification.pieces import Jumps, pieces_of
+from ssm_planner.verification.polylines import UNDEFINED, linear_limits
+from ssm_planner.verification.polynomial_extremes import find_extremes
+from ssm_planner.verification.sampled_extremes import Scan
+
+RATE = 10_000.0
+INSTANTS = 3_000_000
+"""A trajectory so long that it would have more instants at the given rate is scanned at a lower one first."""
+NONE = TaskLimits()
+
+
+def check(
+    trajectory: Trajectory,
+    robot: Robot,
+    limits: TaskLimits = NONE,
+    rate: float = RATE,
+    interpolation: str = "quintic polynomial pieces",
+    resolution: Array | None = None,
+) -> Certificate:
+    """Certificate of a trajectory: every limit of the robot, and those of the task.
+
+    rate: of the first look in Hz, never fewer than four instants in a piece.
+    resolution (4,): for a trajectory of straight pieces between points, which has no acceleration, the largest rounding
+    error of the points (rad, m); None where the pieces are smooth.
+    """
+    straight = resolution is not None
+    worst = [Worst(quantity) for quantity in quantities(robot, limits) if not (straight and quantity.name in UNDEFINED)]
+    jumps = Jumps(robot)
+    scan = Scan(trajectory, robot, worst, min(rate, INSTANTS / trajectory.duration), limits.eye)
+    for pieces in pieces_of(trajectory):
+        find_extremes(pieces, worst)
+        scan.look(pieces)
+        jumps.look(pieces)
+    found = [each.as_check() for each in worst]
+    unchecked = [
+        f"motor torque and speed of joint {joint.name}: the robot file names no drive or no motor for it"
+        for joint in robot.joints
+        if joint.drive is None or joint.motor is None
+    ]
+    found += scan.heating.checks(robot, trajectory)
+    if resolution is not None:
+        found, more = linear_limits(trajectory, robot, resolution, found)
+        unchecked += more
+    found += jumps.checks(straight)
+    found += _locking(robot)
+    return Certificate(tuple(found), interpolation, scan.instants, tuple(unchecked))
+
+
+def _locking(robot: Robot) -> list[LimitCheck]:
+    """φ_f > λ at the lowest plausible friction, for every drive the robot relies on to hold."""
+    checks = []
+    for joint in robot.joints:
+        drive = joint.drive
+        if drive is None or not drive.self_locking:
+            continue
+        friction = friction_of(drive)
+        lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
+        in_mu, _ = self_locking_margin(drive, lowest)
+        needed = lowest - float(in_mu)
+        checks.append(LimitCheck("self-locking", joint.name, lowest, needed, float(in_mu) / needed, 0.0, "μ"))
+    return checks

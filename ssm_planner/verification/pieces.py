@@ -1,0 +1,160 @@
+"""A stretch of a trajectory's pieces, each on s ∈ [0, 1], with what a check asks of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssm_planner.dynamics.motors import STILL
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import DEGREE, Trajectory
+from ssm_planner.typing import Array, Indices
+from ssm_planner.verification import bernstein
+from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.limits import JUMP
+
+Flags = NDArray[np.bool_]
+
+BLOCK = 8192
+"""Pieces at a time: what is worked out of them stays small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Consecutive pieces as polynomials of s = (t − start)/length."""
+
+    start: Array
+    """(m,), s."""
+    length: Array
+    """(m,), s."""
+    powers: tuple[Array, ...]
+    """Of q, qd, qdd, qddd: coefficients of s^k, (6 … 3, 4, m), in rad/s^order and m/s^order."""
+
+    @cached_property
+    def bernstein(self) -> tuple[Array, ...]:
+        """Bernstein coefficients of q, qd, qdd, qddd."""
+        return tuple(bernstein.from_powers(powers) for powers in self.powers)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """(q, qd, qdd) at the start and at the end of every piece, each (3, 4, m)."""
+        return np.stack([b[0] for b in self.bernstein[:3]]), np.stack([b[-1] for b in self.bernstein[:3]])
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """(lowest, highest) (4, 4): between these are q, qd, qdd, qddd (rows) of the four joints."""
+        lowest = np.stack([b.min(axis=2).min(axis=0) for b in self.bernstein])
+        return lowest, np.stack([b.max(axis=2).max(axis=0) for b in self.bernstein])
+
+    def at(self, piece: Indices | slice, s: Array) -> tuple[Array, Array, Array]:
+        """q, qd, qdd, each (4, …), at s (…) of pieces (k,), counted from the first of these."""
+        q, qd, qdd = (_horner(powers[:, :, piece], s) for powers in self.powers[:3])
+        return q, qd, qdd
+
+    def time(self, piece: Indices, s: Array) -> Array:
+        return self.start[piece] + s * self.length[piece]
+
+    def moving(self, robot: Robot) -> Flags:
+        """(4, m): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
+        return np.asarray(np.abs(self.bernstein[1]).max(axis=0) > still(robot)[:, None])
+
+    def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
+        """(piece, from, to): the pieces, cut where a joint turns back within one, so that directions keep."""
+        slowest = still(robot)
+        coefficients = self.bernstein[1]
+        cuts_piece, cuts_s = [np.empty(0, dtype=np.intp)], [np.empty(0)]
+        for i in range(4):
+            piece, s = bernstein.sign_changes(coefficients[:, i], slowest[i])
+            cuts_piece.append(piece)
+            cuts_s.append(s)
+        whole = np.arange(len(self.start))
+        piece = np.concatenate([whole, *cuts_piece])
+        begin = np.concatenate([np.zeros(len(whole)), *cuts_s])
+        order = np.lexsort((begin, piece))
+        piece, begin = piece[order], begin[order]
+        end = np.append(np.where(piece[1:] == piece[:-1], begin[1:], 1.0), 1.0)
+        keep = end > begin
+        return piece[keep], begin[keep], end[keep]
+
+
+def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
+    """The pieces of a trajectory, in blocks."""
+    count = len(trajectory.breaks) - 1
+    for first in range(0, count, BLOCK):
+        block = slice(first, min(first + BLOCK, count))
+        start = trajectory.breaks[block]
+        yield _pieces(start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.coefficients[block])
+
+
+def chosen_pieces(trajectory: Trajectory, chosen: Indices) -> Pieces:
+    """Some pieces of a trajectory, together."""
+    start = trajectory.breaks[chosen]
+    return _pieces(start, trajectory.breaks[chosen + 1] - start, trajectory.coefficients[chosen])
+
+
+def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
+    # rows of one coefficient of one joint lie together: what follows runs along them
+    powers = [np.ascontiguousarray(coefficients.transpose(1, 2, 0)) * length ** np.arange(DEGREE + 1)[:, None, None]]
+    for _ in range(3):
+        previous = powers[-1]
+        powers.append(previous[1:] * np.arange(1, len(previous))[:, None, None] / length)
+    return Pieces(start, length, tuple(powers))
+
+
+def still(robot: Robot) -> Array:
+    """Speed (4,) up to which a joint stands."""
+    return np.array([joint.velocity for joint in robot.joints]) * STILL
+
+
+def _horner(powers: Array, s: Array) -> Array:
+    """powers (n + 1, 4, k), s (…, k) → (4, …, k)."""
+    shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
+    value = np.broadcast_to(powers[-1].reshape(shape), (4, *s.shape)).copy()
+    for coefficient in powers[-2::-1]:
+        value *= s
+        value += coefficient.reshape(shape)
+    return value
+
+
+class Jumps:
+    """Worst jumps of position, velocity and acceleration of the four joints, block after block."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.worst = np.zeros((3, 4))
+        self.time = np.zeros((3, 4))
+        self._last: Array | None = None
+
+    def look(self, pieces: Pieces) -> None:
+        starts, ends = pieces.ends
+        before, after, time = ends[:, :, :-1], starts[:, :, 1:], pieces.start[1:]
+        if self._last is not None:
+            before = np.concatenate([self._last[:, :, None], before], axis=2)
+            after, time = starts, pieces.start
+        self._last = ends[:, :, -1]
+        if not len(time):
+            return
+        jump = np.abs(after - before)
+        k = jump.argmax(axis=2)
+        largest = np.take_along_axis(jump, k[:, :, None], axis=2)[:, :, 0]
+        self.time = np.where(largest > self.worst, time[k], self.time)
+        self.worst = np.maximum(largest, self.worst)
+
+    def checks(self, straight: bool = False) -> list[LimitCheck]:
+        """Joint by joint; of acceleration where the jerk is limited. straight: of position alone."""
+        checks = []
+        for i, joint in enumerate(self.robot.joints):
+            unit = "rad" if joint.kind == "revolute" else "m"
+            rows = [("position jump", JUMP, "")]
+            if not straight:
+                rows.append(("velocity jump", JUMP * joint.velocity, "/s"))
+            if not straight and joint.jerk is not None:
+                rows.append(("acceleration jump", JUMP * joint.acceleration, "/s²"))
+            for order, (name, limit, per) in enumerate(rows):
+                worst, time = float(self.worst[order, i]), float(self.time[order, i])
+                checks.append(LimitCheck(name, joint.name, worst, limit, (limit - worst) / limit, time, unit + per))
+        return checks
