@@ -1,5 +1,5 @@
 import sys
 
-from ssm_planner.cli.main import main
+from ssm_planner.cli import main
 
 sys.exit(main())

@@ -13,8 +13,8 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
-from ssm_planner.plans import Plan
 from ssm_planner.planning.reason import Reason
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TASK, Eye, Lens, Motion, Problem, Scan, Target
 from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
 from ssm_planner.typing import Array

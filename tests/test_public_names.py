@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import ssm_planner
-from ssm_planner.cli.main import main
+from ssm_planner.cli import main
 from ssm_planner.errors import TrajectoryError
 
 ROOT = Path(__file__).parent.parent

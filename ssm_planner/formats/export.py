@@ -67,8 +67,7 @@ def verified(plan: PlanFile, force: bool) -> tuple[Certificate, bool]:
 
 def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:
     """The function that writes a format. Raises ExportError for options it does not take."""
-    module = {"c": "c_code"}.get(to, to)
-    write: Callable[..., dict[str, Any]] = getattr(import_module(f"ssm_planner.formats.{module}"), f"export_{to}")
+    write: Callable[..., dict[str, Any]] = getattr(import_module(f"ssm_planner.formats.{to}"), f"export_{to}")
     taken = list(inspect.signature(write).parameters)[4:]
     for name in options:
         if name not in taken:

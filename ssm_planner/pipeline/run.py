@@ -10,9 +10,9 @@ from pathlib import Path
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import tried
 from ssm_planner.pipeline.tightening import Strictness
-from ssm_planner.plans import Plan
 from ssm_planner.planning.planner import Planned, plan_motion
 from ssm_planner.planning.reason import Reason
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.sizing.size import size_motion

@@ -132,8 +132,8 @@ def phases(count: int) -> Problem:
 def elements(count: int) -> Iterator[None]:
     """All meshes of the planner with about so many elements per motion."""
     changed: list[tuple[Any, str, Any]] = []
-    for info in pkgutil.iter_modules(ssm_planner.planning.__path__):
-        module = importlib.import_module(f"ssm_planner.planning.{info.name}")
+    for info in pkgutil.walk_packages(ssm_planner.planning.__path__, "ssm_planner.planning."):
+        module = importlib.import_module(info.name)
         if isinstance(getattr(module, "ELEMENTS", None), int):
             changed.append((module, "ELEMENTS", module.ELEMENTS))
             module.ELEMENTS = count

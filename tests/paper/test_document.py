@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from paper_cases import RECORDINGS, ROOT, Made
 
-from ssm_planner.cli.main import main
+from ssm_planner.cli import main
 from ssm_planner.paper import document as paper_document
 from ssm_planner.paper.design import design_section
 from ssm_planner.paper.document import write
@@ -63,7 +63,7 @@ def test_tables_are_rectangular_and_sections_name_their_command(made: Made) -> N
 
 
 def test_every_command_named_exists(made: Made) -> None:
-    from ssm_planner.cli.main import COMMANDS
+    from ssm_planner.cli import COMMANDS
 
     named = re.findall(r"`ssm-planner ([^`]+)`", made.text)
     for command in named:

@@ -11,8 +11,8 @@ import pytest
 from ssm_planner.kinematics.eye import LENS, RETINA
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.plans import Plan
 from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
 from ssm_planner.problem.robot import frozen
 from ssm_planner.verification.certificate import LimitCheck

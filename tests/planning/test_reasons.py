@@ -15,8 +15,8 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.relaxation import Cure, tried
 from ssm_planner.pipeline.run import plan
-from ssm_planner.plans import Plan
 from ssm_planner.planning.reason import Reason
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot, frozen
 

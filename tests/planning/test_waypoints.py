@@ -13,8 +13,8 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
-from ssm_planner.plans import Plan
 from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TASK, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array

@@ -28,7 +28,6 @@ from ssm_planner.sizing.requirements import motor_requirements
 if TYPE_CHECKING:
     from ssm_planner.formats.plan_json import PlanFile
     from ssm_planner.plans import Plan
-    from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
 
 PATIENCE = 60.0

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from ssm_planner.cli.main import main
+from ssm_planner.cli import main
 from ssm_planner.loading.schema import json_schema
 
 NAME = "tilt_insert.yaml"

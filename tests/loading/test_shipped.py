@@ -71,7 +71,7 @@ def test_a_problem_loads_quickly_and_without_the_heavy_libraries() -> None:
     code = f"""
 import sys, time
 start = time.perf_counter()
-from ssm_planner.problem.load import load_problem
+from ssm_planner.loading.load import load_problem
 heavy = {{"scipy.optimize", "matplotlib", "toppra", "casadi"}}
 assert not ({{"pint"}} | heavy) & set(sys.modules)
 load_problem({str(SHIPPED / "tilt_insert.yaml")!r})

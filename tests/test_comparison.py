@@ -20,7 +20,7 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.problem.robot import Robot
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
+sys.path.insert(0, str(Path(__file__).parent))
 from plans import read_back, trapezoids
 
 RPM = 60 / (2 * np.pi)
@@ -212,7 +212,7 @@ def test_a_motor_that_should_stand_and_does() -> None:
 
 def test_a_real_recording_of_another_machine_is_not_taken_for_this_motion(plan: PlanFile) -> None:
     """Start, rest and return of a worm drive on its rig: read, and refused by its speed."""
-    folder = Path(__file__).parents[2].parent / "shared/recordings/drive3_worm/start_stop"
+    folder = Path(__file__).parents[2] / "shared/recordings/drive3_worm/start_stop"
     if not folder.is_dir():
         pytest.skip("the recordings of the rigs are not beside the project (../shared/recordings)")
     for path in sorted(folder.glob("*.csv")):

@@ -129,7 +129,7 @@ def test_ctrl_c_while_results_are_written_leaves_whole_files_and_no_process(tmp_
             print(process.pid, flush=True)
             return process
         figure_process._started = started
-        import ssm_planner.exports.folder as folder
+        import ssm_planner.pipeline.folder as folder
         def slow(*a):
             print("writing", flush=True)
             time.sleep(30)
