@@ -15,7 +15,7 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing import size as sizing
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import check as checking
@@ -61,7 +61,7 @@ def size(
         joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in listed]
         for joint, listed in (motors or {}).items()
     }
-    duty = Duty.of_trajectory(trajectory, robot, str(plan) if isinstance(plan, (str, Path)) else plan.problem.name)
+    duty = DutyCycle.of_trajectory(trajectory, robot, str(plan) if isinstance(plan, (str, Path)) else plan.problem.name)
     return sizing.size(duty, candidates, Conditions(**conditions), payload)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ssm_planner.planning.planner import PlannedLeg
+from ssm_planner.planning.planner import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS
@@ -25,7 +25,7 @@ class Plan:
     problem: Problem
     status: str
     trajectory: Trajectory | None
-    legs: tuple[PlannedLeg, ...]
+    phases: tuple[PlannedPhase, ...]
     certificate: Certificate | None
     sizing: Sizing | None
     """Of the robot's own motors and gears, the motion repeated without pause at 25 °C."""
@@ -48,14 +48,14 @@ class Plan:
 
     @property
     def toppra_duration(self) -> float | None:
-        durations = [leg.toppra_duration for leg in self.legs]
+        durations = [phase.toppra_duration for phase in self.phases]
         known = [duration for duration in durations if duration is not None]
         return float(sum(known)) if self.trajectory is not None and len(known) == len(durations) else None
 
     @property
     def lower_bound(self) -> float | None:
         """A duration that no motion along the same path within the same limits can beat."""
-        return None if self.trajectory is None else float(sum(leg.lower_bound for leg in self.legs))
+        return None if self.trajectory is None else float(sum(phase.lower_bound for phase in self.phases))
 
     @property
     def gap(self) -> float | None:

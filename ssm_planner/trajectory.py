@@ -16,7 +16,7 @@ Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True)
-class Phase:
+class Span:
     """A named stretch of a trajectory between two rests or waypoints; times in s."""
 
     name: str
@@ -44,7 +44,7 @@ class Trajectory:
 
     breaks: Array
     coefficients: Array
-    phases: tuple[Phase, ...]
+    phases: tuple[Span, ...]
 
     def __post_init__(self) -> None:
         pieces = len(self.breaks) - 1
@@ -107,7 +107,7 @@ class Trajectory:
     def from_dict(cls, data: dict[str, Any]) -> Trajectory:
         """Read back what `to_dict` wrote. Raises TrajectoryError."""
         try:
-            phases = tuple(Phase(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"])
+            phases = tuple(Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"])
             breaks = np.array(data["breaks_s"], dtype=float)
             coefficients = np.array(data["coefficients"], dtype=float)
         except (KeyError, TypeError, ValueError) as error:
@@ -149,6 +149,6 @@ def join(parts: Sequence[tuple[str, Array, Array]]) -> Trajectory:
     phases = []
     for name, local, _ in parts:
         breaks.append(time + local[1:])
-        phases.append(Phase(name, time, float(time + local[-1])))
+        phases.append(Span(name, time, float(time + local[-1])))
         time = float(time + local[-1])
     return Trajectory(np.concatenate(breaks), np.concatenate([c for *_, c in parts]), tuple(phases))

@@ -12,7 +12,7 @@ from ssm_planner.formats.plan_json import FORMAT, VERSION, PlanFile, read_plan
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
-from ssm_planner.trajectory import Phase, Trajectory, hermite
+from ssm_planner.trajectory import Span, Trajectory, hermite
 from ssm_planner.verification.check import check
 
 START = np.array([0.3, 1.15, 0.1, 0.0])
@@ -46,7 +46,7 @@ def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float
             pieces.append(hermite(local, ends[0], ends[1]))
             breaks.append(breaks[-1] + length)
         q = q + move
-        phases.append(Phase(f"move {number + 1}", time, breaks[-1]))
+        phases.append(Span(f"move {number + 1}", time, breaks[-1]))
         time = breaks[-1]
     return Trajectory(np.array(breaks), np.concatenate(pieces), tuple(phases))
 
@@ -65,7 +65,7 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
         pieces.append(hermite(np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero)))
         q = q + move
         breaks.append(breaks[-1] + duration)
-    return Trajectory(np.array(breaks), np.concatenate(pieces), (Phase("smooth", 0.0, breaks[-1]),))
+    return Trajectory(np.array(breaks), np.concatenate(pieces), (Span("smooth", 0.0, breaks[-1]),))
 
 
 def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:

@@ -12,7 +12,7 @@ from ssm_planner.errors import ProblemError, TrajectoryError
 
 if TYPE_CHECKING:
     from ssm_planner.problem.motor import Motor
-    from ssm_planner.sizing.duty import Duty
+    from ssm_planner.sizing.duty import DutyCycle
     from ssm_planner.sizing.motor_limits import Conditions
     from ssm_planner.sizing.size import Sizing
 
@@ -76,12 +76,12 @@ def run(options: argparse.Namespace) -> int:
     return FAILED if sizing.adequate is False else OK
 
 
-def read_duty(path: Path, robot_file: Path | None = None) -> Duty:
+def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     """What to size for: a plan.json, a motorisation file, or with a robot file any trajectory that `check` reads.
 
     Raises TrajectoryError or ProblemError.
     """
-    from ssm_planner.sizing.duty import Duty
+    from ssm_planner.sizing.duty import DutyCycle
 
     if robot_file is not None:
         from ssm_planner.formats.read import read_trajectory
@@ -92,20 +92,20 @@ def read_duty(path: Path, robot_file: Path | None = None) -> Duty:
         notes = reading.notes
         if reading.resolution is not None:
             notes = (*notes, f"{path} gives no accelerations for all of its points: inertia is not fully counted")
-        return Duty(str(path), robot, ((reading.trajectory, None),), notes)
+        return DutyCycle(str(path), robot, ((reading.trajectory, None),), notes)
     if path.suffix.lower() in (".yaml", ".yml"):
         from ssm_planner.loading.motorisation import load_motorisation
 
-        return Duty.of_motorisation(load_motorisation(path))
+        return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
         raise TrajectoryError(f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot")
     from ssm_planner.formats.plan_json import read_plan
 
     found = read_plan(path)
-    return Duty.of_trajectory(found.trajectory, found.robot, str(path))
+    return DutyCycle.of_trajectory(found.trajectory, found.robot, str(path))
 
 
-def read_candidates(words: Sequence[str], duty: Duty) -> dict[str, list[Motor]]:
+def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:
     """Candidates by joint from `[JOINT=]FILE`; without a joint for all that the duty moves. Raises ProblemError."""
     from ssm_planner.loading.load import load_motor
     from ssm_planner.problem.robot import JOINTS

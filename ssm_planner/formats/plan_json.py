@@ -127,16 +127,16 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         "problem": plain(plan.problem),
         "phases": [
             {
-                "name": leg.leg.motion.name,
-                "duration": leg.duration,
-                "toppra_duration": leg.toppra_duration,
-                "lower_bound": leg.lower_bound,
-                "task_start": leg.leg.start.tolist(),
-                "task_end": leg.leg.end.tolist(),
-                "branch": leg.leg.branch,
-                "iterations": leg.iterations,
+                "name": phase.phase.motion.name,
+                "duration": phase.duration,
+                "toppra_duration": phase.toppra_duration,
+                "lower_bound": phase.lower_bound,
+                "task_start": phase.phase.start.tolist(),
+                "task_end": phase.phase.end.tolist(),
+                "branch": phase.phase.branch,
+                "iterations": phase.iterations,
             }
-            for leg in plan.legs
+            for phase in plan.phases
         ],
         "certificate": None if plan.certificate is None else plan.certificate.to_dict(),
         "trajectory": None if trajectory is None else trajectory.to_dict(),

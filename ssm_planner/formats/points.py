@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import DEGREE, Phase, Trajectory, hermite
+from ssm_planner.trajectory import DEGREE, Span, Trajectory, hermite
 from ssm_planner.typing import Array
 
 BLOCK = 65_536
@@ -67,7 +67,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     for start in range(0, n - 1, BLOCK):
         block = slice(start, min(start + BLOCK, n - 1))
         coefficients[block] = _pieces(points, block, cubic[block], quintic[block])
-    trajectory = Trajectory(points.t, coefficients, (Phase("points", float(points.t[0]), float(points.t[-1])),))
+    trajectory = Trajectory(points.t, coefficients, (Span("points", float(points.t[0]), float(points.t[-1])),))
     straight = not cubic.all()
     resolution = None
     if straight:

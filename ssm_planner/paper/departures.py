@@ -30,7 +30,7 @@ from ssm_planner.paper.rigs import RigResult
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,8 +97,8 @@ def _inertia_changes(inputs: Inputs, runs: Sequence[SpeedRun]) -> list[str]:
             peaks = {joint: max(abs(end) for end in run.envelope(joint)) for joint in DRIVEN}
             rows.append((run.row.label, *_of_peaks(torque_change(run.plan.problem.robot, trajectory), peaks)))
     for name, motorisation in inputs.motorisations.items():
-        before = Duty.of_motorisation(motorisation).loads()
-        after = Duty.of_motorisation(replace(motorisation, robot=flipped(motorisation.robot))).loads()
+        before = DutyCycle.of_motorisation(motorisation).loads()
+        after = DutyCycle.of_motorisation(replace(motorisation, robot=flipped(motorisation.robot))).loads()
         peaks = {load.joint: float(np.abs(load.torque()).max()) for load in before}
         rows.append((f"payload curves, {RUNS[name]}", *_of_peaks(largest_change(before, after), peaks)))
     return table(("motion", *(f"joint {NUMBER[joint]}, of its peak (mN·m)" for joint in DRIVEN)), rows)
@@ -137,7 +137,7 @@ def _stribeck(forms: Sequence[StribeckForms]) -> list[str]:
 def _velocity(inputs: Inputs, runs: Sequence[SpeedRun]) -> list[str]:
     found = [(run.row.label, velocity_sign(run.loads)) for run in runs]
     single = [
-        (f"payload curves, {RUNS[name]}", velocity_sign(Duty.of_motorisation(run).loads()))
+        (f"payload curves, {RUNS[name]}", velocity_sign(DutyCycle.of_motorisation(run).loads()))
         for name, run in inputs.motorisations.items()
     ]
     rows = [(label, *_three(sign)) for label, sign in [*found, *single]]

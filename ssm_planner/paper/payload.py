@@ -14,7 +14,7 @@ from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.reporting.figures.sizing import payload_curves
 from ssm_planner.reporting.figures.style import RPM
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import JointSizing, Sizing, size
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _torques(joint: JointSizing) -> tuple[str, str]:
 
 
 def _sized(run: Motorisation, rows: Mapping[str, FrictionRow]) -> Sizing:
-    return size(Duty.of_motorisation(replace(run, robot=with_rows(run.robot, rows))))
+    return size(DutyCycle.of_motorisation(replace(run, robot=with_rows(run.robot, rows))))
 
 
 def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:

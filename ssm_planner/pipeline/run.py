@@ -48,7 +48,7 @@ def plan(
         cure = tried(problem, reason, _duration_or_reason)
         reason = reason if cure is None else replace(reason, relaxation=cure.text)
     seconds = time.perf_counter() - begin
-    return Plan(problem, planned.status, planned.trajectory, planned.legs, certificate, sizing, reason, seconds)
+    return Plan(problem, planned.status, planned.trajectory, planned.phases, certificate, sizing, reason, seconds)
 
 
 def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:

@@ -10,7 +10,7 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.planning.feasibility import by_eye
-from ssm_planner.planning.phase import Leg
+from ssm_planner.planning.phase import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.problem.problem import Problem
@@ -19,20 +19,20 @@ from ssm_planner.typing import Array
 LOOKS = 201
 
 
-def no_motion(problem: Problem, leg: Leg, path: JointPath, message: str) -> Reason:
+def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> Reason:
     """What stands in the way along a path: a motor that is too weak, or the eye; the solver's word where nothing does."""
-    reason = too_weak(problem, leg, path, LOOKS)
+    reason = too_weak(problem, phase, path, LOOKS)
     if reason is not None:
         return reason
-    blocked = by_eye(problem, path.mechanism, leg, path.sample(np.linspace(0.0, 1.0, LOOKS)).q)
+    blocked = by_eye(problem, path.mechanism, phase, path.sample(np.linspace(0.0, 1.0, LOOKS)).q)
     if blocked is not None:
         text = f"{blocked.message}; no way around it was found ({message})"
         return replace(blocked, message=text)
-    text = f"{leg.motion.name}: no motion found ({message})"
-    return Reason("solver", None, leg.motion.name, None, None, None, text)
+    text = f"{phase.motion.name}: no motion found ({message})"
+    return Reason("solver", None, phase.motion.name, None, None, None, text)
 
 
-def too_weak(problem: Problem, leg: Leg, path: JointPath, looks: int = 0) -> Reason | None:
+def too_weak(problem: Problem, phase: Phase, path: JointPath, looks: int = 0) -> Reason | None:
     """The motor that is most too weak at the knots of a path or, with `looks`, between them too.
 
     At the knots of a free motion's path it is so whatever way the motion takes between them.
@@ -59,7 +59,7 @@ def too_weak(problem: Problem, leg: Leg, path: JointPath, looks: int = 0) -> Rea
         available = joint.motor.max_torque
         ratio = float(needed[k] / available)
         if ratio > 1 and (weakest is None or ratio > weakest[0]):
-            place = f"{leg.motion.name}, {100 * s[k]:.0f} % of the way"
+            place = f"{phase.motion.name}, {100 * s[k]:.0f} % of the way"
             text = (
                 f"motor of joint {joint.name} is too weak to move at all: against gravity and friction it needs "
                 f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"

@@ -17,7 +17,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
-    from ssm_planner.planning.phase import Leg
+    from ssm_planner.planning.phase import Phase
 
 
 LOOKS = 201
@@ -25,26 +25,26 @@ SLACK = 1e-9
 """Share of a range, or m and shares of the lens, by which a place may miss it."""
 
 
-def misplaced(problem: Problem, mechanism: Mechanism, legs: Sequence[Leg]) -> Reason | None:
+def misplaced(problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]) -> Reason | None:
     """The first place that a limit forbids: a joint's range, the retina's clearance or the lens."""
-    for leg in legs:
-        q = leg.path.sample(np.linspace(0.0, 1.0, LOOKS)).q if leg.path is not None else leg.points
-        reason = _range(problem.robot, leg, q) or by_eye(problem, mechanism, leg, q)
+    for phase in phases:
+        q = phase.path.sample(np.linspace(0.0, 1.0, LOOKS)).q if phase.path is not None else phase.points
+        reason = _range(problem.robot, phase, q) or by_eye(problem, mechanism, phase, q)
         if reason is not None:
             return reason
     return None
 
 
-def place(leg: Leg, k: int, count: int) -> str:
-    """Words for sample k of `count` along a leg."""
-    if leg.path is None and count == len(leg.points) and 0 < k < count - 1:
-        return f"{leg.motion.name}, at point {k} on its way"
+def place(phase: Phase, k: int, count: int) -> str:
+    """Words for sample k of `count` along a phase."""
+    if phase.path is None and count == len(phase.points) and 0 < k < count - 1:
+        return f"{phase.motion.name}, at point {k} on its way"
     if k in (0, count - 1):
-        return f"{leg.motion.name}, at its {'end' if k else 'start'}"
-    return f"{leg.motion.name}, {100 * k / (count - 1):.0f} % of the way"
+        return f"{phase.motion.name}, at its {'end' if k else 'start'}"
+    return f"{phase.motion.name}, {100 * k / (count - 1):.0f} % of the way"
 
 
-def _range(robot: Robot, leg: Leg, q: Array) -> Reason | None:
+def _range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
     for i, joint in enumerate(robot.joints):
         low, high = joint.position
         over = np.maximum(low - q[:, i], q[:, i] - high)
@@ -53,7 +53,7 @@ def _range(robot: Robot, leg: Leg, q: Array) -> Reason | None:
         k = int(np.argmax(over))
         value, limit = float(q[k, i]), low if q[k, i] < low else high
         unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
-        where = place(leg, k, len(q))
+        where = place(phase, k, len(q))
         text = (
             f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
             f"{limit * scale:.6g} {unit} ({where})"
@@ -62,7 +62,7 @@ def _range(robot: Robot, leg: Leg, q: Array) -> Reason | None:
     return None
 
 
-def by_eye(problem: Problem, mechanism: Mechanism, leg: Leg, q: Array) -> Reason | None:
+def by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Reason | None:
     """The retina or the lens, where it forbids one of these joints (n, 4): the worst place."""
     if problem.eye is None:
         return None
@@ -71,7 +71,7 @@ def by_eye(problem: Problem, mechanism: Mechanism, leg: Leg, q: Array) -> Reason
         found = float(value[k])
         if found >= least - SLACK:
             continue
-        where = place(leg, k, len(q))
+        where = place(phase, k, len(q))
         if name == RETINA:
             text = (
                 f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"

@@ -12,7 +12,7 @@ from ssm_planner.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class Phase:
     """One entry of the motion list; start and end in task coordinates, (4,)."""
 
     motion: Motion

@@ -1,4 +1,4 @@
-"""From the motion list of a problem to legs with closed-form inverse kinematics: end points, branch, joint turns."""
+"""From the motion list of a problem to phases with closed-form inverse kinematics: end points, branch, joint turns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.boundary_rates import with_speeds
 from ssm_planner.planning.feasibility import misplaced
-from ssm_planner.planning.phase import Leg
+from ssm_planner.planning.phase import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.scan_pattern import expanded
@@ -23,18 +23,18 @@ NOWHERE = 1e-9
 """A motion over less than this (rad, m) goes nowhere."""
 
 
-def legs_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Leg, ...], Reason | None]:
-    """The legs of a problem with the speeds at both ends, or the reason why no start configuration carries it.
+def phases_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
+    """The phases of a problem with the speeds at both ends, or the reason why no start configuration carries it.
 
     Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
     range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     reasons = []
     for first in _starts(problem, mechanism):
-        legs = _chain(problem, mechanism, first)
-        reason = misplaced(problem, mechanism, legs)
+        phases = _chain(problem, mechanism, first)
+        reason = misplaced(problem, mechanism, phases)
         if reason is None:
-            return with_speeds(problem, mechanism, legs)
+            return with_speeds(problem, mechanism, phases)
         reasons.append(reason)
     return (), reasons[0]
 
@@ -58,15 +58,15 @@ def _with_turns(q: Array) -> list[Array]:
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
-def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Leg, ...]:
-    """The legs one after the other from a start configuration; start and end in task coordinates stay continuous."""
-    legs = []
+def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Phase, ...]:
+    """The phases one after the other from a start configuration; start and end in task coordinates stay continuous."""
+    phases = []
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
     near = None if problem.start.task is None else _task_of(problem, mechanism, problem.start, np.zeros(4))
     start = task_from_joints(mechanism, first[None, :], near=near)[0]
     for motion in expanded(problem, mechanism):
         if motion.kind == "dwell" or motion.target is None:
-            legs.append(Leg(motion, start, start, np.stack([first, first]), None))
+            phases.append(Phase(motion, start, start, np.stack([first, first]), None))
             continue
         path = None
         if motion.kind == "straight":
@@ -83,9 +83,9 @@ def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Leg, .
                 _refuse_standstill(problem, motion, passed[-1] - passed[-2], k if motion.through else None)
                 end = task_from_joints(mechanism, passed[-1][None, :], near=end)[0]
             points = np.stack(passed)
-        legs.append(Leg(motion, start, end, points, path))
+        phases.append(Phase(motion, start, end, points, path))
         start, first = end, points[-1]
-    return tuple(legs)
+    return tuple(phases)
 
 
 def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Array, first: Array) -> Array:

@@ -11,7 +11,7 @@ from ssm_planner.typing import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class SCurve:
     """Pieces of linear acceleration: lengths (m,) in s, acceleration at their starts and ends (m,)."""
 
     lengths: Array
@@ -27,14 +27,14 @@ class Profile:
         """Times at which the acceleration or its slope jumps, both ends included, (m + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.lengths)])
 
-    def stretched(self, duration: float) -> Profile:
+    def stretched(self, duration: float) -> SCurve:
         """The same motion in another time."""
         factor = duration / self.duration
-        return Profile(self.lengths * factor, self.start / factor**2, self.end / factor**2)
+        return SCurve(self.lengths * factor, self.start / factor**2, self.end / factor**2)
 
-    def scaled(self, factor: float) -> Profile:
+    def scaled(self, factor: float) -> SCurve:
         """The same motion over `factor` times the distance."""
-        return Profile(self.lengths, self.start * factor, self.end * factor)
+        return SCurve(self.lengths, self.start * factor, self.end * factor)
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration (from the right, at the end from the left) at times t (n,)."""
@@ -69,7 +69,7 @@ class Profile:
         return float(np.abs(velocity).max()), float(acceleration), jerk
 
 
-def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: float | None = None) -> Profile:
+def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: float | None = None) -> SCurve:
     """The fastest motion over a distance > 0.
 
     Without a jerk limit a trapezoid of velocity (a triangle where its limit is not reached), with one the profile of up to
@@ -90,7 +90,7 @@ def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: fl
         np.array([*end, 0.0, *(-x for x in reversed(start))]),
     )
     kept = all_lengths > 1e-13 * all_lengths.sum()
-    return Profile(all_lengths[kept], starts[kept], ends[kept])
+    return SCurve(all_lengths[kept], starts[kept], ends[kept])
 
 
 def _reachable_speed(distance: float, acceleration: float, jerk: float | None) -> float:

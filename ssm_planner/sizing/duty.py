@@ -14,7 +14,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.robot import JOINTS, Robot, frozen
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
-from ssm_planner.trajectory import DEGREE, Phase, Trajectory
+from ssm_planner.trajectory import DEGREE, Span, Trajectory
 from ssm_planner.typing import Array
 
 
@@ -33,7 +33,7 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     back = _way(turned, joint, times, -stroke.acceleration)
     breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([times, times]))])
     middle, end = float(breaks[len(times)]), float(breaks[-1])
-    phases = (Phase("forth", 0.0, middle), Phase("back", middle, end))
+    phases = (Span("forth", 0.0, middle), Span("back", middle, end))
     return Trajectory(breaks, np.concatenate([forth, back]), phases)
 
 
@@ -62,7 +62,7 @@ def _way(start: Array, joint: int, times: Array, acceleration: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Duty:
+class DutyCycle:
     """Motions of one robot, each for one joint (by name) or for all that have a drive (None)."""
 
     name: str
@@ -72,12 +72,12 @@ class Duty:
     """What the reader of the answer has to know of the motion."""
 
     @classmethod
-    def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> Duty:
+    def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> DutyCycle:
         """A whole motion."""
         return cls(name, robot, ((trajectory, None),))
 
     @classmethod
-    def of_motorisation(cls, motorisation: Motorisation) -> Duty:
+    def of_motorisation(cls, motorisation: Motorisation) -> DutyCycle:
         """Single joints back and forth."""
         runs = tuple((back_and_forth(stroke), stroke.joint) for stroke in motorisation.strokes)
         return cls(motorisation.name, motorisation.robot, runs)

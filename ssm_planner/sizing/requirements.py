@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
-from ssm_planner.sizing.torque_breakdown import TorqueSplit, torque_split
+from ssm_planner.sizing.torque_breakdown import TorqueBreakdown, torque_split
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
@@ -42,7 +42,7 @@ class MotorRequirement:
     """Mean heat in the winding at 25 °C, W; None where the motor file lacks torque constant or resistance."""
     joule_energy: float | None
     """J."""
-    split: TorqueSplit
+    split: TorqueBreakdown
 
     @property
     def placeholder(self) -> bool:

@@ -11,7 +11,7 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import MotorVerdict, assess, band_of
 from ssm_planner.sizing.demand import Band, Name
-from ssm_planner.sizing.duty import Duty, no_drive
+from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.friction_spread import spread_of
 from ssm_planner.sizing.gear import gear_checks
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -96,7 +96,7 @@ class Sizing:
 
 
 def size(
-    duty: Duty,
+    duty: DutyCycle,
     candidates: Mapping[str, Sequence[Motor]] | None = None,
     conditions: Conditions | None = None,
     payload: float = 0.0,

@@ -19,7 +19,7 @@ from ssm_planner.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueSplit:
+class TorqueBreakdown:
     """Parts of the motor torque (n,), N·m; their sum is the torque."""
 
     input_inertia: Array
@@ -49,7 +49,7 @@ class TorqueSplit:
 PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 
-def torque_split(load: JointLoad, drive: Drive | None = None) -> TorqueSplit:
+def torque_split(load: JointLoad, drive: Drive | None = None) -> TorqueBreakdown:
     """The parts of the motor torque of a joint, with its own drive or another one."""
     drive = drive or load.drive
     moving, zero = load.direction != 0, np.zeros_like(load.t)
@@ -73,7 +73,7 @@ def torque_split(load: JointLoad, drive: Drive | None = None) -> TorqueSplit:
         "bearing_friction": bearing,
     }
     peak = int(np.argmax(np.abs(total)))
-    return TorqueSplit(
+    return TorqueBreakdown(
         **parts,
         at_peak={name: float(part[peak]) for name, part in parts.items()},
         rms={name: float(load.rms(part)) for name, part in parts.items()},

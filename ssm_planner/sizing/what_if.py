@@ -8,7 +8,7 @@ from typing import Any
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.assess import CONFIDENCE, assess
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 
@@ -42,7 +42,9 @@ class WhatIf:
         }
 
 
-def largest_payload(duty: Duty, motors: Mapping[str, Motor], conditions: Conditions, payload: float = 0.0) -> WhatIf:
+def largest_payload(
+    duty: DutyCycle, motors: Mapping[str, Motor], conditions: Conditions, payload: float = 0.0
+) -> WhatIf:
     """The heaviest point mass at the tip, beside `payload` (kg), with which every check that can be made still passes."""
     empty, loaded = duty.loads(payload), duty.loads(payload + 1.0)
 
@@ -52,7 +54,9 @@ def largest_payload(duty: Duty, motors: Mapping[str, Motor], conditions: Conditi
     return _largest(judge, start=1e-3, most=HEAVIEST, least=0.0)
 
 
-def shortest_duration(duty: Duty, motors: Mapping[str, Motor], conditions: Conditions, payload: float = 0.0) -> WhatIf:
+def shortest_duration(
+    duty: DutyCycle, motors: Mapping[str, Motor], conditions: Conditions, payload: float = 0.0
+) -> WhatIf:
     """The smallest factor on the duration, all of the motion faster alike, with which every check made still passes.
 
     The joints' own limits of speed and acceleration are left aside.

@@ -20,7 +20,7 @@ from section import Section
 from ssm_planner.planning.ocp import free as free_ocp
 from ssm_planner.planning.ocp import straight as straight_ocp
 from ssm_planner.planning.ocp.compiled import stages
-from ssm_planner.planning.ocp.transcription import Program
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
@@ -66,7 +66,7 @@ class FirstSolves:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        solve, optimise = Program.solve, straight_ocp.optimise
+        solve, optimise = Transcription.solve, straight_ocp.optimise
 
         def timed_solve(*arguments: Any) -> Any:
             answer = solve(*arguments)
@@ -79,12 +79,12 @@ class FirstSolves:
             self.begin = time.perf_counter()
             return optimise(*arguments)
 
-        Program.solve = timed_solve  # type: ignore[method-assign]
+        Transcription.solve = timed_solve  # type: ignore[method-assign]
         straight_ocp.optimise = free_ocp.optimise = timed_optimise
         try:
             yield
         finally:
-            Program.solve = solve  # type: ignore[method-assign]
+            Transcription.solve = solve  # type: ignore[method-assign]
             straight_ocp.optimise = free_ocp.optimise = optimise
 
 
@@ -122,7 +122,7 @@ def _ours(cases: list[Problem]) -> Way:
         last[0] = planned = planned_anew(cases[k])
         if planned.trajectory is None:
             raise RuntimeError(f"no plan: {planned.reason}")
-        return planned.trajectory.duration, sum(leg.iterations for leg in planned.legs)
+        return planned.trajectory.duration, sum(phase.iterations for phase in planned.phases)
 
     return Way(solve, lambda: last[0].trajectory)
 
@@ -148,7 +148,7 @@ def _straight(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
 
 def straight_path(problem: Problem) -> Any:
     """The path of a straight problem: the branch and whole turns of its joints are those of this planner."""
-    return plan_motion(problem).legs[0].leg.path
+    return plan_motion(problem).phases[0].phase.path
 
 
 def _free(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:

@@ -31,7 +31,7 @@ from ssm_planner.paper.payload import payloads, with_rows
 from ssm_planner.paper.rigs import LAWS, published_drive
 from ssm_planner.paper.workspace import tilt_range
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 
 
 def test_table_i_is_exact_for_the_printed_beta_and_shifted_by_its_rounding(robot: Robot) -> None:
@@ -123,7 +123,7 @@ def test_the_sign_of_products_moves_moments_but_not_their_sum(robot: Robot) -> N
 
 def test_the_velocity_product_of_a_joint_that_moves_alone_vanishes(inputs: Inputs) -> None:
     for motorisation in inputs.motorisations.values():
-        loads = Duty.of_motorisation(motorisation).loads()
+        loads = DutyCycle.of_motorisation(motorisation).loads()
         assert {load.joint for load in loads} == set(published.DRIVEN)
         sign = velocity_sign(loads)
         assert max(sign.effort.values()) < 1e-12
@@ -187,7 +187,7 @@ def test_parameters_called_outside_the_bounds_are(inputs: Inputs) -> None:
 
 def test_payload_curves_with_table_ii_are_those_of_the_robot(inputs: Inputs) -> None:
     first = payloads(inputs)[0]
-    as_shipped = Duty.of_motorisation(first.run).loads()
+    as_shipped = DutyCycle.of_motorisation(first.run).loads()
     for load, joint in zip(as_shipped, first.identified.joints, strict=True):
         np.testing.assert_allclose(joint.requirement.torque, load.torque(), rtol=1e-9)
     worm = with_rows(first.run.robot, published.PACKAGE_FRICTION).joints[0].drive

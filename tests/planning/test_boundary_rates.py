@@ -97,7 +97,7 @@ def test_rates_hold_at_the_two_ends_of_all_and_rest_between(tilt_insert: Problem
     first, last = end_rates(result)
     assert first == pytest.approx(as_array(along(0.3)), abs=1e-9)
     assert last == pytest.approx(as_array({"depth": 0.01}), abs=1e-9)
-    border = result.trajectory.sample(np.array([result.legs[0].duration]))
+    border = result.trajectory.sample(np.array([result.phases[0].duration]))
     assert np.abs(border.qd).max() < 1e-9
 
 

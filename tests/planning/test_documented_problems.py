@@ -66,4 +66,4 @@ def test_the_example_of_the_readme_is_planned(load: Load) -> None:
     assert problem.eye is not None
     result = plan(problem)
     assert result.passed
-    assert result.legs[-1].duration == pytest.approx(2.0, rel=1e-9)
+    assert result.phases[-1].duration == pytest.approx(2.0, rel=1e-9)

@@ -15,9 +15,9 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.ocp.constraints import limit_table
 from ssm_planner.planning.ocp.element import SIMPSON, element_functions
-from ssm_planner.planning.ocp.free_element import FreeStage
+from ssm_planner.planning.ocp.free_element import FreeElement
 from ssm_planner.planning.ocp.path_fit import fit
-from ssm_planner.planning.ocp.straight_element import StraightStage, element_state
+from ssm_planner.planning.ocp.straight_element import StraightElement, element_state
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
@@ -46,7 +46,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
     numbers = np.concatenate([limit_table(robot).ravel(), [0.02, 1.7]])
-    return StraightStage(robot, True, None, aim), [z, sigma, local, numbers]
+    return StraightElement(robot, True, None, aim), [z, sigma, local, numbers]
 
 
 def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
@@ -59,7 +59,7 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
     watched = [0.02, 0.1, 0.4, -0.2, 0.7]
     numbers = np.concatenate([first, unit, limit_table(robot).ravel(), watched, [0.4, 0.5, 0.6], [1e-6, 1.7]])
-    return FreeStage(robot, mechanism, moving, ROWS, EYE, aim), [z, sigma, numbers]
+    return FreeElement(robot, mechanism, moving, ROWS, EYE, aim), [z, sigma, numbers]
 
 
 CASES = {"straight": straight_case, "free": free_case}

@@ -13,7 +13,7 @@ import pytest
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.ocp.transcription import Program
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.problem import Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples, Trajectory
@@ -122,7 +122,7 @@ def test_a_duration_of_the_whole_is_shared_by_the_motions_that_have_none(tilt_in
     result = plan(moving(tilt_insert, *motions, duration=5.0))
     assert result.passed
     assert result.duration == pytest.approx(5.0, rel=1e-9)
-    assert [leg.duration for leg in result.legs] == pytest.approx([1.75, 0.25, 3.0], rel=1e-9)
+    assert [phase.duration for phase in result.phases] == pytest.approx([1.75, 0.25, 3.0], rel=1e-9)
 
 
 def test_two_motions_share_it_by_their_fastest_times(tilt_insert: Problem) -> None:
@@ -130,8 +130,8 @@ def test_two_motions_share_it_by_their_fastest_times(tilt_insert: Problem) -> No
     result = plan(moving(tilt_insert, FREE, STRAIGHT, objective="effort", duration=2 * fastest.duration))
     assert result.passed
     assert result.duration == pytest.approx(2 * fastest.duration, rel=1e-9)
-    for leg, fast in zip(result.legs, fastest.legs, strict=True):
-        assert leg.duration == pytest.approx(2 * fast.duration, rel=1e-6)
+    for phase, fast in zip(result.phases, fastest.phases, strict=True):
+        assert phase.duration == pytest.approx(2 * fast.duration, rel=1e-6)
 
 
 def test_the_shortest_possible_duration_may_be_asked_for_and_nothing_less(tilt_insert: Problem) -> None:
@@ -148,15 +148,15 @@ def test_the_shortest_possible_duration_may_be_asked_for_and_nothing_less(tilt_i
 def test_without_the_least_effort_any_motion_that_takes_as_long_does(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = Program.solve
+    solve = Transcription.solve
 
-    def no_effort(self: Program, *arguments: Any) -> Any:
+    def no_effort(self: Transcription, *arguments: Any) -> Any:
         answer = solve(self, *arguments)
         return (
             dataclasses.replace(answer, message="Maximum_Iterations_Exceeded") if self.stage.aim == "effort" else answer
         )
 
-    monkeypatch.setattr(Program, "solve", no_effort)
+    monkeypatch.setattr(Transcription, "solve", no_effort)
     result = plan(moving(tilt_insert, dataclasses.replace(FREE, duration=4.0)))
     assert result.passed
     assert result.duration == pytest.approx(4.0, rel=1e-9)

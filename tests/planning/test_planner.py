@@ -26,9 +26,9 @@ def assert_certified_and_as_fast_as_toppra(problem: Problem) -> None:
     assert result.certificate is not None
     assert min(limit.margin for limit in result.certificate.limits) >= -1e-6
     assert result.passed
-    for leg in result.legs:
-        assert 1 - 5e-4 <= leg.duration / leg.toppra_duration <= 1 + 5e-3
-        assert leg.duration >= leg.lower_bound * (1 - 1e-6)
+    for phase in result.phases:
+        assert 1 - 5e-4 <= phase.duration / phase.toppra_duration <= 1 + 5e-3
+        assert phase.duration >= phase.lower_bound * (1 - 1e-6)
 
 
 def test_tilt_and_insert(tilt_insert: Problem) -> None:
@@ -56,7 +56,7 @@ def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
     start = Target(task={"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
     problem = dataclasses.replace(problem, start=start)
     result = plan(problem)
-    assert len(result.legs[0].leg.path.directions[0]) > 2
+    assert len(result.phases[0].phase.path.directions[0]) > 2
     assert result.passed
     assert_certified_and_as_fast_as_toppra(problem)
 

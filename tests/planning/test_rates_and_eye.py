@@ -139,7 +139,7 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     """Twice as many elements gain less than 0.2 %."""
     problem = moving(laser_scan, "free", SWING, FAR, rates={}, eye=in_the_way(laser_scan))
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    points = plan(problem).legs[0].leg.points
+    points = plan(problem).phases[0].phase.points
     coarse, fine = (solve_free(problem, mechanism, points, count=n) for n in (40, 80))
     assert coarse.solved
     assert fine.solved

@@ -7,7 +7,7 @@ import pytest
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.ocp.straight import joint_pieces
-from ssm_planner.planning.phases import legs_of
+from ssm_planner.planning.phases import phases_of
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import retime
 from ssm_planner.planning.s_curve import rest_to_rest
@@ -19,9 +19,9 @@ Weaker = Callable[[Robot, float], Robot]
 
 
 def paths(problem: Problem) -> list[StraightPath]:
-    legs, reason = legs_of(problem, Mechanism.from_geometry(problem.robot.geometry))
+    phases, reason = phases_of(problem, Mechanism.from_geometry(problem.robot.geometry))
     assert reason is None
-    return [leg.path for leg in legs if leg.path is not None]
+    return [phase.path for phase in phases if phase.path is not None]
 
 
 def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:

@@ -33,9 +33,11 @@ def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
 
 
 def spots(result: Plan) -> list[Array]:
-    """Tips (n, 3) at the spots of every run of the motion, ends of legs included; the tip's way there left out."""
+    """Tips (n, 3) at the spots of every run of the motion, ends of phases included; the tip's way there left out."""
     mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
-    return [tip_position(mechanism, leg.leg.points[1:]) for leg in result.legs if leg.leg.motion.kind == "free"]
+    return [
+        tip_position(mechanism, phase.phase.points[1:]) for phase in result.phases if phase.phase.motion.kind == "free"
+    ]
 
 
 def on_retina(result: Plan, tips: Array) -> Array:
@@ -73,7 +75,7 @@ def test_every_spot_is_at_the_distance_and_passed_by_the_tip(laser_scan: Problem
     assert np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(eye.radius - DISTANCE, abs=1e-9)
     for tip in tips:
         assert np.linalg.norm(at_breaks - tip, axis=1).min() < 1e-9
-    tasks = np.concatenate([task_from_joints(mechanism, leg.leg.points[1:]) for leg in result.legs])
+    tasks = np.concatenate([task_from_joints(mechanism, phase.phase.points[1:]) for phase in result.phases])
     assert tasks[:, 2] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -110,12 +112,12 @@ def test_a_raster_goes_back_and_forth(laser_scan: Problem) -> None:
 
 def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan: Problem) -> None:
     standing = scanning(laser_scan, dataclasses.replace(RING, dwell=0.05))
-    dwells = [leg for leg in standing.legs if leg.leg.motion.kind == "dwell"]
+    dwells = [phase for phase in standing.phases if phase.phase.motion.kind == "dwell"]
     assert len(dwells) == 6
-    assert [leg.duration for leg in dwells] == pytest.approx([0.05] * 6)
+    assert [phase.duration for phase in dwells] == pytest.approx([0.05] * 6)
     passing = scanning(laser_scan, RING)
     assert passing.duration < standing.duration - 6 * 0.05
-    points = passing.legs[1].leg.points
+    points = passing.phases[1].phase.points
     way = np.diff(points, axis=0)
     way = np.sign(np.where(np.abs(way) > 1e-9, way, 0.0))
     going_on = way[1:] * way[:-1] > 0

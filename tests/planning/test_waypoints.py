@@ -63,8 +63,8 @@ def test_a_point_on_the_way_is_passed_at_speed(tilt_insert: Problem, with_jerk: 
     assert (np.abs(speed) / limit).max() > 0.3
     parts = plan(through(tilt_insert, BETWEEN)), plan(through(tilt_insert, LAST, first=BETWEEN))
     without = plan(through(tilt_insert, LAST))
-    slack = 1.001 * 1.0005  # the motion of least heat, on a mesh
-    assert without.duration / slack <= whole.duration <= 0.95 * sum(part.duration for part in parts)
+    backoff = 1.001 * 1.0005  # the motion of least heat, on a mesh
+    assert without.duration / backoff <= whole.duration <= 0.95 * sum(part.duration for part in parts)
 
 
 def test_a_joint_that_turns_back_or_stands_is_at_rest_and_the_others_go_on(tilt_insert: Problem) -> None:

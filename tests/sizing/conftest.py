@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
 
@@ -26,6 +26,6 @@ def loads(trajectory: Trajectory, robot: Robot) -> tuple[JointLoad, ...]:
 
 
 @pytest.fixture(scope="session")
-def complete(robot: Robot) -> Duty:
+def complete(robot: Robot) -> DutyCycle:
     """A duty about which everything is known."""
-    return Duty.of_trajectory(random_trajectory(3), equipped(robot))
+    return DutyCycle.of_trajectory(random_trajectory(3), equipped(robot))

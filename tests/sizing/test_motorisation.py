@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.motorisation import load_motorisation
 from ssm_planner.problem.motorisation import Stroke
-from ssm_planner.sizing.duty import Duty, back_and_forth
+from ssm_planner.sizing.duty import DutyCycle, back_and_forth
 from ssm_planner.sizing.requirements import motor_requirement
 
 SHIPPED = Path(__file__).parents[2] / "problems"
@@ -56,7 +56,7 @@ def test_the_shipped_runs(file: str, speeds: dict[str, tuple[float, float]]) -> 
             v, a = math.radians(v), math.radians(a)
         assert (stroke.velocity, stroke.acceleration) == pytest.approx((v, a))
         assert stroke.reach == pytest.approx(0.03 if stroke.joint == "insertion" else math.pi / 2)
-    for load in Duty.of_motorisation(found).loads():
+    for load in DutyCycle.of_motorisation(found).loads():
         requirement = motor_requirement(load)
         v, a = next((s.velocity, s.acceleration) for s in found.strokes if s.joint == load.joint)
         assert requirement.peak_speed == pytest.approx(load.drive.ratio * v)
@@ -67,7 +67,7 @@ def test_the_shipped_runs(file: str, speeds: dict[str, tuple[float, float]]) -> 
 def test_the_screw_at_constant_speed_by_hand() -> None:
     """Joint 4 at home, away from its ends: gravity along the axis, no acceleration."""
     found = load_motorisation(SHIPPED / "motorisation" / "package.yaml")
-    (load,) = [each for each in Duty.of_motorisation(found).loads() if each.joint == "insertion"]
+    (load,) = [each for each in DutyCycle.of_motorisation(found).loads() if each.joint == "insertion"]
     drive, f = load.drive, load.drive.friction
     weight = 0.09964338 * 9.81 * math.cos(math.radians(23))  # the tool axis is 23 deg off the vertical
     for way in (1, -1):

@@ -14,7 +14,7 @@ from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import assess
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.friction_spread import spread_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -34,7 +34,7 @@ OPTIONAL = (
 
 
 @pytest.fixture(scope="module")
-def sizing(complete: Duty) -> Sizing:
+def sizing(complete: DutyCycle) -> Sizing:
     return size(complete, None, KNOWN)
 
 
@@ -49,7 +49,7 @@ def test_when_everything_is_known_and_within_it_is_adequate(sizing: Sizing) -> N
 
 
 @pytest.mark.parametrize("name", OPTIONAL)
-def test_a_missing_figure_is_never_passed(complete: Duty, name: str) -> None:
+def test_a_missing_figure_is_never_passed(complete: DutyCycle, name: str) -> None:
     load = complete.loads()[1]
     motor = replace(COMPLETE, **{name: None})
     verdict = assess(load, motor, KNOWN)
@@ -68,14 +68,14 @@ def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> N
         else replace(joint, drive=replace(joint.drive, ratings=replace(joint.drive.ratings, **{name: None})))
         for joint in full.joints
     ]
-    found = size(Duty.of_trajectory(random_trajectory(3), replace(full, joints=tuple(joints))), None, KNOWN)
+    found = size(DutyCycle.of_trajectory(random_trajectory(3), replace(full, joints=tuple(joints))), None, KNOWN)
     assert found.adequate is None
     assert all(verdict.adequate for verdict in found.verdicts)
     assert name in json.dumps(found.to_dict()["gears"])
 
 
 def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> None:
-    duty = Duty.of_trajectory(trajectory, robot)
+    duty = DutyCycle.of_trajectory(trajectory, robot)
     motors = {name: [COMPLETE] for name in ("roll", "tilt", "insertion")}
     for verdict in size(duty, motors, KNOWN).verdicts:
         assert verdict.probability is None
@@ -85,7 +85,7 @@ def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> Non
 
 def test_a_failing_check_says_no_whatever_else_is_missing(robot: Robot, trajectory) -> None:
     weak = Motor("weak", nominal_torque=1e-5, max_torque=1e-5, max_speed=1.0)
-    found = size(Duty.of_trajectory(trajectory, robot), {"tilt": [weak]})
+    found = size(DutyCycle.of_trajectory(trajectory, robot), {"tilt": [weak]})
     (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
     assert verdict.adequate is False
     assert verdict.binds in ("torque", "speed", "continuous_torque")
@@ -96,7 +96,7 @@ def test_an_overloaded_gear_fails_every_motor(robot: Robot, trajectory) -> None:
     full = equipped(robot)
     joints = list(full.joints)
     joints[1] = replace(joints[1], drive=replace(joints[1].drive, ratings=Ratings(peak_output=1e-3)))
-    found = size(Duty.of_trajectory(trajectory, replace(full, joints=tuple(joints))), None, KNOWN)
+    found = size(DutyCycle.of_trajectory(trajectory, replace(full, joints=tuple(joints))), None, KNOWN)
     (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
     assert verdict.adequate is False
     assert verdict.binds == "gear_peak_output"
@@ -121,7 +121,7 @@ def test_margins_by_hand(sizing: Sizing) -> None:
         )
 
 
-def test_margin_is_zero_where_probability_is_the_confidence(complete: Duty) -> None:
+def test_margin_is_zero_where_probability_is_the_confidence(complete: DutyCycle) -> None:
     """A motor just as strong as the demand at 99 % suffices with 99 %."""
     load = complete.loads()[1]
     verdict = assess(load, COMPLETE, KNOWN)
@@ -135,7 +135,7 @@ def test_margin_is_zero_where_probability_is_the_confidence(complete: Duty) -> N
         assert found.adequate is expected
 
 
-def test_more_confidence_leaves_less_margin(complete: Duty) -> None:
+def test_more_confidence_leaves_less_margin(complete: DutyCycle) -> None:
     load = complete.loads()[0]
     levels = [assess(load, COMPLETE, replace(KNOWN, confidence=level)) for level in (0.5, 0.9, 0.99, 0.999)]
     for name in ("torque", "continuous_torque", "heat", "voltage"):
@@ -144,7 +144,7 @@ def test_more_confidence_leaves_less_margin(complete: Duty) -> None:
         assert margins[0] > margins[-1]
 
 
-def test_a_pause_helps_the_heat_and_nothing_else(complete: Duty) -> None:
+def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
     load = complete.loads()[0]
     without, with_pause = assess(load, COMPLETE, KNOWN), assess(load, COMPLETE, replace(KNOWN, pause=3.0))
     for a, b in zip(without.checks, with_pause.checks, strict=True):
@@ -157,7 +157,7 @@ def test_a_pause_helps_the_heat_and_nothing_else(complete: Duty) -> None:
     assert rms == pytest.approx(next(c.worst for c in without.checks if c.name == "continuous_torque") / np.sqrt(2))
 
 
-def test_heat_capacity_gives_exactly_the_limit(complete: Duty) -> None:
+def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
     from ssm_planner.sizing.demand import thinned
     from ssm_planner.sizing.heat import Cycle, ThermalModel, steady_state
 
@@ -170,7 +170,7 @@ def test_heat_capacity_gives_exactly_the_limit(complete: Duty) -> None:
     assert found.peak == pytest.approx(COMPLETE.max_winding_temperature, abs=2e-3)
 
 
-def test_too_hot_says_when(complete: Duty) -> None:
+def test_too_hot_says_when(complete: DutyCycle) -> None:
     load = complete.loads()[0]
     rms = load.rms(load.torque())
     small = replace(COMPLETE, resistance_housing_ambient=900.0, nominal_torque=10 * float(rms))
@@ -180,7 +180,7 @@ def test_too_hot_says_when(complete: Duty) -> None:
     assert 0 < verdict.heat.time_until_limit < 3600
 
 
-def test_the_candidates_rotor_takes_the_place_of_the_old_one(complete: Duty) -> None:
+def test_the_candidates_rotor_takes_the_place_of_the_old_one(complete: DutyCycle) -> None:
     for load in complete.loads():
         heavier = replace(COMPLETE, name="heavier", rotor_inertia=COMPLETE.rotor_inertia + 3e-7)
         verdict = assess(load, heavier, KNOWN)
@@ -191,7 +191,7 @@ def test_the_candidates_rotor_takes_the_place_of_the_old_one(complete: Duty) -> 
 
 
 @pytest.mark.parametrize("which", ["original", "candidate", "none"])
-def test_an_unknown_rotor_is_said(complete: Duty, which: str) -> None:
+def test_an_unknown_rotor_is_said(complete: DutyCycle, which: str) -> None:
     load = complete.loads()[0]
     original: Motor | None = replace(COMPLETE, name="original")
     candidate = COMPLETE
@@ -209,7 +209,7 @@ def test_an_unknown_rotor_is_said(complete: Duty, which: str) -> None:
     assert verdict.to_dict()["not_checked"]["rotor_inertia"]
 
 
-def test_the_smallest_that_suffices(complete: Duty) -> None:
+def test_the_smallest_that_suffices(complete: DutyCycle) -> None:
     weak = replace(COMPLETE, name="weak", nominal_torque=1e-5, max_torque=2e-5)
     strong = replace(COMPLETE, name="strong", nominal_torque=0.3, max_torque=0.5)
     vague = replace(COMPLETE, name="vague", nominal_torque=0.05, terminal_resistance=None)
@@ -224,7 +224,7 @@ def test_the_smallest_that_suffices(complete: Duty) -> None:
     assert size(complete, {"tilt": [weak]}, KNOWN).adequate is False
 
 
-def test_monte_carlo_and_linear_verdicts_agree(complete: Duty) -> None:
+def test_monte_carlo_and_linear_verdicts_agree(complete: DutyCycle) -> None:
     load = complete.loads()[0]
     linear, drawn = assess(load, COMPLETE, KNOWN), assess(load, COMPLETE, replace(KNOWN, draws=5000))
     for a, b in zip(linear.checks, drawn.checks, strict=True):
@@ -232,7 +232,7 @@ def test_monte_carlo_and_linear_verdicts_agree(complete: Duty) -> None:
     assert spread_of(load.drive).known
 
 
-def test_extrapolation_and_placeholders_are_said(complete: Duty) -> None:
+def test_extrapolation_and_placeholders_are_said(complete: DutyCycle) -> None:
     load = complete.loads()[0]
     doubtful = replace(COMPLETE, placeholders=("max_speed",))
     verdict = assess(load, doubtful, KNOWN)
@@ -244,13 +244,13 @@ def test_extrapolation_and_placeholders_are_said(complete: Duty) -> None:
 
 def test_a_motor_for_a_joint_without_a_drive(robot: Robot, trajectory) -> None:
     with pytest.raises(ProblemError, match=r"joints\.spin\.motor.*no drive"):
-        size(Duty.of_trajectory(trajectory, robot), {"spin": [COMPLETE]})
+        size(DutyCycle.of_trajectory(trajectory, robot), {"spin": [COMPLETE]})
     spin = replace(robot.joints[2], motor=COMPLETE)
     joints = (*robot.joints[:2], spin, robot.joints[3])
     with pytest.raises(ProblemError, match=r"vitreoretinal\.yaml.*joints\.spin\.motor"):
-        size(Duty.of_trajectory(trajectory, replace(robot, joints=joints)))
+        size(DutyCycle.of_trajectory(trajectory, replace(robot, joints=joints)))
     with pytest.raises(ProblemError, match="elbow"):
-        size(Duty.of_trajectory(trajectory, robot), {"elbow": [COMPLETE]})
+        size(DutyCycle.of_trajectory(trajectory, robot), {"elbow": [COMPLETE]})
 
 
 def test_json(sizing: Sizing) -> None:
@@ -271,7 +271,7 @@ def test_a_motion_at_rest_asks_nothing(robot: Robot) -> None:
 
     still = np.zeros((1, 6, 4))
     still[0, 0] = [0.3, -0.2, 0.1, -0.01]
-    duty = Duty.of_trajectory(Trajectory(np.array([0.0, 1.0]), still, ()), equipped(robot))
+    duty = DutyCycle.of_trajectory(Trajectory(np.array([0.0, 1.0]), still, ()), equipped(robot))
     found = size(duty, None, replace(KNOWN, draws=1000))
     json.dumps(found.to_dict(), allow_nan=False)
     assert found.adequate is True
@@ -288,7 +288,7 @@ def test_load_of_one_joint_only(robot: Robot) -> None:
     from ssm_planner.problem.motorisation import Motorisation, Stroke
 
     strokes = (Stroke("tilt", 0.0, 1.0, 1.0, 3.0),)
-    duty = Duty.of_motorisation(Motorisation("one", robot, strokes))
+    duty = DutyCycle.of_motorisation(Motorisation("one", robot, strokes))
     loads: tuple[JointLoad, ...] = duty.loads()
     assert [load.joint for load in loads] == ["tilt"]
     with pytest.raises(ProblemError, match="does not move this joint"):

@@ -12,7 +12,7 @@ from sizing_cases import COMPLETE, equipped
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.text.sizing import missing_figures, motors_verdict
-from ssm_planner.sizing.duty import Duty
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import size, size_motion
 from ssm_planner.trajectory import Trajectory
 
@@ -45,7 +45,7 @@ def said(robot: Robot, trajectory: Trajectory) -> tuple[str, str, str]:
 
 
 def test_the_verdict_on_a_motion_is_that_of_the_command(robot: Robot, trajectory: Trajectory) -> None:
-    by_command = size(Duty.of_trajectory(trajectory, robot)).to_dict()
+    by_command = size(DutyCycle.of_trajectory(trajectory, robot)).to_dict()
     assert size_motion(trajectory, robot).to_dict() == by_command
 
 

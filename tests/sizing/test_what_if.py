@@ -10,7 +10,7 @@ from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.duty import Duty, with_payload
+from ssm_planner.sizing.duty import DutyCycle, with_payload
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import size
@@ -20,7 +20,7 @@ from ssm_planner.trajectory import Trajectory
 KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)
 
 
-def passes(duty: Duty, payload: float = 0.0) -> bool:
+def passes(duty: DutyCycle, payload: float = 0.0) -> bool:
     return size(duty, None, KNOWN, payload).adequate is True
 
 
@@ -62,12 +62,12 @@ def test_stretching_the_loads_is_stretching_the_motion(robot: Robot, trajectory:
 
 
 @pytest.fixture(scope="module")
-def strong(robot: Robot) -> Duty:
+def strong(robot: Robot) -> DutyCycle:
     motor = replace(COMPLETE, max_torque=0.25)
-    return Duty.of_trajectory(random_trajectory(3), equipped(robot, motor))
+    return DutyCycle.of_trajectory(random_trajectory(3), equipped(robot, motor))
 
 
-def test_largest_payload(strong: Duty) -> None:
+def test_largest_payload(strong: DutyCycle) -> None:
     found = largest_payload(strong, {}, KNOWN)
     assert found.status == "found"
     assert found.not_checked == ()
@@ -76,14 +76,14 @@ def test_largest_payload(strong: Duty) -> None:
     assert found.binds
 
 
-def test_shortest_duration(strong: Duty) -> None:
+def test_shortest_duration(strong: DutyCycle) -> None:
     found = shortest_duration(strong, {}, KNOWN)
     assert found.status == "found"
 
-    def faster(factor: float) -> Duty:
+    def faster(factor: float) -> DutyCycle:
         ((trajectory, _),) = strong.runs
         coefficients = trajectory.coefficients / factor ** np.arange(6)[:, None]
-        return Duty.of_trajectory(Trajectory(trajectory.breaks * factor, coefficients, ()), strong.robot)
+        return DutyCycle.of_trajectory(Trajectory(trajectory.breaks * factor, coefficients, ()), strong.robot)
 
     assert passes(faster(found.value * 1.001))
     assert not passes(faster(found.value * 0.998))
@@ -91,7 +91,7 @@ def test_shortest_duration(strong: Duty) -> None:
 
 def test_a_motor_that_never_suffices(robot: Robot) -> None:
     weak = replace(COMPLETE, max_torque=2e-5, nominal_torque=1e-5)
-    duty = Duty.of_trajectory(random_trajectory(3), equipped(robot, weak))
+    duty = DutyCycle.of_trajectory(random_trajectory(3), equipped(robot, weak))
     assert largest_payload(duty, {}, KNOWN).status == "never"
     found = shortest_duration(duty, {}, KNOWN)
     assert (found.status, found.value) == ("never", None)

@@ -17,7 +17,7 @@ from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.problem.problem import TASK, Eye, Lens, TaskLimits
 from ssm_planner.problem.robot import Robot, frozen
-from ssm_planner.trajectory import Phase, Samples, Trajectory, hermite
+from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
 from ssm_planner.verification import prefilter as screen
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
@@ -250,7 +250,7 @@ def test_the_screen_of_long_trajectories_hides_nothing(
     k = rng.integers(100, 500)
     qdd[k] += scale * 3
     coefficients = hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
-    trajectory = Trajectory(t, coefficients, (Phase("all", 0.0, 3.0),))
+    trajectory = Trajectory(t, coefficients, (Span("all", 0.0, 3.0),))
     full = check(trajectory, robot, LIMITS)
     monkeypatch.setattr(screen, "WORTHWHILE", 10)
     screened = check(trajectory, robot, LIMITS)

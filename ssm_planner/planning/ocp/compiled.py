@@ -24,11 +24,11 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.planning.ocp.element import ElementFunctions, Stage, element_functions
+from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
 from ssm_planner.problem.robot import Robot
 
 
-def robot_key(robot: Robot) -> bytes:
+def cache_key(robot: Robot) -> bytes:
     """Geometry, bodies, gravity, drives and nominal torques; not the limits, which are parameters.
 
     Equal keys mean equal content; equal content may have different keys, which only costs time.
@@ -103,7 +103,7 @@ class Stages:
         self._used: OrderedDict[tuple[Any, ...], _Used] = OrderedDict()
         self._running: subprocess.Popen[bytes] | None = None
 
-    def functions(self, stage: Stage, key: tuple[Any, ...]) -> tuple[ElementFunctions, bool]:
+    def functions(self, stage: ElementModel, key: tuple[Any, ...]) -> tuple[ElementFunctions, bool]:
         """The functions of a stage with this key, and whether they are compiled."""
         if key not in self._used:
             self._used[key] = used = _Used(element_functions(stage))

@@ -63,7 +63,7 @@ COST_SOFTNESS = 1e-2
 
 
 @dataclass(frozen=True)
-class Row:
+class PathConstraint:
     """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (0 to 3, None for the whole arm)."""
 
     name: str
@@ -97,20 +97,22 @@ class Bounds:
     tip_speed: ca.SX
 
 
-def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[Row]:
+def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
     """Tip speed; velocity, acceleration and, where asked for, jerk of every joint."""
-    rows = [Row("tip speed", None, at.tip_speed / bounds.tip_speed)]
+    rows = [PathConstraint("tip speed", None, at.tip_speed / bounds.tip_speed)]
     for i, joint in enumerate(joints):
         senses = (1, -1) if joint.drive is None else (at.sigma[i],)
-        rows += [Row("velocity", i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
+        rows += [PathConstraint("velocity", i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
         for side in (1, -1):
-            rows.append(Row("acceleration", i, side * at.qdd[i] / bounds.acceleration[i]))
+            rows.append(PathConstraint("acceleration", i, side * at.qdd[i] / bounds.acceleration[i]))
             if jerk:
-                rows.append(Row("jerk", i, side * at.qddd[i] / bounds.jerk[i]))
+                rows.append(PathConstraint("jerk", i, side * at.qddd[i] / bounds.jerk[i]))
     return rows
 
 
-def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, breakaway: bool = False) -> list[Row]:
+def torque_rows(
+    at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, breakaway: bool = False
+) -> list[PathConstraint]:
     """Motor torque of every driven joint under the exact friction law for the known direction of motion.
 
     breakaway: with the static coefficient, for instants at which a joint starts to move.
@@ -122,11 +124,11 @@ def torque_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, break
             continue
         first, second = directed_torques(drive, at, i, breakaway=breakaway)
         limit = bounds.torque[i]
-        rows += [Row("motor torque", i, value / limit) for value in (first, second)]
+        rows += [PathConstraint("motor torque", i, value / limit) for value in (first, second)]
         # σ τ is the larger of the two; the smooth maximum below never exceeds it
         half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
         resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
-        rows.append(Row("motor torque", i, -resisting))
+        rows.append(PathConstraint("motor torque", i, -resisting))
     return rows
 
 

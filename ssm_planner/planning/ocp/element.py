@@ -13,7 +13,7 @@ SIMPSON = (1 / 6, 4 / 6, 1 / 6)
 """Shares of the element's length that the points stand for in integrals."""
 
 
-class Stage(Protocol):
+class ElementModel(Protocol):
     """One element of a motion: z = (u, u̇, ü at its start, ü at its end of m coordinates, length), scaled time."""
 
     @property
@@ -50,7 +50,7 @@ class ElementFunctions:
     gradient: ca.Function | None
 
 
-def element_functions(stage: Stage) -> ElementFunctions:
+def element_functions(stage: ElementModel) -> ElementFunctions:
     """Exact derivatives of an element by the chain rule through the state at each point.
 
     The derivatives of the state's functions are taken once, by few variables, and called at every point: what is evaluated
@@ -98,7 +98,7 @@ class _Point:
     hessian: ca.Function
 
     @classmethod
-    def of(cls, stage: Stage) -> _Point:
+    def of(cls, stage: ElementModel) -> _Point:
         state = ca.SX.sym("state", stage.point.size1_in(0))
         inputs = [state, *(ca.SX.sym(f"argument{i}", n) for i, (n, _) in enumerate(stage.arguments))]
         # the cost is made of the same torques as the rows: they are to be differentiated once
@@ -124,7 +124,7 @@ class _Chain:
     hessian: ca.Function
 
     @classmethod
-    def of(cls, stage: Stage, point: _Point) -> _Chain:
+    def of(cls, stage: ElementModel, point: _Point) -> _Chain:
         z, lam_cost = ca.SX.sym("z", stage.size), ca.SX.sym("cost_multiplier")
         of_length = ca.gradient(z[-1], z)
         states = stage.states(z)

@@ -19,12 +19,12 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.ocp.constraints import UNLIMITED, limit_table, limits_jerk
-from ssm_planner.planning.ocp.free_element import NUMBERS, RATED, WATCHED, FreeStage
+from ssm_planner.planning.ocp.free_element import NUMBERS, RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.guesses import FreeGuess, guess, retimed
-from ssm_planner.planning.ocp.nlp import Answer, Course, Question, Shape, blocks_of
-from ssm_planner.planning.ocp.refinement import PARTS, SHORTEST, Start, optimise, peaks
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpSolution, NlpStructure, blocks_of
+from ssm_planner.planning.ocp.refinement import PARTS, SHORTEST, Start, optimise, parabolic_peak
 from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName, shared
-from ssm_planner.planning.retiming.paths import StepPath
+from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.typing import Array, Indices
 
@@ -88,7 +88,7 @@ class _FreeTask:
     table: Array
     speeds: tuple[Array, Array]
     guesses: tuple[FreeGuess, ...]
-    shape: Shape
+    shape: NlpStructure
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
     times: Array
@@ -116,7 +116,7 @@ class _FreeTask:
         if task.largest(task.start.elements).max(initial=0.0) < FAR:
             return task
         slower = tuple(
-            retimed(robot, problem.task_limits, StepPath(mechanism, points[k : k + 2]), round(MORE * each))
+            retimed(robot, problem.task_limits, PolylinePath(mechanism, points[k : k + 2]), round(MORE * each))
             or guesses[k]
             for k in range(len(way))
         )
@@ -135,7 +135,7 @@ class _FreeTask:
     ) -> _FreeTask:
         robot = problem.robot
         blocks = blocks_of([n for g in guesses for n in g.arcs])
-        shape = Shape(
+        shape = NlpStructure(
             moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
             share=tuple(sum(g.arcs) for g in guesses),
             blocks=blocks,
@@ -196,18 +196,18 @@ class _FreeTask:
 
     always: frozenset[RowName] = frozenset()
 
-    def stage(self, kept: frozenset[RowName], aim: Aim) -> FreeStage:
+    def stage(self, kept: frozenset[RowName], aim: Aim) -> FreeElement:
         eye = self.problem.eye if any(name in (RETINA, LENS) for name, _ in kept) else None
-        return shared(FreeStage(self.problem.robot, self.mechanism, tuple(self.moving.tolist()), kept, eye, aim))
+        return shared(FreeElement(self.problem.robot, self.mechanism, tuple(self.moving.tolist()), kept, eye, aim))
 
-    def question(self, elements: Array, slack: Array) -> Question:
+    def question(self, elements: Array, backoff: Array) -> NlpData:
         points = self._scaled(self.points - self.points[0], 0)
         start_speed, end_speed = (self._scaled(speed, 1) for speed in self.speeds)
-        course = Course(points, np.sign(self.way)[:, self.moving], start_speed, end_speed)
+        course = BoundaryConditions(points, np.sign(self.way)[:, self.moving], start_speed, end_speed)
         limits = (self._scaled(self.table[k], k + 1) for k in range(3))
         speed, acceleration, jerk = limits
         lower, upper, hull = course.bounds(self.shape, speed, acceleration)
-        return Question(
+        return NlpData(
             arguments=(self._sigma, self._numbers),
             fractions=self.fractions,
             times=(SHORTEST if len(self.way) == 1 else SHORTEST_PASSING) * self.times,
@@ -217,7 +217,7 @@ class _FreeTask:
             end=np.concatenate([points[-1], end_speed]),
             acceleration=acceleration,
             jerk=jerk,
-            allowed=np.ones((len(elements), slack.shape[1])) - slack,
+            allowed=np.ones((len(elements), backoff.shape[1])) - backoff,
             starting=self._starting,
         )
 
@@ -226,10 +226,10 @@ class _FreeTask:
         if not self.names:
             return np.zeros((n, 0))
         rows = call(self._everything.between, elements, self._sigma, np.tile(self._numbers, (n, 1)))[0]
-        return peaks(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
+        return parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
 
     @cached_property
-    def _everything(self) -> FreeStage:
+    def _everything(self) -> FreeElement:
         """All coupled limits that this problem has."""
         problem = self.problem
         rows: set[RowName] = {(f"{name} range", None) for name in WATCHED if name in problem.limits}
@@ -243,7 +243,7 @@ class _FreeTask:
             if joint.drive is not None and joint.motor is not None:
                 rows.add(("motor torque", int(i)))
         moving = tuple(self.moving.tolist())
-        return shared(FreeStage(problem.robot, self.mechanism, moving, frozenset(rows), problem.eye))
+        return shared(FreeElement(problem.robot, self.mechanism, moving, frozenset(rows), problem.eye))
 
     @cached_property
     def _sigma(self) -> Array:
@@ -290,7 +290,7 @@ class _FreeTask:
             values += [(low + high) / 2 + float(unwrapped[k]) - wrapped[k], (high - low) / 2]
         return values
 
-    def result(self, answer: Answer) -> FreeResult:
+    def result(self, answer: NlpSolution) -> FreeResult:
         """Joint states in s at both ends of every element; neighbours share position and velocity to the last digit."""
         m, n = len(self.moving), len(answer.elements)
         u, v, a0, a1 = (answer.elements[:, k * m : (k + 1) * m] for k in range(4))

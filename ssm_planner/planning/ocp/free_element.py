@@ -18,8 +18,8 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import RETINA, eye_rows
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
-from ssm_planner.planning.ocp.compiled import robot_key
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, Row, effort, heat, torque_rows
+from ssm_planner.planning.ocp.compiled import cache_key
+from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, effort, heat, torque_rows
 from ssm_planner.planning.ocp.element import COLLOCATION
 from ssm_planner.planning.ocp.straight_element import breakaway_joints
 from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName
@@ -36,7 +36,7 @@ rates, easing of the retina's row, scale."""
 
 
 @dataclass(frozen=True, eq=False)
-class FreeStage:
+class FreeElement:
     """Functions of one robot for a set of moving joints; `kept` names the rows that are wanted.
 
     All take (element (4 · moving + 1), sigma (4), numbers (NUMBERS)).
@@ -53,7 +53,7 @@ class FreeStage:
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
-        return "free", robot_key(self.robot), self.moving, self.kept, pickle.dumps(self.eye), self.aim
+        return "free", cache_key(self.robot), self.moving, self.kept, pickle.dumps(self.eye), self.aim
 
     @property
     def size(self) -> int:
@@ -122,27 +122,27 @@ class FreeStage:
             values[8 + joint] = a0 + slope
         return values
 
-    def _kept(self, rows: list[Row]) -> list[Row]:
+    def _kept(self, rows: list[PathConstraint]) -> list[PathConstraint]:
         return [row for row in rows if (row.name, row.joint) in self.kept]
 
-    def _rows(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> list[Row]:
+    def _rows(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> list[PathConstraint]:
         at, bounds, q = self._instant(state, sigma, numbers)
         # squared: the norm has no derivative at rest
-        rows = [Row("tip speed", None, at.tip_speed / bounds.tip_speed**2)]
+        rows = [PathConstraint("tip speed", None, at.tip_speed / bounds.tip_speed**2)]
         rows += torque_rows(at, bounds, self.robot.joints)
         task = task_from_joints_symbolic(self.mechanism, q)
         for k, name in enumerate(WATCHED):
             centre, half = numbers[25 + 2 * k], numbers[26 + 2 * k]
             value = (task[TASK.index(name)] - centre) / half
-            rows += [Row(f"{name} range", None, value), Row(f"{name} range", None, -value)]
+            rows += [PathConstraint(f"{name} range", None, value), PathConstraint(f"{name} range", None, -value)]
         rates = task_rates_symbolic(self.mechanism, q, at.qd)
         for k, name in enumerate(RATED):
             value = rates[TASK.index(name)] / numbers[29 + k]
-            rows += [Row(f"{name} rate", None, value), Row(f"{name} rate", None, -value)]
+            rows += [PathConstraint(f"{name} rate", None, value), PathConstraint(f"{name} rate", None, -value)]
         if self.eye is not None:
             tip = tip_position_symbolic(self.mechanism, q)
             for name, value in eye_rows(casadi_namespace(), self.eye, (tip[0], tip[1], tip[2])).items():
-                rows.append(Row(name, None, value + 1 - (numbers[NUMBERS - 2] if name == RETINA else 0)))
+                rows.append(PathConstraint(name, None, value + 1 - (numbers[NUMBERS - 2] if name == RETINA else 0)))
         return rows
 
     def _instant(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds, ca.SX]:

@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.retiming.paths import StepPath
+from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import retime
-from ssm_planner.planning.s_curve import Profile, rest_to_rest
+from ssm_planner.planning.s_curve import SCurve, rest_to_rest
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
@@ -67,7 +67,7 @@ def guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> Fre
     return FreeGuess(leader.duration, t, states, tuple(arcs))
 
 
-def retimed(robot: Robot, limits: TaskLimits, path: StepPath, count: int) -> FreeGuess | None:
+def retimed(robot: Robot, limits: TaskLimits, path: PolylinePath, count: int) -> FreeGuess | None:
     """The same for a straight line in joint space at TOPP-RA's pace, which keeps torques, rates and tip speed too."""
     motion = retime(path, robot, ROUGH, limits)
     if not motion.solved:
@@ -82,5 +82,5 @@ def retimed(robot: Robot, limits: TaskLimits, path: StepPath, count: int) -> Fre
     return FreeGuess(motion.duration, instants, (position, velocity, begin, end), (len(instants) - 1,))
 
 
-def _alone(distance: float, limits: Array, jerk: bool) -> Profile:
+def _alone(distance: float, limits: Array, jerk: bool) -> SCurve:
     return rest_to_rest(float(distance), float(limits[0]), float(limits[1]), float(limits[2]) if jerk else None)

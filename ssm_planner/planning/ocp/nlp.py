@@ -15,7 +15,7 @@ LARGEST_BLOCK = 20
 
 
 @dataclass(frozen=True)
-class Shape:
+class NlpStructure:
     """What the structure of a program depends on, its stage aside."""
 
     moves: tuple[tuple[bool, ...], ...]
@@ -31,7 +31,7 @@ class Shape:
     joints: bool
     """The coordinates are joints: jerk limits of their own, and idle ones smoothed."""
 
-    def split(self, chosen: Array, parts: int) -> Shape:
+    def split(self, chosen: Array, parts: int) -> NlpStructure:
         """The same with the chosen elements (n,) cut into equal parts."""
         counts = np.where(chosen, parts, 1)
         share, blocks = (tuple(np.bincount(index, counts).astype(int).tolist()) for index in (self.segment, self.block))
@@ -72,7 +72,7 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class BoundaryConditions:
     """Where the coordinates of a motion pass: m coordinates, k segments."""
 
     points: Array
@@ -83,8 +83,10 @@ class Course:
     end_speed: Array
     """u̇ at both ends, (m,)."""
 
-    def bounds(self, shape: Shape, speed: Array, acceleration: Array) -> tuple[Array, Array, tuple[Array, Array]]:
-        """(lower, upper, speed) of a Question, from limits (m,) on u̇ and ü.
+    def bounds(
+        self, shape: NlpStructure, speed: Array, acceleration: Array
+    ) -> tuple[Array, Array, tuple[Array, Array]]:
+        """(lower, upper, speed) of a NlpData, from limits (m,) on u̇ and ü.
 
         A coordinate that turns back at a border, or that stands on one side of it, is at rest there.
         """
@@ -108,7 +110,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class NlpData:
     """The numbers of one program, in scaled time; n elements, m coordinates, k segments."""
 
     arguments: tuple[Array, ...]
@@ -142,17 +144,17 @@ class Question:
         weights = np.array(self.weights)
         return self.fractions, self.end, self.jerk, self.acceleration, weights, self.times
 
-    def within(self, time: tuple[float, float]) -> Question:
+    def within(self, time: tuple[float, float]) -> NlpData:
         """The same, for the least cost within these bounds of the duration."""
         return replace(self, time=time, weights=(0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class NlpSolution:
     """elements (n, 4 m + 1): u, u̇, ü, ü, length in scaled time; times (b,) of the blocks; point: what a warm start takes."""
 
     message: str
-    shape: Shape
+    shape: NlpStructure
     elements: Array
     times: Array
     iterations: int

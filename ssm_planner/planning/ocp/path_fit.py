@@ -28,7 +28,7 @@ LOCAL = 2 + CURVES * (DEGREE + 1)
 
 
 @dataclass(frozen=True, eq=False)
-class LocalPath:
+class PathFit:
     """Symbolic view of one element's parameters (LOCAL,)."""
 
     parameters: ca.SX

@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ssm_planner.planning.ocp.nlp import Answer, Question, Shape, split
-from ssm_planner.planning.ocp.transcription import Aim, Program, RowName, Stage, point_of
+from ssm_planner.planning.ocp.nlp import NlpData, NlpSolution, NlpStructure, split
+from ssm_planner.planning.ocp.transcription import Aim, ElementModel, RowName, Transcription, point_of
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array
 
 
-def peaks(values: Array) -> Array:
+def parabolic_peak(values: Array) -> Array:
     """Largest value over the last axis (evenly spaced samples, at least 3) of the parabolas through the largest one.
 
     Returns an array without the last axis; never less than the largest sample.
@@ -66,7 +66,7 @@ class Task(Protocol):
     """An optimal control problem in the form that `optimise` takes."""
 
     @property
-    def shape(self) -> Shape: ...
+    def shape(self) -> NlpStructure: ...
 
     @property
     def names(self) -> list[RowName]:
@@ -76,10 +76,10 @@ class Task(Protocol):
     def always(self) -> frozenset[RowName]:
         """Rows that a guess says nothing about."""
 
-    def stage(self, kept: frozenset[RowName], aim: Aim) -> Stage: ...
+    def stage(self, kept: frozenset[RowName], aim: Aim) -> ElementModel: ...
 
-    def question(self, elements: Array, slack: Array) -> Question:
-        """The program's numbers near these elements; slack (n, rows kept)."""
+    def question(self, elements: Array, backoff: Array) -> NlpData:
+        """The program's numbers near these elements; backoff (n, rows kept)."""
 
     def largest(self, elements: Array) -> Array:
         """Largest value of every row in every element, (n, all rows)."""
@@ -97,7 +97,7 @@ class Start:
     lengths: Array
 
     @classmethod
-    def at(cls, answer: Answer) -> Start:
+    def at(cls, answer: NlpSolution) -> Start:
         return cls(answer.elements[:, :-1], answer.times, answer.elements[:, -1])
 
     @property
@@ -111,7 +111,7 @@ class Start:
         return Start(self.states / factor**orders, self.times * factor, self.lengths * factor)
 
 
-def optimise(task: Task, start: Start, objective: Objective, duration: float | None = None) -> Answer:
+def optimise(task: Task, start: Start, objective: Objective, duration: float | None = None) -> NlpSolution:
     """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
@@ -139,7 +139,7 @@ class _Found:
 
     task: Task
     kept: frozenset[RowName]
-    slack: Array
+    backoff: Array
     keeps: bool
     """Nothing is exceeded between the collocation points."""
 
@@ -151,7 +151,7 @@ def _rounds(
     time: tuple[float, float] | None = None,
     found: _Found | None = None,
     hopeless: float | None = None,
-) -> tuple[Answer, _Found]:
+) -> tuple[NlpSolution, _Found]:
     """time: bounds of the duration, where it is not the aim; found: for a motion near this one.
 
     hopeless: a duration beyond which a motion is of no use, for tightening only makes it longer.
@@ -161,16 +161,16 @@ def _rounds(
     if found is None:
         near = task.largest(elements).max(axis=0, initial=0.0) > NEAR
         kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
-        slack = np.zeros((len(elements), len(names)))
+        backoff = np.zeros((len(elements), len(names)))
     else:
-        kept, slack = found.kept, found.slack
+        kept, backoff = found.kept, found.backoff
     begin = point_of(start.states, start.times)
     most = MOST_ELEMENTS * len(elements)
     iterations, keeps = 0, False
     last = HEAT_ROUNDS if aim == "heat" else ROUNDS
     for rounds in range(1, last + 1):
-        program = Program.of(task.shape, task.stage(kept, aim))
-        question = task.question(elements, slack[:, [name in kept for name in names]])
+        program = Transcription.of(task.shape, task.stage(kept, aim))
+        question = task.question(elements, backoff[:, [name in kept for name in names]])
         answer = program.solve(question if time is None else question.within(time), begin)
         iterations += answer.iterations
         elements = answer.elements
@@ -189,12 +189,12 @@ def _rounds(
             kept, begin = kept | missed, {"x0": answer.point["x0"]}
         elif aim != "heat" and rough.any() and rounds <= CUTS and len(elements) + (PARTS - 1) * rough.sum() <= most:
             task, elements = task.refined(rough), split(elements, rough, PARTS)
-            slack = np.repeat(slack, np.where(rough, PARTS, 1), axis=0)
+            backoff = np.repeat(backoff, np.where(rough, PARTS, 1), axis=0)
             begin = point_of(elements[:, :-1], answer.times)
         else:
-            slack = slack + min(1.4 ** max(rounds - 2, 0), 3.0) * tightening(excess)
+            backoff = backoff + min(1.4 ** max(rounds - 2, 0), 3.0) * tightening(excess)
             begin = answer.point
-    return replace(answer, iterations=iterations), _Found(task, kept, slack, keeps)
+    return replace(answer, iterations=iterations), _Found(task, kept, backoff, keeps)
 
 
 def tightening(excess: Array) -> Array:

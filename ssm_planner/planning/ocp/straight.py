@@ -19,10 +19,10 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import UNLIMITED, limit_table, limits_jerk
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.nlp import Answer, Course, Question, Shape
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpSolution, NlpStructure
 from ssm_planner.planning.ocp.path_fit import LOCAL, fit, serves
-from ssm_planner.planning.ocp.refinement import PARTS, SHORTEST, Start, optimise, peaks
-from ssm_planner.planning.ocp.straight_element import StraightStage
+from ssm_planner.planning.ocp.refinement import PARTS, SHORTEST, Start, optimise, parabolic_peak
+from ssm_planner.planning.ocp.straight_element import StraightElement
 from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName, shared
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
@@ -83,7 +83,7 @@ def solve_straight(
     table = limit_table(robot) * (1.0 if tighten is None else tighten)
     task = _StraightTask(robot, path, mesh, signs, table, scale, limits, (speeds[0] * scale, speeds[1] * scale))
     start = Start(mesh.guess(guess), mesh.times, np.diff(mesh.instants) / mesh.instants[-1])
-    answer: Answer = optimise(task, start, objective, None if duration is None else duration / scale)
+    answer: NlpSolution = optimise(task, start, objective, None if duration is None else duration / scale)
     elements = answer.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     return PathMotion(answer.status, answer.message, elements, answer.iterations)
 
@@ -102,10 +102,12 @@ class _StraightTask:
     speeds: tuple[float, float]
 
     @cached_property
-    def shape(self) -> Shape:
+    def shape(self) -> NlpStructure:
         limited = self._fastest < UNLIMITED
         moves = ((True,),) * len(self.mesh.share)
-        return Shape(moves, self.mesh.share, self.mesh.blocks, limits_jerk(self.robot), hull=limited, joints=False)
+        return NlpStructure(
+            moves, self.mesh.share, self.mesh.blocks, limits_jerk(self.robot), hull=limited, joints=False
+        )
 
     @cached_property
     def names(self) -> list[RowName]:
@@ -116,15 +118,17 @@ class _StraightTask:
         """Jerk: TOPP-RA's motion has none."""
         return frozenset(name for name in self.names if name[0] == "jerk")
 
-    def stage(self, kept: frozenset[RowName], aim: Aim) -> StraightStage:
-        return shared(StraightStage(self.robot, limits_jerk(self.robot), kept, aim))
+    def stage(self, kept: frozenset[RowName], aim: Aim) -> StraightElement:
+        return shared(StraightElement(self.robot, limits_jerk(self.robot), kept, aim))
 
-    def question(self, elements: Array, slack: Array) -> Question:
+    def question(self, elements: Array, backoff: Array) -> NlpData:
         knots, _ = self.path.directions
         n, intervals = len(elements), len(self.signs)
-        course = Course(knots[:, None], np.ones((intervals, 1)), np.array(self.speeds[:1]), np.array(self.speeds[1:]))
+        course = BoundaryConditions(
+            knots[:, None], np.ones((intervals, 1)), np.array(self.speeds[:1]), np.array(self.speeds[1:])
+        )
         lower, upper, speed = course.bounds(self.shape, np.array([self._fastest]), np.array([np.inf]))
-        return Question(
+        return NlpData(
             arguments=(self._sigma, self._local(elements), self._numbers),
             fractions=self.mesh.fractions,
             times=SHORTEST * self.mesh.times,
@@ -134,7 +138,7 @@ class _StraightTask:
             end=np.array([1.0, self.speeds[1]]),
             acceleration=np.ones(1),
             jerk=np.zeros(1),
-            allowed=np.ones((n, slack.shape[1])) - slack,
+            allowed=np.ones((n, backoff.shape[1])) - backoff,
             starting=self._starting,
         )
 
@@ -149,10 +153,10 @@ class _StraightTask:
             self._local(elements),
             np.tile(self._numbers, (len(elements), 1)),
         )[0]
-        return peaks(rows.reshape(len(elements), len(DENSE), -1).transpose(0, 2, 1))
+        return parabolic_peak(rows.reshape(len(elements), len(DENSE), -1).transpose(0, 2, 1))
 
     @cached_property
-    def _everything(self) -> StraightStage:
+    def _everything(self) -> StraightElement:
         """All rows that can bind: what moves, and what has a limit."""
         moving = np.abs(self.path.sample(np.linspace(0, 1, 33)).dq).max(axis=0) > 0
         names: set[RowName] = {("motor torque", i) for i in range(4)}
@@ -162,7 +166,7 @@ class _StraightTask:
                 names.add(("jerk", int(i)))
         if self.limits.tip_speed is not None:
             names.add(("tip speed", None))
-        return shared(StraightStage(self.robot, limits_jerk(self.robot), frozenset(names)))
+        return shared(StraightElement(self.robot, limits_jerk(self.robot), frozenset(names)))
 
     @cached_property
     def _sigma(self) -> Array:

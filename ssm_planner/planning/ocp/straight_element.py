@@ -12,10 +12,18 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.planning.ocp.compiled import robot_key
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, Row, effort, heat, kinematic_rows, torque_rows
+from ssm_planner.planning.ocp.compiled import cache_key
+from ssm_planner.planning.ocp.constraints import (
+    Bounds,
+    Instant,
+    PathConstraint,
+    effort,
+    heat,
+    kinematic_rows,
+    torque_rows,
+)
 from ssm_planner.planning.ocp.element import COLLOCATION
-from ssm_planner.planning.ocp.path_fit import LOCAL, LocalPath
+from ssm_planner.planning.ocp.path_fit import LOCAL, PathFit
 from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName
 from ssm_planner.problem.robot import Robot
 
@@ -24,7 +32,7 @@ NUMBERS = 16 + 1 + 1
 
 
 @dataclass(frozen=True, eq=False)
-class StraightStage:
+class StraightElement:
     """Functions of one robot; path, load, limits and directions are parameters. `kept` names the rows that are wanted.
 
     All take (element (5), sigma (4), local (LOCAL), numbers (NUMBERS)).
@@ -41,7 +49,7 @@ class StraightStage:
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
-        return "straight", robot_key(self.robot), self.jerk, self.kept, self.aim
+        return "straight", cache_key(self.robot), self.jerk, self.kept, self.aim
 
     @cached_property
     def names(self) -> list[RowName]:
@@ -97,7 +105,7 @@ class StraightStage:
         """Joint of every breakaway row."""
         return breakaway_joints(self.robot)
 
-    def _rows(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> list[Row]:
+    def _rows(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> list[PathConstraint]:
         """The named limits at one instant of the path."""
         at, bounds = self._instant(state, sigma, local, numbers)
         joints = self.robot.joints
@@ -112,7 +120,7 @@ class StraightStage:
     def _instant(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds]:
         scale = numbers[17]
         speed, acceleration, jerk = state[1] / scale, state[2] / scale**2, state[3] / scale**3
-        dq, ddq, dddq, (inertia, velocity, gravity), tip = LocalPath(local).at(state[0], self.jerk)
+        dq, ddq, dddq, (inertia, velocity, gravity), tip = PathFit(local).at(state[0], self.jerk)
         at = Instant(
             qd=dq * speed,
             qd_hull=dq * state[4] / scale,

@@ -26,7 +26,7 @@ from ssm_planner.planning.ocp import element
 from ssm_planner.planning.ocp.compiled import stages
 from ssm_planner.planning.ocp.derivatives import Mesh, assemble, ipopt
 from ssm_planner.planning.ocp.element import COLLOCATION, ElementFunctions
-from ssm_planner.planning.ocp.nlp import Answer, Question, Shape
+from ssm_planner.planning.ocp.nlp import NlpData, NlpSolution, NlpStructure
 from ssm_planner.typing import Array
 
 SMOOTHING = 3e-6
@@ -44,7 +44,7 @@ DENSE = tuple(k / 8 for k in range(9))
 """Where the planner looks for limits exceeded between the collocation points."""
 
 
-class Stage(element.Stage, Protocol):
+class ElementModel(element.ElementModel, Protocol):
     """One element of a motion as CasADi Functions."""
 
     @property
@@ -68,11 +68,11 @@ class Stage(element.Stage, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class Transcription:
     """Ipopt on one shape and stage, all numbers being parameters."""
 
-    shape: Shape
-    stage: Stage
+    shape: NlpStructure
+    stage: ElementModel
     cold: ca.Function
     warm: ca.Function
     equal: int
@@ -82,15 +82,15 @@ class Program:
     """Rows: equations, velocity hull, slope of the acceleration, breakaway; then the total time, then the elements'."""
 
     @classmethod
-    def of(cls, shape: Shape, stage: Stage) -> Program:
+    def of(cls, shape: NlpStructure, stage: ElementModel) -> Transcription:
         """The program, built once for each shape and key of a stage; again when the stage has been compiled."""
         functions, compiled = stages.functions(stage, stage.key)
         key = (shape, stage.key, compiled)
-        found: Program = _recent(_programs, key, lambda: cls._build(shape, stage, functions), KEPT_PROGRAMS)
+        found: Transcription = _recent(_programs, key, lambda: cls._build(shape, stage, functions), KEPT_PROGRAMS)
         return found
 
     @classmethod
-    def _build(cls, shape: Shape, stage: Stage, functions: ElementFunctions) -> Program:
+    def _build(cls, shape: NlpStructure, stage: ElementModel, functions: ElementFunctions) -> Transcription:
         n, m = shape.elements, shape.coordinates
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.blocks))
         arguments = [ca.MX.sym(f"argument{i}", size, n if own else 1) for i, (size, own) in enumerate(stage.arguments)]
@@ -135,7 +135,7 @@ class Program:
         sizes = (part.numel() for part in (equations, hull, slopes, starting))
         return cls(shape, stage, cold, warm, *sizes)
 
-    def solve(self, question: Question, point: dict[str, Any]) -> Answer:
+    def solve(self, question: NlpData, point: dict[str, Any]) -> NlpSolution:
         """Ipopt's answer from a guess (`point_of`), or warm from an earlier answer's point."""
         shape = self.shape
         fast = [speed[shape.moving & shape.hull] for speed in question.speed]
@@ -158,10 +158,10 @@ class Program:
         digest = hashlib.sha256(b"".join(np.asarray(value).tobytes() for value in numbers.values())).digest()
         # trials of relaxations and second attempts ask most of their questions again
         key = shape, self.stage.key, tuple(numbers), digest
-        found: Answer = _recent(_answers, key, lambda: self._solve(question, numbers), KEPT_ANSWERS)
+        found: NlpSolution = _recent(_answers, key, lambda: self._solve(question, numbers), KEPT_ANSWERS)
         return found
 
-    def _solve(self, question: Question, numbers: dict[str, Any]) -> Answer:
+    def _solve(self, question: NlpData, numbers: dict[str, Any]) -> NlpSolution:
         shape, n, m = self.shape, self.shape.elements, self.shape.coordinates
         answer, stats = ipopt(self.warm if "lam_g0" in numbers else self.cold, **numbers)
         stages.spent(self.stage.key, sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f")))
@@ -169,7 +169,7 @@ class Program:
         states, found = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
         elements = np.column_stack([states, found[shape.block] * question.fractions])
         again = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
-        return Answer(str(stats["return_status"]), shape, elements, found, int(stats["iter_count"]), again)
+        return NlpSolution(str(stats["return_status"]), shape, elements, found, int(stats["iter_count"]), again)
 
 
 def point_of(states: Array, times: Array) -> dict[str, Any]:
@@ -177,10 +177,10 @@ def point_of(states: Array, times: Array) -> dict[str, Any]:
     return {"x0": np.append(states.ravel(), times)}
 
 
-_programs: OrderedDict[tuple[Shape, tuple[Any, ...], bool], Program] = OrderedDict()
+_programs: OrderedDict[tuple[NlpStructure, tuple[Any, ...], bool], Transcription] = OrderedDict()
 _stages: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-_answers: OrderedDict[tuple[Any, ...], Answer] = OrderedDict()
-S = TypeVar("S", bound=Stage)
+_answers: OrderedDict[tuple[Any, ...], NlpSolution] = OrderedDict()
+S = TypeVar("S", bound=ElementModel)
 
 
 def shared(stage: S) -> S:

@@ -21,7 +21,7 @@ ACTIVE = 0.998
 
 
 @dataclass(frozen=True, eq=False)
-class PathRows:
+class LinearConstraints:
     """a s̈ + b ṡ² + c + k √(ṡ²) ≤ 1, every row scaled by its limit, (n, rows) each; and ṡ² ≤ ceiling, (n,)."""
 
     a: Array
@@ -75,7 +75,7 @@ def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: T
     return np.asarray(speed**2)
 
 
-def path_rows(
+def linear_constraints(
     robot: Robot,
     samples: PathSamples,
     load: PathLoad,
@@ -84,7 +84,7 @@ def path_rows(
     speed_squared: Array,
     *,
     starts: bool,
-) -> PathRows:
+) -> LinearConstraints:
     """Acceleration and motor-torque limits as rows, the friction coefficient taken at the speed of the last pass.
 
     starts: from rest, so that friction at the first sample is static.
@@ -99,7 +99,7 @@ def path_rows(
                 rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared, starts
             )
     a, b, c, k = (np.stack(column, axis=1) for column in (rows.a, rows.b, rows.c, rows.k))
-    return PathRows(a, b, c, k, ceiling)
+    return LinearConstraints(a, b, c, k, ceiling)
 
 
 @dataclass(frozen=True)

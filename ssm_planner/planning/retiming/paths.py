@@ -141,7 +141,7 @@ class JointPath(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class TravelledPath:
+class SplinePath:
     """The path of a motion whose joints turn back only at given instants; s is the mean share of their ways gone.
 
     A cubic spline through points of the motion, so that its re-timing is a cross-check to about 1e-3, not exact.
@@ -155,7 +155,7 @@ class TravelledPath:
     """By joint, (4,): s = Σ |way_j| / unit_j."""
 
     @classmethod
-    def of(cls, mechanism: Mechanism, trajectory: Trajectory, borders: Array, way: Array) -> TravelledPath:
+    def of(cls, mechanism: Mechanism, trajectory: Trajectory, borders: Array, way: Array) -> SplinePath:
         """borders (k + 1,): instants between which no joint turns back; way (k, 4): of each joint, 0 for those that stand."""
         from scipy.interpolate import CubicSpline
 
@@ -194,7 +194,7 @@ class TravelledPath:
 
 
 @dataclass(frozen=True, eq=False)
-class StepPath:
+class PolylinePath:
     """The straight lines in joint space from point to point (k + 1, 4), each over the same share of s."""
 
     mechanism: Mechanism

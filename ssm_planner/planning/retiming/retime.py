@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.planning.retiming.constraints import PathLoad, PathRows, path_rows, speed_ceiling
+from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLoad, linear_constraints, speed_ceiling
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.planning.retiming.toppra_import import load_toppra
 from ssm_planner.problem.problem import TaskLimits
@@ -84,7 +84,9 @@ def retime(
         np.full(points, -2),
     )
     for count in range(1, PASSES + 1):
-        rows = path_rows(robot, samples, load, signs[interval], ceiling, tangent, starts=static and speeds[0] == 0.0)
+        rows = linear_constraints(
+            robot, samples, load, signs[interval], ceiling, tangent, starts=static and speeds[0] == 0.0
+        )
         found = _solve(grid, rows, tangent, speeds)
         if found is None:
             if best.solved:
@@ -128,7 +130,7 @@ def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
     return grid
 
 
-def _solve(grid: Array, rows: PathRows, tangent: Array, speeds: tuple[float, float]) -> Array | None:
+def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[float, float]) -> Array | None:
     """One TOPP-RA pass; ṡ² at the grid points or None where there is no motion."""
     load_toppra()
     from toppra.algorithm import TOPPRA
@@ -137,7 +139,7 @@ def _solve(grid: Array, rows: PathRows, tangent: Array, speeds: tuple[float, flo
 
     # TOPP-RA has absolute tolerances: choose the unit of time in which ṡ² is of order one
     unit = 1 / max(float(np.abs(rows.a).max()), 1 / float(rows.ceiling.max()))
-    rows = PathRows(rows.a * unit, rows.b * unit, rows.c, rows.k * np.sqrt(unit), rows.ceiling / unit)
+    rows = LinearConstraints(rows.a * unit, rows.b * unit, rows.c, rows.k * np.sqrt(unit), rows.ceiling / unit)
     root = np.sqrt(np.maximum(tangent / unit, 1e-12 * tangent.max() / unit))
     b = rows.b + rows.k / (2 * root)[:, None]
     c = rows.c + rows.k * (root / 2)[:, None]

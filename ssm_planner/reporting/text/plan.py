@@ -21,8 +21,8 @@ def summary_lines(plan: Plan) -> list[str]:
         return lines
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
     phases = [
-        (leg.leg.motion.name, f"{leg.duration:.4f}", _seconds(leg.toppra_duration), f"{leg.lower_bound:.4f}")
-        for leg in plan.legs
+        (phase.phase.motion.name, f"{phase.duration:.4f}", _seconds(phase.toppra_duration), f"{phase.lower_bound:.4f}")
+        for phase in plan.phases
     ]
     total = ("total", f"{plan.duration:.4f}", _seconds(plan.toppra_duration), f"{plan.lower_bound:.4f}")
     lines += _table(("phase", "duration s", "TOPP-RA s", "lower bound s"), [*phases, total])
