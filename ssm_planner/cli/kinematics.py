@@ -10,9 +10,8 @@ import numpy as np
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.design import design_margin, design_region
 from ssm_planner.kinematics.inverse import inverse_task
-from ssm_planner.kinematics.measures import boundary_distance
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import extremes, tilt_interval
+from ssm_planner.kinematics.workspace import boundary_distance, extremes, tilt_interval
 from ssm_planner.problem.robot import Robot
 
 SAME = 1e-7

@@ -18,8 +18,9 @@ from ssm_planner.dynamics.motors import directions_law, motor_law
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.manifest import robot_hash
 from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.symbolic import forward_symbolic, joints_from_task_symbolic
+from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.certificate import Certificate
 

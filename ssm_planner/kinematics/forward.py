@@ -1,19 +1,26 @@
-"""Forward kinematics and Jacobians by the product of exponentials (paper, eq. 2), in batch.
+"""Forward kinematics and Jacobians by the product of exponentials (paper, eq. 2): NumPy batches, CasADi expressions.
 
 e^{ω̂θ} is linear in (1, cos θ, sin θ), so R is a constant times the 27 products of these for three joints, and tool
-axis and Jacobian columns a constant times 9: one matrix product per cache-sized block of configurations.
+axis and Jacobian columns a constant times 9: one matrix product per cache-sized block of configurations. The functions
+named ..._symbolic state the same for one configuration in CasADi.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.kinematics.arguments import batch
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import constant, rotation_symbolic
 from ssm_planner.typing import Array
+
+if TYPE_CHECKING:
+    import casadi
+
 
 BLOCK = 1024
 """Configurations per block: temporaries stay in the cache, and products are too small for BLAS to start threads."""
@@ -129,3 +136,37 @@ def tip_velocity(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
     twist = np.einsum("nij,nj->ni", space_jacobian(mechanism, q), batch("qd", qd, 4))
     velocity: Array = twist[:, :3] + np.cross(twist[:, 3:], tip_position(mechanism, q))
     return velocity
+
+
+def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    """(R (3, 3), p (3, 1)) of joints q (4, 1) (paper, eq. 2)."""
+    axes = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
+    one, two, three = (rotation_symbolic(axis, q[i]) for i, axis in enumerate(axes))
+    elbow = one @ two
+    return elbow @ three @ constant(mechanism.tool_home), elbow @ constant(mechanism.omega3) * q[3]
+
+
+def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """p (3, 1) of joints q (4, 1)."""
+    return forward_symbolic(mechanism, q)[1]
+
+
+def space_jacobian_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """Columns ξ'_i as (v, omega), (6, 4), of joints q (4, 1)."""
+    import casadi
+
+    one = rotation_symbolic(mechanism.omega1, q[0])
+    tool = one @ rotation_symbolic(mechanism.omega2, q[1]) @ constant(mechanism.omega3)
+    none = casadi.SX.zeros(3)
+    angular = (constant(mechanism.omega1), one @ constant(mechanism.omega2), tool)
+    return casadi.horzcat(*(casadi.vertcat(none, axis) for axis in angular), casadi.vertcat(tool, none))
+
+
+def body_jacobian_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """Columns Ad(g⁻¹) ξ'_i as (v, omega), (6, 4), of joints q (4, 1)."""
+    import casadi
+
+    rotation, position = forward_symbolic(mechanism, q)
+    space = space_jacobian_symbolic(mechanism, q)
+    linear = space[:3, :] - casadi.skew(position) @ space[3:, :]
+    return casadi.vertcat(rotation.T @ linear, rotation.T @ space[3:, :])

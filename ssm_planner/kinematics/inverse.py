@@ -22,9 +22,8 @@ from ssm_planner.kinematics.arguments import ROTATION_TOLERANCE, batch
 from ssm_planner.kinematics.forward import blocks
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
 from ssm_planner.kinematics.solutions import Solutions, select
-from ssm_planner.kinematics.subproblems import subproblem_3_prime
+from ssm_planner.kinematics.subproblems import elbow_squares, subproblem_3_prime
 from ssm_planner.kinematics.task import joints_of_task, task_batch, task_from_joints
-from ssm_planner.kinematics.triangle import elbow_squares
 from ssm_planner.kinematics.workspace import tilt_magnitudes
 from ssm_planner.typing import Array
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation
-from ssm_planner.kinematics.triangle import azimuths, elbow_squares
+from ssm_planner.kinematics.subproblems import azimuths, elbow_squares
 from ssm_planner.problem.robot import Geometry, frozen
 from ssm_planner.typing import Array
 
@@ -174,7 +174,7 @@ class Mechanism:
 
     @cached_property
     def spin_offset(self) -> float:
-        """The constant of spin = θ3 − η + constant (triangle.py), such that spin is 0 at home."""
+        """The constant of spin = θ3 − η + constant (subproblems.py), such that spin is 0 at home."""
         on_omega1 = self.frame.T @ self.tool_on_omega1[:, 0]
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0
@@ -221,7 +221,7 @@ def _side(along_t: float, along_n: float) -> int:
 
 
 def _omega3(alpha: float, beta: float, tilt: float) -> Array:
-    """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 of triangle.py."""
+    """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 of subproblems.py."""
     half = abs(tilt) / 2.0
     cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
     x = math.copysign(2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt)

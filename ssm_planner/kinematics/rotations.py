@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.typing import Array
+
+if TYPE_CHECKING:
+    import casadi
 
 
 def hat(omega: ArrayLike) -> Array:
@@ -48,3 +53,20 @@ def adjoint(rotations: ArrayLike, positions: ArrayLike) -> Array:
     out[..., 3:, 3:] = rotations
     out[..., :3, 3:] = hat(positions) @ rotations
     return out
+
+
+def rotation_symbolic(omega: ArrayLike, angle: Any) -> casadi.SX:
+    """e^{ω̂θ} (3, 3) for a unit axis (3,) and a CasADi expression θ."""
+    import casadi
+
+    still, cosine, sine = (constant(term) for term in exponential_terms(omega))
+    return still + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
+
+
+def constant(value: ArrayLike) -> casadi.DM:
+    """A CasADi constant without its zeros, and without rounding errors in their place."""
+    import casadi
+
+    matrix = np.array(value, dtype=float)
+    matrix[np.abs(matrix) < 1e-15] = 0.0
+    return casadi.sparsify(casadi.DM(matrix))

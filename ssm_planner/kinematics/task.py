@@ -1,24 +1,28 @@
-"""Task coordinates to joints and back in closed form, once, for NumPy arrays and CasADi expressions.
+"""Task coordinates (roll, tilt, spin, depth) to joints and back, in closed form.
 
-Task coordinates (roll, tilt, spin, depth), in batch.
+joints_of_task, task_of_joints and task_rates_of_joints state each law once, for NumPy arrays and CasADi expressions (`xp`).
+The functions after them are their doors: NumPy batches (n, 4), and CasADi vectors (4, 1) under names ..._symbolic.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY, Namespace
+from ssm_planner.codegen.namespace import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.arguments import batch
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics.rotations import constant, rotation, rotation_symbolic
 from ssm_planner.kinematics.solutions import nearest_turn
-from ssm_planner.kinematics.triangle import azimuths, elbow_squares, tilt_magnitude
+from ssm_planner.kinematics.subproblems import azimuths, elbow_squares, tilt_magnitude
 from ssm_planner.typing import Array
+
+if TYPE_CHECKING:
+    import casadi
 
 
 def joints_of_task(
@@ -57,7 +61,7 @@ def task_rates_of_joints(
     """Time derivative of task_of_joints.
 
     It grows without bound towards a tilt of 0 or 180°, where roll and spin are one; there itself it is that of θ2 at rest.
-    With x, P, E of triangle.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
+    With x, P, E of subproblems.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
     dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ.
     """
     mech, (speed1, speed2, speed3, speed4) = mechanism, qd
@@ -114,3 +118,46 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
     spin = rotation((0.0, 0.0, 1.0), task[:, 2])
     theta4 = mechanism.insertion_sign * task[:, 3:]
     return pointing @ mechanism.tool_on_omega1 @ spin, (pointing @ mechanism.omega1) * theta4
+
+
+def pose_from_task_symbolic(mechanism: Mechanism, task: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    """(R (3, 3), p (3, 1)) of (roll, tilt, spin, depth) (4, 1), any sign of tilt; formula at task.pose_from_task."""
+    pointing = rotation_symbolic(mechanism.omega1, task[0]) @ rotation_symbolic(mechanism.tilt_axis, task[1])
+    rotation = pointing @ constant(mechanism.tool_on_omega1) @ rotation_symbolic((0.0, 0.0, 1.0), task[2])
+    return rotation, pointing @ constant(mechanism.omega1) * (mechanism.insertion_sign * task[3])
+
+
+def joints_from_task_symbolic(
+    mechanism: Mechanism, task: casadi.SX, branch: int, reference: Any | None = None
+) -> casadi.SX:
+    """Joints (4, 1) of (roll, tilt, spin, depth) on a branch: +1 or −1, the sign of sin(θ2 − δ).
+
+    δ (`mechanism.delta`) is the θ2 at which cos φ is largest. The result is continuous along any path inside the
+    workspace with roll and spin as given, not wrapped, so no unwrapping is needed; with `reference` (4, 1) each
+    revolute joint is moved by whole turns to the equivalent nearest to it. Outside the workspace the value is NaN; at
+    its boundary the derivative is infinite, as the mechanism's is.
+    """
+    import casadi
+
+    parts = (task[0], task[1], task[2], task[3])
+    joints = list(joints_of_task(casadi_namespace(), mechanism, parts, branch))
+    if reference is not None:
+        for i in range(3):
+            turns = casadi.floor((reference[i] - joints[i]) / (2.0 * math.pi) + 0.5)
+            joints[i] = joints[i] + 2.0 * math.pi * turns
+    return casadi.vertcat(*joints)
+
+
+def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+    """(roll, tilt, spin, depth) (4, 1) of joints (4, 1), tilt on the home side; roll and spin are not wrapped."""
+    import casadi
+
+    return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, (q[0], q[1], q[2], q[3])))
+
+
+def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> casadi.SX:
+    """Rates of (roll, tilt, spin, depth) (4, 1) of joints and joint rates (4, 1), rad/s and m/s; any branch."""
+    import casadi
+
+    parts = (q[0], q[1], q[2], q[3]), (qd[0], qd[1], qd[2], qd[3])
+    return casadi.vertcat(*task_rates_of_joints(casadi_namespace(), mechanism, *parts))

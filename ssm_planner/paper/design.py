@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.kinematics.design import DesignRegion, design_region
-from ssm_planner.kinematics.measures import joint_speed_per_tilt_speed
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_interval
 from ssm_planner.paper import published
 from ssm_planner.paper.section import NOTHING, Section, picture, signed, table
 from ssm_planner.paper.workspace import PAPER, degrees, restyled

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.kinematics.measures import joint_speed_per_tilt_speed, tilt_rate_bound
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_rate_bound
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, NUMBER, TABLE_III, SpeedRow
 from ssm_planner.paper.section import NOTHING, Section, number, picture, table, text

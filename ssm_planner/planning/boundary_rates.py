@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Joint
 from ssm_planner.typing import Array
-
-if TYPE_CHECKING:
-    from ssm_planner.planning.phase import Phase
-
 
 LOOKS = 201
 UNITS = {"revolute": ("deg", 180 / np.pi), "prismatic": ("mm", 1e3)}

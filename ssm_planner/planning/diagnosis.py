@@ -10,7 +10,7 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.planning.feasibility import by_eye
-from ssm_planner.planning.phase import Phase
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.problem.problem import Problem

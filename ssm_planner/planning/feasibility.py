@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,14 +10,11 @@ from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.eye import RETINA, eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
-
-if TYPE_CHECKING:
-    from ssm_planner.planning.phase import Phase
-
 
 LOOKS = 201
 SLACK = 1e-9

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from ssm_planner.errors import ProblemError
@@ -10,10 +12,6 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
-from ssm_planner.planning.boundary_rates import with_speeds
-from ssm_planner.planning.feasibility import misplaced
-from ssm_planner.planning.phase import Phase
-from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.scan_pattern import expanded
 from ssm_planner.problem.problem import TASK, Motion, Problem, Target
@@ -23,23 +21,41 @@ NOWHERE = 1e-9
 """A motion over less than this (rad, m) goes nowhere."""
 
 
-def phases_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
-    """The phases of a problem with the speeds at both ends, or the reason why no start configuration carries it.
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """One entry of the motion list; start and end in task coordinates, (4,)."""
 
-    Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
-    range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
-    """
-    reasons = []
-    for first in _starts(problem, mechanism):
-        phases = _chain(problem, mechanism, first)
-        reason = misplaced(problem, mechanism, phases)
-        if reason is None:
-            return with_speeds(problem, mechanism, phases)
-        reasons.append(reason)
-    return (), reasons[0]
+    motion: Motion
+    start: Array
+    end: Array
+    points: Array
+    """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
+    path: StraightPath | None
+    """None for a dwell and for a free motion."""
+    first_speed: Array = field(default_factory=lambda: np.zeros(4))
+    last_speed: Array = field(default_factory=lambda: np.zeros(4))
+    """q̇ at both ends, (4,)."""
+
+    @property
+    def first(self) -> Array:
+        return np.asarray(self.points[0])
+
+    @property
+    def last(self) -> Array:
+        return np.asarray(self.points[-1])
+
+    @property
+    def straight(self) -> StraightPath:
+        if self.path is None:
+            raise ValueError(f"{self.motion.name} is no straight motion")
+        return self.path
+
+    @property
+    def branch(self) -> int | None:
+        return None if self.path is None else self.path.branch
 
 
-def _starts(problem: Problem, mechanism: Mechanism) -> list[Array]:
+def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
     """Start configurations to try: as given, or every closed-form solution with its whole turns."""
     target = problem.start
     if target.joints is not None:
@@ -58,7 +74,7 @@ def _with_turns(q: Array) -> list[Array]:
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
-def _chain(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Phase, ...]:
+def phases_from(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Phase, ...]:
     """The phases one after the other from a start configuration; start and end in task coordinates stay continuous."""
     phases = []
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)

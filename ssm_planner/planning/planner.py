@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.boundary_rates import with_speeds
 from ssm_planner.planning.diagnosis import all_timed, no_motion, too_short, too_weak
+from ssm_planner.planning.feasibility import misplaced
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.ocp.constraints import tightened
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
-from ssm_planner.planning.phase import Phase
-from ssm_planner.planning.phases import phases_of
+from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath, SplinePath
 from ssm_planner.planning.retiming.retime import retime
@@ -197,3 +198,19 @@ _PLANNERS: dict[str, Callable[[Problem, Mechanism, Phase, Array | None], Outcome
     "straight": _straight,
     "free": _free,
 }
+
+
+def phases_of(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
+    """The phases of a problem with the speeds at both ends, or the reason why no start configuration carries it.
+
+    Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
+    range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
+    """
+    reasons = []
+    for first in start_configurations(problem, mechanism):
+        phases = phases_from(problem, mechanism, first)
+        reason = misplaced(problem, mechanism, phases)
+        if reason is None:
+            return with_speeds(problem, mechanism, phases)
+        reasons.append(reason)
+    return (), reasons[0]

@@ -13,7 +13,7 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.symbolic import joints_from_task_symbolic
+from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.problem.robot import Joint, Robot
 
 SOFT = 1e-3

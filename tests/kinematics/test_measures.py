@@ -10,8 +10,13 @@ import pytest
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.inverse import inverse_task
-from ssm_planner.kinematics.measures import boundary_distance, joint_speed_per_tilt_speed, smallest_singular_value
-from ssm_planner.kinematics.workspace import theta2_from_tilt, tilt_interval
+from ssm_planner.kinematics.workspace import (
+    boundary_distance,
+    joint_speed_per_tilt_speed,
+    smallest_singular_value,
+    theta2_from_tilt,
+    tilt_interval,
+)
 
 
 def test_joint_speeds_are_the_derivatives_of_the_inverse(random_mechanism):

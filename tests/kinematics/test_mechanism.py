@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.forward import body_jacobian, forward, forward_with_jacobian, space_jacobian, tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.rotations import adjoint, hat, rotation, rotation_angle
-from ssm_planner.kinematics.symbolic import (
+from ssm_planner.kinematics.forward import (
+    body_jacobian,
     body_jacobian_symbolic,
+    forward,
     forward_symbolic,
+    forward_with_jacobian,
+    space_jacobian,
     space_jacobian_symbolic,
+    tip_position,
     tip_position_symbolic,
 )
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import adjoint, hat, rotation, rotation_angle
 from ssm_planner.problem.robot import Geometry
 
 RNG_SEED = 3

@@ -8,9 +8,9 @@ import casadi
 import numpy as np
 import pytest
 
-from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.forward import forward, forward_symbolic
 from ssm_planner.kinematics.inverse import inverse_task
-from ssm_planner.kinematics.symbolic import forward_symbolic, joints_from_task_symbolic, task_from_joints_symbolic
+from ssm_planner.kinematics.task import joints_from_task_symbolic, task_from_joints_symbolic
 from ssm_planner.kinematics.workspace import tilt_interval
 
 BRANCHES = (1, -1)

@@ -11,8 +11,14 @@ import pytest
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.rotations import rotation
-from ssm_planner.kinematics.symbolic import pose_from_task_symbolic, task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.kinematics.task import pose_from_task, task_from_joints, task_rates
+from ssm_planner.kinematics.task import (
+    pose_from_task,
+    pose_from_task_symbolic,
+    task_from_joints,
+    task_from_joints_symbolic,
+    task_rates,
+    task_rates_symbolic,
+)
 from ssm_planner.kinematics.workspace import tilt_interval
 
 

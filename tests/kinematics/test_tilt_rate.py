@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.measures import joint_speed_per_tilt_speed, tilt_rate_bound
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import theta2_from_tilt, tilt_from_theta2
+from ssm_planner.kinematics.workspace import (
+    joint_speed_per_tilt_speed,
+    theta2_from_tilt,
+    tilt_from_theta2,
+    tilt_rate_bound,
+)
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from paper_cases import Made
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.measures import tilt_rate_bound
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.workspace import tilt_rate_bound
 from ssm_planner.paper import published
 from ssm_planner.paper.design import design_choice
 from ssm_planner.paper.friction_maps import friction_maps, with_friction

@@ -8,7 +8,7 @@ import pytest
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.s_curve import rest_to_rest
+from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.problem.problem import Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 

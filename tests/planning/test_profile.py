@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ssm_planner.planning.s_curve import rest_to_rest
+from ssm_planner.planning.lower_bound import rest_to_rest
 
 positive = st.floats(1e-2, 1e2)
 

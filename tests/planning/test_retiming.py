@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.straight import joint_pieces
-from ssm_planner.planning.phases import phases_of
+from ssm_planner.planning.planner import phases_of
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import retime
-from ssm_planner.planning.s_curve import rest_to_rest
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check

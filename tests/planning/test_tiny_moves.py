@@ -9,7 +9,7 @@ import pytest
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.s_curve import rest_to_rest
+from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.problem.problem import Motion, Problem, Target
 
 START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}

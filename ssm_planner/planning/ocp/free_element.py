@@ -16,8 +16,9 @@ import casadi as ca
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import RETINA, eye_rows
+from ssm_planner.kinematics.forward import tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.symbolic import task_from_joints_symbolic, task_rates_symbolic, tip_position_symbolic
+from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
 from ssm_planner.planning.ocp.compiled import cache_key
 from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, effort, heat, torque_rows
 from ssm_planner.planning.ocp.element import COLLOCATION

@@ -12,10 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ssm_planner.planning.lower_bound import SCurve, rest_to_rest
 from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import retime
-from ssm_planner.planning.s_curve import SCurve, rest_to_rest
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array

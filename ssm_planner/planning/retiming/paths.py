@@ -16,7 +16,7 @@ import numpy as np
 from ssm_planner.codegen.functions import call
 from ssm_planner.kinematics.forward import tip_velocity
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.symbolic import joints_from_task_symbolic
+from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 

@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.kinematics.design import DesignRegion, design_region
-from ssm_planner.kinematics.measures import joint_speed_per_tilt_speed, smallest_singular_value
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import theta2_from_tilt, tilt_interval
+from ssm_planner.kinematics.workspace import (
+    joint_speed_per_tilt_speed,
+    smallest_singular_value,
+    theta2_from_tilt,
+    tilt_interval,
+)
 from ssm_planner.reporting.figures.style import COLOURS, DASHES, SIZE, finish, new_figure, save_figure, signed
 from ssm_planner.typing import Array
 
