@@ -156,7 +156,7 @@ def _unit(text: str, wanted: Kind) -> pint.Unit:
         return _parse_unit(text)
     except pint.errors.UndefinedUnitError as error:
         names = error.unit_names
-        unknown = names if isinstance(names, str) else ", ".join(names)
+        unknown = names if isinstance(names, str) else ", ".join(names)  # type: ignore[unreachable]
         raise BadQuantity(f"unknown unit {unknown!r}", wanted.expected) from None
     except (pint.errors.PintError, ValueError) as error:
         raise BadQuantity(f"{text[:40]!r} is not a unit: {error}", wanted.expected) from None
@@ -168,11 +168,11 @@ def _parse_unit(text: str) -> pint.Unit:
 
 
 @lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry:
+def _registry() -> pint.UnitRegistry[float]:
     import pint
 
     # A list of just these units loads in milliseconds; pint's own list takes as long as importing pint.
-    registry: pint.UnitRegistry = pint.UnitRegistry(None)
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
     registry.load_definitions(_DEFINITIONS.splitlines())
     return registry
 

@@ -182,15 +182,8 @@ def run(quick: bool) -> Section:
 
 
 def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> None:
-    broken: dict[str, str] = {}
     measured = [name for name in WAYS if name != ALONE]
-    firsts: dict[str, list[float]] = {name: [] for name in measured}
-    for _ in range(first_rounds):
-        for name in measured:
-            seconds, error = first_solve(name, motion)
-            if error:
-                broken[name] = error
-            firsts[name].append(seconds)
+    firsts, broken = _first_solves(measured, motion, first_rounds)
     ways = {}
     for name in measured:
         if name not in broken:
@@ -241,18 +234,35 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
         if not ours:
             section.faster(name, f"its solve against our whole plan, {motion}", spread.over(whole))
             section.faster(name, f"its solve against our first, {motion}", spread.over(once))
-    for name, least in ASKED.items():
-        for what, own in (("one solve", once), ("the whole plan", whole)):
-            if name not in broken:
-                ratio = Spread.of(times[name]).over(own)
-                words = f"re-planning, {motion}: {what}, times faster than one solve by {name}"
-                section.asked(words, f"≥ {least:g}", ratio.text(), ratio.median >= least)
+    for name in (name for name in ASKED if name not in broken):
+        _ask(section, motion, name, Spread.of(times[name]), {"one solve": once, "the whole plan": whole})
     section.say(f"**{motion[0].upper()}{motion[1:]}** ({COUNTS[motion.split(',')[0]]} elements)")
     head = (
         *("", "first solve", "re-solve", "÷ our solve", "÷ our plan", "iterations"),
         *("duration beyond ours", "worst excess at 10 kHz"),
     )
     section.table(head, rows)
+
+
+def _first_solves(names: list[str], motion: str, rounds: int) -> tuple[dict[str, list[float]], dict[str, str]]:
+    """Seconds of each planner's first solves, and what went wrong where one cannot."""
+    seconds: dict[str, list[float]] = {name: [] for name in names}
+    broken: dict[str, str] = {}
+    for _ in range(rounds):
+        for name in names:
+            spent, error = first_solve(name, motion)
+            if error:
+                broken[name] = error
+            seconds[name].append(spent)
+    return seconds, broken
+
+
+def _ask(section: Section, motion: str, name: str, theirs: Spread, ours: dict[str, Spread]) -> None:
+    least = ASKED[name]
+    for what, own in ours.items():
+        ratio = theirs.over(own)
+        words = f"re-planning, {motion}: {what}, times faster than one solve by {name}"
+        section.asked(words, f"≥ {least:g}", ratio.text(), ratio.median >= least)
 
 
 def _until_compiled(way: Way) -> None:

@@ -151,7 +151,7 @@ def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[f
     a = np.hstack([rows.a, rows.a[ahead] + 2 * step * b[ahead]])
     b, c = np.hstack([b, b[ahead]]), np.hstack([c, c[ahead]])
 
-    class Rows(LinearConstraint):
+    class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
         def __init__(self) -> None:
             super().__init__()
             self.identical = True
@@ -160,7 +160,7 @@ def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[f
             bounds = np.stack([np.zeros(len(grid)), rows.ceiling], axis=1)
             return a, b, c, np.eye(2 * count), np.ones(2 * count), None, bounds
 
-    class Line(AbstractGeometricPath):
+    class Line(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
         dof = 1
         path_interval = np.array([0.0, 1.0])
         waypoints = None

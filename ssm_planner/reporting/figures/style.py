@@ -100,7 +100,7 @@ def drawn(figure: Figure, pdf: bool = True) -> dict[str, bytes]:
 
     files = {}
     with BytesIO() as file, rc_context({"pdf.fonttype": 42}):
-        FigureCanvasAgg(figure).print_png(file)
+        FigureCanvasAgg(figure).print_png(file)  # type: ignore[no-untyped-call]
         files["png"] = file.getvalue()
         if pdf:
             from matplotlib.backends.backend_pdf import FigureCanvasPdf
@@ -108,7 +108,7 @@ def drawn(figure: Figure, pdf: bool = True) -> dict[str, bytes]:
             figure.set_layout_engine("none")
             file.seek(0)
             file.truncate()
-            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})
+            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})  # type: ignore[no-untyped-call]
             files["pdf"] = file.getvalue()
     return files
 
