@@ -12,20 +12,40 @@ if TYPE_CHECKING:
     from ssm_planner.api import check, size
     from ssm_planner.formats.export import export
     from ssm_planner.identification.identify import identify, predict
-    from ssm_planner.loading.load import load_problem, load_robot
+    from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
     from ssm_planner.pipeline.run import plan
+    from ssm_planner.units import deg, mm, mNm, ms, rpm
 
-__all__ = ["check", "export", "identify", "load_problem", "load_robot", "plan", "predict", "size"]
+__all__ = [
+    "check",
+    "deg",
+    "export",
+    "identify",
+    "load_drive",
+    "load_motor",
+    "load_problem",
+    "load_robot",
+    "mNm",
+    "mm",
+    "ms",
+    "plan",
+    "predict",
+    "rpm",
+    "size",
+]
 
 _HOMES = {
     "check": "ssm_planner.api",
     "export": "ssm_planner.formats.export",
     "identify": "ssm_planner.identification.identify",
+    "load_drive": "ssm_planner.loading.load",
+    "load_motor": "ssm_planner.loading.load",
     "load_problem": "ssm_planner.loading.load",
     "load_robot": "ssm_planner.loading.load",
     "plan": "ssm_planner.pipeline.run",
     "predict": "ssm_planner.identification.identify",
     "size": "ssm_planner.api",
+    **dict.fromkeys(("deg", "mNm", "mm", "ms", "rpm"), "ssm_planner.units"),
 }
 """No module of the package may have one of these names: importing it would put the module in the function's place."""
 

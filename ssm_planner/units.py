@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     import pint
 from dataclasses import dataclass
 
+deg, rpm = math.pi / 180, math.pi / 30
+"""In SI: `85 * deg` is an angle in rad, `8000 * rpm` a speed in rad/s."""
+mm, mNm, ms = 1e-3, 1e-3, 1e-3
+"""In SI: `20 * mm` is a length in m, `80 * mNm` a torque in N·m, `50 * ms` a time in s."""
+
 _DEFINITIONS = """\
 pico- = 1e-12 = p-
 nano- = 1e-9 = n-

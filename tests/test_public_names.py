@@ -16,12 +16,16 @@ from ssm_planner.cli import main
 from ssm_planner.errors import TrajectoryError
 
 ROOT = Path(__file__).parent.parent
-NAMES = {"load_problem", "load_robot", "plan", "check", "identify", "predict", "size", "export"}
+UNITS = {"deg", "mm", "mNm", "ms", "rpm"}
+FUNCTIONS = {
+    "load_problem", "load_robot", "load_drive", "load_motor", "plan", "check", "identify", "predict", "size", "export"
+}  # fmt: skip
+NAMES = FUNCTIONS | UNITS
 EVERY = "import pkgutil, importlib, ssm_planner\n" + (
     "for found in pkgutil.walk_packages(ssm_planner.__path__, 'ssm_planner.'):\n"
     "    if not found.name.endswith('__main__'): importlib.import_module(found.name)\n"
 )
-CALLABLE = f"assert all(callable(getattr(ssm_planner, name)) for name in {sorted(NAMES)})\n"
+CALLABLE = f"assert all(callable(getattr(ssm_planner, name)) for name in {sorted(FUNCTIONS)})\n"
 
 
 def run(code: str) -> None:

@@ -9,7 +9,7 @@ from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("problem", type=Path, help="problem file (YAML)")
+    parser.add_argument("problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)"
     )

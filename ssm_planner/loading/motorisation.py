@@ -7,13 +7,14 @@ from pathlib import Path
 from ssm_planner.loading.faults import validated
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.loading.schema.motor import MotorisationModel
+from ssm_planner.loading.shipped import find
 from ssm_planner.loading.yaml_nodes import Section, follow, read
 from ssm_planner.problem.motorisation import Motorisation, Stroke
 
 
-def load_motorisation(path: str | Path) -> Motorisation:
-    """The motorisation runs in a YAML file, their robot loaded. Raises ProblemError."""
-    return motorisation_from(read(path))
+def load_motorisation(name: str | Path) -> Motorisation:
+    """The motorisation runs in a YAML file, or the shipped ones of this name, their robot loaded. Raises ProblemError."""
+    return motorisation_from(read(find(name, "motorisation")))
 
 
 def motorisation_from(section: Section) -> Motorisation:

@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.loading.shipped import shipped_names
 
 LARGEST_TREE = 300_000
 """Values after aliases are expanded."""
@@ -228,17 +229,22 @@ def read(path: str | Path) -> Section:
 
 
 def follow(section: Section, *path: str | int) -> Section:
-    """The mapping that a key holds, or that the file named there holds (relative to the file that names it)."""
+    """The mapping that a key holds, or that the file named there holds: relative to the file that names it, or shipped."""
     here = section.sub(*path)
     if isinstance(here.value, dict):
         return here
     target = Path(os.path.normpath(section.file.parent / here.value))
     try:
+        shipped = shipped_names(f"{path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
+        if shipped is not None and not target.exists():
+            return read(shipped)
         problem = "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
     except (OSError, ValueError) as error:
         problem = f"cannot be read: {error}"
     if problem:
-        raise here.error(f"the file {target} {problem}", allowed="a file, named relative to this one")
+        raise here.error(
+            f"the file {target} {problem}", allowed="a file, named relative to this one, or a shipped name"
+        )
     return read(target)
 
 
