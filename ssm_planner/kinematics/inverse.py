@@ -1,11 +1,7 @@
-"""The inner loop of inverse kinematics: one block of tool poses, both branches, at a few dozen operations each.
+"""Inverse kinematics in closed form, every branch, in batch (paper, §II-C).
 
-subproblems.py holds the Paden–Kahan subproblems for any axes; here they are written out in the frame (ω1, t, n), where
-most of their terms are constants of the mechanism, and without a sine or cosine.
-
-Inverse kinematics in closed form, every branch, in batch (paper, §II-C).
-
-Subproblem 3′ gives θ4, Subproblem 2 gives θ1 and θ2, Subproblem 1 gives θ3: subproblems.py.
+Subproblem 3′ gives θ4, Subproblem 2 gives θ1 and θ2, Subproblem 1 gives θ3. subproblems.py has them for any axes;
+_solve_block writes them out in the frame (ω1, t, n), where most of their terms are constants of the mechanism.
 """
 
 from __future__ import annotations
@@ -21,6 +17,7 @@ from ssm_planner.kinematics import arguments
 from ssm_planner.kinematics.arguments import ROTATION_TOLERANCE, batch
 from ssm_planner.kinematics.forward import blocks
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
+from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import Solutions, select
 from ssm_planner.kinematics.subproblems import elbow_squares, subproblem_3_prime
 from ssm_planner.kinematics.task import joints_of_task, task_batch, task_from_joints
@@ -32,104 +29,6 @@ ALIGNED = 1e-14
 """Distance of two unit vectors below which it is their angle, to the last digit."""
 LEVER = 1e-3
 """Where tip and orientation of a target contradict each other, m of tip error that weigh as much as 1 rad."""
-
-
-def solve_block(
-    mech: Mechanism, w: Array, z: Array, p: Array, joints: Array, orientation_error: Array, tip_error: Array
-) -> None:
-    """Write joints (n, 2, 4) and errors (n,) of one block.
-
-    The rows of w, z and p (3, n) are components along ω1, t, n: z of the tool axis, p of the tip, w of the tool
-    direction at right angles to it that θ2 = δ, θ1 = θ3 = 0 put in the plane of ω1 and ω2, toward ω1 as seen from ω2.
-    """
-    along = _dot(p, z)
-    u = _unit(along * p + LEVER**2 * z)
-    cosine2, sine2 = _elbow(mech, u)
-    theta4 = _dot(p, u)
-    tip_error[:] = np.sqrt(_square(p - theta4 * u))
-    chord = np.sqrt(_square(z - u))
-    orientation_error[:] = chord
-    if chord.max() > ALIGNED:
-        middle = z + u
-        length2 = _square(middle)
-        orientation_error[:] = 2.0 * np.arctan2(chord, np.sqrt(length2))
-        # the smallest rotation that takes z to u takes w along
-        w = w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle
-
-    # Subproblem 2: θ2 from the triangle, θ1 from the azimuths of e^{ω̂2θ2} ω3 and of u about ω1
-    c, s = np.sqrt(cosine2), np.sqrt(sine2)
-    x = 2.0 * np.arctan2(s, c)
-    twice = 2.0 * (s * c)
-    on_t = math.sin(mech.alpha - mech.beta) * cosine2 + math.sin(mech.alpha + mech.beta) * sine2
-    on_n = math.sin(mech.beta) * twice
-    tt, tn, nt, nn = on_t * u[1], on_t * u[2], on_n * u[1], on_n * u[2]
-    turned = (tt - nn, tn + nt), (tt + nn, tn - nt)
-    size = np.sqrt(turned[0][0] ** 2 + turned[0][1] ** 2)
-    free = size == 0.0
-    size[free] = 1.0
-
-    # Subproblem 1 about ω3, with w, turned back by θ1, in the frame (ω2, toward ω1, −n)
-    cos_x, w_along, w_across = cosine2 - sine2, math.cos(mech.alpha) * w[0], math.sin(mech.alpha) * w[0]
-    scale = math.sin(mech.beta) * (cosine2 + sine2)
-    rows = np.empty((2, 4, len(x)))
-    for k, (branch, (cosine, sine)) in enumerate(zip(BRANCHES, turned, strict=True)):
-        cosine[free] = 1.0
-        c1, s1 = cosine / size, sine / size
-        w1, w2 = c1 * w[1] + s1 * w[2], c1 * w[2] - s1 * w[1]
-        h0, h1 = w_along + math.sin(mech.alpha) * w1, w_across - math.cos(mech.alpha) * w1
-        sin_x = twice if branch > 0 else -twice
-        at_zero = math.cos(mech.beta) * (cos_x * h1 - sin_x * w2) - scale * h0
-        np.arctan2(sine, cosine, out=rows[k, 0])
-        np.add(mech.delta, branch * x, out=rows[k, 1])
-        np.arctan2(-(cos_x * w2 + sin_x * h1), at_zero, out=rows[k, 2])
-        rows[k, 3] = theta4
-    joints[:] = np.moveaxis(rows, 2, 0)
-
-
-def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
-    """(C², S²) of unit pointings u (3, n), each of which is moved into the workspace, in place, if it is outside."""
-    around = u[1] ** 2 + u[2] ** 2
-    sine, cosine = np.sqrt((u[0] - 1.0) ** 2 + around), np.sqrt((u[0] + 1.0) ** 2 + around)
-    cosine2, sine2 = elbow_squares(NUMPY, mech.alpha, mech.beta, cosine, sine)
-    outside = np.flatnonzero(np.minimum(cosine2, sine2) < 0.0)
-    if outside.size:
-        tilt = 2.0 * np.arctan2(sine[outside], cosine[outside])
-        tilt = np.clip(tilt, *tilt_magnitudes(mech.alpha, mech.beta))
-        azimuth = np.arctan2(u[2, outside], u[1, outside])
-        u[:, outside] = np.cos(tilt), np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
-        squares = elbow_squares(NUMPY, mech.alpha, mech.beta, np.cos(tilt / 2.0), np.sin(tilt / 2.0))
-        cosine2[outside], sine2[outside] = (np.maximum(square, 0.0) for square in squares)
-    return cosine2, sine2
-
-
-def are_rotations(columns: Array) -> bool:
-    """Are the columns x, y, z (9, n) orthonormal and right-handed? No, if one is NaN."""
-    x, y, z = columns[0:3], columns[3:6], columns[6:9]
-    defect = (_square(x) - 1.0) ** 2 + (_square(y) - 1.0) ** 2 + _dot(x, y) ** 2
-    defect += (x[1] * y[2] - x[2] * y[1] - z[0]) ** 2
-    defect += (x[2] * y[0] - x[0] * y[2] - z[1]) ** 2
-    defect += (x[0] * y[1] - x[1] * y[0] - z[2]) ** 2
-    return bool(defect.max() <= ROTATION_TOLERANCE**2)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Inner products of columns, (3, n) and (3, n) to (n,)."""
-    product: Array = a[0] * b[0]
-    product += a[1] * b[1]
-    product += a[2] * b[2]
-    return product
-
-
-def _square(a: Array) -> Array:
-    """Squared lengths of columns."""
-    return _dot(a, a)
-
-
-def _unit(a: Array) -> Array:
-    """Columns scaled to length 1."""
-    return a / np.sqrt(_square(a))
-
-
 TOLERANCE = 1e-7
 """Error, rad and m, up to which a target counts as reached."""
 BLOCK = 3072
@@ -160,14 +59,18 @@ def inverse(
         raise GeometryError(f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length")
     n = len(p)
     joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
-    to_frame = np.einsum("ik,cj->jkic", mechanism.frame, _spin(-mechanism.tool_angle)).reshape(9, 9)
+    # columns of frameᵀ R Rz(−tool_angle), as one product with the entries of R
+    spin = rotation((0.0, 0.0, 1.0), -mechanism.tool_angle)
+    to_frame = np.einsum("ik,cj->jkic", mechanism.frame, spin).reshape(9, 9)
     flat = matrix.reshape(n, 9)
     for block in blocks(n, BLOCK):
         columns = to_frame @ flat[block].T
-        if not are_rotations(columns):
+        if not _are_rotations(columns):
             arguments.rotations("rotations", matrix)
-        out = joints[block], orientation_error[block], tip_error[block]
-        solve_block(mechanism, columns[0:3], columns[6:9], mechanism.frame.T @ p[block].T, *out)
+        tips = mechanism.frame.T @ p[block].T
+        joints[block], orientation_error[block], tip_error[block] = _solve_block(
+            mechanism, columns[0:3], columns[6:9], tips
+        )
     return _solutions(joints, orientation_error, tip_error, limits, reference)
 
 
@@ -237,6 +140,78 @@ def inverse_tip(
     return select(found, limits, reference)
 
 
+def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, Array, Array]:
+    """Joints (n, 2, 4), orientation error (n,) and tip error (n,) of n poses: the three steps of the paper, §II-C.
+
+    z, p, w (3, n): tool axis, tip, and w = g_d g_0⁻¹ p_3 of the paper's third step, in components along ω1, t, n. p_3 is the
+    direction across the tool that the joints θ1 = θ3 = 0, θ2 = δ put into the plane of ω1 and ω2, on the side of ω1.
+    Components come first here, so that every operation runs over contiguous rows that stay in the cache.
+    """
+    # θ4: Subproblem 3′ (eq. 13). |θ4| = |p|, with the sign that the tool axis gives it
+    u = _unit(_dot(p, z) * p + LEVER**2 * z)
+    c2, s2 = _elbow(mech, u)
+    theta4 = _dot(p, u)
+    tip_error = np.sqrt(_square(p - theta4 * u))
+    w, orientation_error = _carried_along(w, z, u)
+
+    # θ2: Subproblem 2 (eq. 14), e^{ω̂1θ1} e^{ω̂2θ2} ω3 = u. The triangle ω1, ω2, u gives x = ±(θ2 − δ)
+    c, s = np.sqrt(c2), np.sqrt(s2)
+    x, cos_x, sin_x = 2.0 * np.arctan2(s, c), c2 - s2, 2.0 * (s * c)
+    on_t = math.sin(mech.alpha - mech.beta) * c2 + math.sin(mech.alpha + mech.beta) * s2
+    joints = np.empty((2, 4, len(x)))
+    for (theta1, theta2, theta3, depth), branch in zip(joints, BRANCHES, strict=True):
+        np.add(mech.delta, branch * x, out=theta2)
+        depth[:] = theta4
+
+        # θ1: from the azimuth of e^{ω̂2θ2} ω3 = cos φ ω1 + P t + Q n to that of u, both about ω1
+        sin_branch = branch * sin_x
+        on_n = -math.sin(mech.beta) * sin_branch
+        cosine, sine = on_t * u[1] + on_n * u[2], on_t * u[2] - on_n * u[1]
+        size = np.sqrt(cosine**2 + sine**2)
+        any_angle = size == 0.0
+        cosine[any_angle] = size[any_angle] = 1.0
+        np.arctan2(sine, cosine, out=theta1)
+
+        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. First e^{−ω̂1θ1} w, along t and n,
+        cosine /= size
+        sine /= size
+        w_t, w_n = cosine * w[1] + sine * w[2], cosine * w[2] - sine * w[1]
+        # then in the frame of ω2, g = sin α ω1 − cos α t (which points from ω2 toward ω1) and n,
+        w_omega2 = math.cos(mech.alpha) * w[0] + math.sin(mech.alpha) * w_t
+        w_g = math.sin(mech.alpha) * w[0] - math.cos(mech.alpha) * w_t
+        # then turned back by x about ω2: its part along p_3, and that along ω3 × p_3
+        along = math.cos(mech.beta) * (cos_x * w_g - sin_branch * w_n) - math.sin(mech.beta) * w_omega2
+        np.arctan2(-(cos_x * w_n + sin_branch * w_g), along, out=theta3)
+    return np.moveaxis(joints, 2, 0), orientation_error, tip_error
+
+
+def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
+    """cos²(x/2) and sin²(x/2), (n,), of unit pointings u (3, n); those outside the workspace are moved into it, in place."""
+    around = u[1] ** 2 + u[2] ** 2
+    sine, cosine = np.sqrt((u[0] - 1.0) ** 2 + around), np.sqrt((u[0] + 1.0) ** 2 + around)  # 2 sin(φ/2), 2 cos(φ/2)
+    c2, s2 = elbow_squares(NUMPY, mech.alpha, mech.beta, cosine, sine)
+    outside = np.flatnonzero(np.minimum(c2, s2) < 0.0)
+    if outside.size:
+        tilt = 2.0 * np.arctan2(sine[outside], cosine[outside])
+        tilt = np.clip(tilt, *tilt_magnitudes(mech.alpha, mech.beta))
+        azimuth = np.arctan2(u[2, outside], u[1, outside])
+        u[:, outside] = np.cos(tilt), np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
+        squares = elbow_squares(NUMPY, mech.alpha, mech.beta, 2.0 * np.cos(tilt / 2.0), 2.0 * np.sin(tilt / 2.0))
+        c2[outside], s2[outside] = (np.maximum(square, 0.0) for square in squares)
+    scale = 1.0 / (4.0 * math.sin(mech.alpha) * math.sin(mech.beta))
+    return scale * c2, scale * s2
+
+
+def _carried_along(w: Array, z: Array, u: Array) -> tuple[Array, Array]:
+    """w (3, n) after the smallest rotation that takes z to u, unit vectors (3, n), and the angle of that rotation (n,)."""
+    chord = np.sqrt(_square(z - u))
+    if chord.max() <= ALIGNED:
+        return w, chord
+    middle = z + u
+    length2 = _square(middle)
+    return w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle, 2.0 * np.arctan2(chord, np.sqrt(length2))
+
+
 def _solutions(
     joints: Array, orientation_error: Array, tip_error: Array, limits: ArrayLike | None, reference: ArrayLike | None
 ) -> Solutions:
@@ -276,8 +251,29 @@ def _refuse_parallel(mech: Mechanism) -> None:
             )
 
 
-def _spin(angle: float) -> Array:
-    """Rz."""
-    return np.array(
-        [[math.cos(angle), -math.sin(angle), 0.0], [math.sin(angle), math.cos(angle), 0.0], [0.0, 0.0, 1.0]]
-    )
+def _are_rotations(columns: Array) -> bool:
+    """Are matrices with columns x, y, z, (9, n), orthonormal and right-handed? No where one is NaN."""
+    x, y, z = columns[0:3], columns[3:6], columns[6:9]
+    defect = (_square(x) - 1.0) ** 2 + (_square(y) - 1.0) ** 2 + _dot(x, y) ** 2
+    defect += (x[1] * y[2] - x[2] * y[1] - z[0]) ** 2
+    defect += (x[2] * y[0] - x[0] * y[2] - z[1]) ** 2
+    defect += (x[0] * y[1] - x[1] * y[0] - z[2]) ** 2
+    return bool(defect.max() <= ROTATION_TOLERANCE**2)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Inner products of columns, (3, n) and (3, n) to (n,)."""
+    product: Array = a[0] * b[0]
+    product += a[1] * b[1]
+    product += a[2] * b[2]
+    return product
+
+
+def _square(a: Array) -> Array:
+    """Squared lengths of columns."""
+    return _dot(a, a)
+
+
+def _unit(a: Array) -> Array:
+    """Columns scaled to length 1."""
+    return a / np.sqrt(_square(a))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
+from ssm_planner.kinematics.arguments import rotations
 from ssm_planner.kinematics.rotations import exponential_terms, rotation
 from ssm_planner.kinematics.subproblems import azimuths, elbow_squares
 from ssm_planner.problem.robot import Geometry, frozen
@@ -196,8 +197,6 @@ def _unit(name: str, value: ArrayLike) -> Array:
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:
     """R_0 with its z column set to omega3 to the last digit."""
-    from ssm_planner.kinematics.arguments import rotations
-
     matrix = rotations("tool_home", value)[0]
     if np.linalg.norm(matrix[:, 2] - omega3) > 1e-6:
         raise GeometryError(

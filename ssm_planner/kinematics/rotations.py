@@ -1,4 +1,7 @@
-"""Rotations and twists (v, omega) of Murray, Li and Sastry."""
+"""Rotations about an axis by Rodrigues' formula, for NumPy batches and CasADi expressions.
+
+Source: Murray, Li, Sastry, A Mathematical Introduction to Robotic Manipulation, eq. 2.14.
+"""
 
 from __future__ import annotations
 
@@ -34,25 +37,6 @@ def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
     angle = np.asarray(angle, dtype=float)
     monomials = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=-1)
     return np.tensordot(monomials, exponential_terms(omega), axes=1)
-
-
-def rotation_angle(rotations: ArrayLike) -> Array:
-    """Angle of rotations (..., 3, 3), in [0, π] and accurate at both ends; returns (...)."""
-    matrix = np.asarray(rotations, dtype=float)
-    skew = matrix - np.swapaxes(matrix, -1, -2)
-    sine = np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
-    angle: Array = np.arctan2(sine, np.trace(matrix, axis1=-2, axis2=-1) - 1.0)
-    return angle
-
-
-def adjoint(rotations: ArrayLike, positions: ArrayLike) -> Array:
-    """Ad_g of g = (R, p) on twists (v, omega): (..., 3, 3) and (..., 3) to (..., 6, 6)."""
-    rotations = np.asarray(rotations, dtype=float)
-    out = np.zeros((*rotations.shape[:-2], 6, 6))
-    out[..., :3, :3] = rotations
-    out[..., 3:, 3:] = rotations
-    out[..., :3, 3:] = hat(positions) @ rotations
-    return out
 
 
 def rotation_symbolic(omega: ArrayLike, angle: Any) -> casadi.SX:
