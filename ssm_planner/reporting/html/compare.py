@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from ssm_planner.formats.plan_json import PlanFile, read_plan
 from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.elements import Markup, table, tag
-from ssm_planner.reporting.html.header import unknowns, verdict
-from ssm_planner.reporting.html.page import page
+from ssm_planner.reporting.html.page import Table, render, write_page
 from ssm_planner.reporting.html.panels import Panel
-from ssm_planner.reporting.html.report import stage, write_page
+from ssm_planner.reporting.html.report import name_of, percent, unknowns, verdict
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.html.series import channels_of, encoded, panels_of, time_grid
-from ssm_planner.reporting.html.tables import percent
 from ssm_planner.verification.certificate import Certificate
 
 LEFT_OUT = ("What the motor torque is spent on",)
@@ -30,10 +28,23 @@ def write_comparison(first: Path, second: Path, out: Path) -> Path:
 def comparison_page(first: PlanFile, second: PlanFile) -> str:
     """The comparison of two plans as an HTML document."""
     plans = first, second
-    tables = (_limits(first.certificate, second.certificate), _motors(first, second))
-    body = Markup(_header(plans) + stage() + "".join(tables) + "</div></main>")
-    title = f"{_name(first)} against {_name(second)} – plan comparison"
-    return page(title, body, comparison_data(plans), ("maps.js", "compare.js"))
+    return render(
+        "compare.html",
+        comparison_data(plans),
+        title=f"{name_of(first)} against {name_of(second)} – plan comparison",
+        plans=[
+            {
+                "letter": letter,
+                "title": f"{letter}: {name_of(plan)} on {plan.robot.name}",
+                "marks": verdict(plan),
+                "notes": unknowns(plan),
+            }
+            for letter, plan in zip(NAMES, plans, strict=True)
+        ],
+        durations=_durations(plans),
+        limits=_limits(first.certificate, second.certificate),
+        motors=_motors(first, second),
+    )
 
 
 def comparison_data(plans: tuple[PlanFile, PlanFile]) -> dict[str, Any]:
@@ -52,33 +63,23 @@ def comparison_data(plans: tuple[PlanFile, PlanFile]) -> dict[str, Any]:
     }
 
 
-def _header(plans: tuple[PlanFile, PlanFile]) -> Markup:
-    titles = [f"{name}: {_name(plan)} on {plan.robot.name}" for name, plan in zip(NAMES, plans, strict=True)]
-    verdicts = (tag("div", tag("h2", title), verdict(plan)) for title, plan in zip(titles, plans, strict=True))
-    rows = []
-    for key, name in (
-        ("duration", "duration s"),
-        ("lower_bound", "lower bound s"),
-        ("toppra_duration", "TOPP-RA s"),
-    ):
-        rows.append((name, *_pair([plan.document.get(key) for plan in plans])))
+def _durations(plans: tuple[PlanFile, PlanFile]) -> Table:
+    keys = {"duration": "duration s", "lower_bound": "lower bound s", "toppra_duration": "TOPP-RA s"}
+    rows = [(name, *_pair([plan.document.get(key) for plan in plans])) for key, name in keys.items()]
     gaps = [plan.document.get("gap") for plan in plans]
     rows.append(("gap %", *_pair([None if gap is None else 100 * gap for gap in gaps], relative=False)))
-    notes = (tag("div", tag("h3", f"{name}"), unknowns(plan.document)) for name, plan in zip(NAMES, plans, strict=True))
-    details = tag("details", tag("summary", "Placeholder, extrapolated or not checked"), *notes)
-    figures = table(("", "A", "B", "change"), rows, numbers=(1, 2, 3))
-    return tag("header", tag("h1", "Two plans"), *verdicts, figures, details)
+    return Table(("", "A", "B", "change"), rows, (1, 2, 3))
 
 
-def _limits(first: Certificate | None, second: Certificate | None) -> Markup:
+def _limits(first: Certificate | None, second: Certificate | None) -> Table:
     margins = [_margins(certificate) for certificate in (first, second)]
     rows = []
-    for key in sorted(margins[0].keys() | margins[1].keys(), key=lambda key: min(m.get(key, 1e9) for m in margins)):
+    keys = margins[0].keys() | margins[1].keys()
+    for key in sorted(keys, key=lambda key: (min(m.get(key, math.inf) for m in margins), key)):
         a, b = (each.get(key) for each in margins)
         change = "–" if a is None or b is None else percent(b - a)
         rows.append((*key, *("–" if m is None else percent(m) for m in (a, b)), change))
-    header = ("limit", "joint", "margin A", "margin B", "change")
-    return tag("section", tag("h2", "Certificates"), table(header, rows, numbers=(2, 3, 4)), id="certificate")
+    return Table(("limit", "joint", "margin A", "margin B", "change"), rows, (2, 3, 4))
 
 
 def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
@@ -87,7 +88,7 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
     return {(limit.name, limit.joint or ""): limit.margin for limit in certificate.limits}
 
 
-def _motors(first: PlanFile, second: PlanFile) -> Markup:
+def _motors(first: PlanFile, second: PlanFile) -> Table:
     sides = [{str(motor["joint"]): motor for motor in plan.document.get("motors") or []} for plan in (first, second)]
     rows = []
     for joint in sides[0].keys() | sides[1].keys():
@@ -101,8 +102,7 @@ def _motors(first: PlanFile, second: PlanFile) -> Markup:
             values = [None if key not in side else scale * side[key] for side in (a, b)]
             rows.append((joint, names or "–", name, *_pair(values)))
     rows.sort(key=lambda row: row[0])
-    header = ("joint", "motor", "", "A", "B", "change")
-    return tag("section", tag("h2", "Motors"), table(header, rows, numbers=(3, 4, 5)), id="motors")
+    return Table(("joint", "motor", "", "A", "B", "change"), rows, (3, 4, 5))
 
 
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
@@ -112,10 +112,6 @@ def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, s
     if a is None or b is None or (relative and not a):
         return first, second, "–"
     return first, second, f"{100 * (b / a - 1):+.2f} %" if relative else f"{b - a:+.3g}"
-
-
-def _name(plan: PlanFile) -> str:
-    return str(plan.document["problem"].get("name", plan.path.stem))
 
 
 def _together(first: list[Panel], second: list[Panel]) -> list[Panel]:

@@ -1,36 +1,48 @@
-"""One self-contained page: styles, scripts and data inside it, nothing fetched."""
+"""Self-contained pages from the templates in reporting/templates: styles, scripts and data inside, nothing fetched."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from ssm_planner.reporting.html.elements import Markup, tag
+from ssm_planner.atomic import replacing
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
 
 LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
-"""Name with version, and the stem of the files in assets/vendor."""
-SHARED = ("base.js", "mechanism.js", "scene.js", "player.js", "now.js", "plots.js", "tables.js")
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+"""Name with version, and the stem of the files in assets/vendor. Their licences must go with every copy of a page."""
 
 
-def page(title: str, body: str, data: Any, scripts: Sequence[str], policy: str = POLICY) -> str:
-    """A whole HTML document. data: JSON types, read by the scripts; scripts: names in assets/, after the shared ones."""
-    code = [_asset(f"vendor/{stem}.min.js") for _, stem in LIBRARIES] + [_asset(name) for name in (*SHARED, *scripts)]
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        Markup(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
-        tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
-        tag("title", title),
-        Markup('<link rel="icon" href="data:,">'),
-        *(Markup(f"<style>\n{_asset(name)}</style>\n") for name in ("vendor/uplot.min.css", "report.css")),
-    )
-    embedded = Markup(f'<script type="application/json" id="data">{safe_json(data)}</script>\n')
-    running = [Markup(f"<script>\n{source}\n</script>\n") for source in code]
-    return "<!DOCTYPE html>\n" + tag("html", head, tag("body", body, licences(), embedded, *running), lang="en") + "\n"
+@dataclass(frozen=True)
+class Table:
+    """A table of text; numbers: columns that are aligned to the right."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()
+    caption: str = ""
+
+
+def render(template: str, data: Any, **content: Any) -> str:
+    """An HTML document. data: JSON types, read by the page's scripts; content: the template's names, escaped in it."""
+    from markupsafe import Markup
+
+    return environment().get_template(template).render(data=Markup(safe_json(data)), **content) + "\n"
+
+
+def write_page(out: Path, text: str) -> Path:
+    """Write a page whole or not at all. Raises ExportError."""
+    with replacing(out) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return out
 
 
 def safe_json(data: Any) -> str:
@@ -39,12 +51,26 @@ def safe_json(data: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def licences() -> Markup:
-    """The licences of the libraries inside the page, which must go with every copy."""
-    texts = (tag("h3", name) + tag("pre", _asset(f"vendor/{stem}.LICENSE.txt")) for name, stem in LIBRARIES)
-    return tag("details", tag("summary", "Libraries in this page"), *map(Markup, texts), class_="licences")
+@cache
+def environment() -> Environment:
+    """Jinja2 with the templates: every value is escaped, and a name that a template misses raises UndefinedError."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("ssm_planner.reporting"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals.update(asset=_asset, libraries=LIBRARIES)
+    return made
 
 
 @cache
-def _asset(name: str) -> str:
-    return resources.files("ssm_planner.reporting").joinpath("assets", *name.split("/")).read_text(encoding="utf-8")
+def _asset(name: str) -> Markup:
+    """A file of assets/, which is trusted and not escaped."""
+    from markupsafe import Markup
+
+    file = resources.files("ssm_planner.reporting").joinpath("assets", *name.split("/"))
+    return Markup(file.read_text(encoding="utf-8"))
