@@ -1,11 +1,12 @@
 # make plan   the main job: plan problems/tilt_insert.yaml into results/tilt_insert/
 # make test   the tests;  make lint  ruff and mypy;  make clean  removes the environment
+# make api    docs/api.md from the docstrings of the public names
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: plan test lint bench clean
+.PHONY: plan test lint api bench clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -18,6 +19,9 @@ lint: $(VENV)/.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+api: $(VENV)/.main
+	$(BIN)/python docs/make_api.py
 
 bench: $(VENV)/.bench
 	$(BIN)/python tests/benchmarks/bench.py $(BENCH)

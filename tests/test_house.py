@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import runpy
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
@@ -118,3 +119,8 @@ def test_arrays_have_shapes(name: str) -> None:
 def test_no_call_has_more_than_five_positional_arguments(name: str) -> None:
     if not name.startswith(WAITING["call"]):
         assert not long_calls(TREES[name])
+
+
+def test_the_page_of_public_names_is_up_to_date() -> None:
+    script = runpy.run_path(str(PACKAGE.parent / "docs" / "make_api.py"))
+    assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"
