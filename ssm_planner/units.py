@@ -258,3 +258,13 @@ KINDS = {
     "temperature": Kind("a temperature", "155 degC", "K", largest=2000.0, slip="degC"),
 }
 """Kinds of quantity by the name that the schema uses."""
+
+
+_SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "μ": ("", 1.0)}
+
+
+def shown(unit: str) -> tuple[str, float]:
+    """The unit in which messages show values of an SI unit, and its scale: ("deg/s", 57.3) for "rad/s"."""
+    base, slash, per = unit.partition("/")
+    name, scale = _SHOWN.get(base, (base, 1.0))
+    return name + slash + per, scale

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.formats.plan_json import FORMAT, VERSION, PlanFile, read_plan
-from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.problem import Eye, TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import limits_to_plain, plain
 from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.typing import Range
 from ssm_planner.verification.check import check
 
 START = np.array([0.3, 1.15, 0.1, 0.0])
@@ -20,6 +23,19 @@ MOVES = (np.array([0.4, -0.5, -0.3, 0.0]), np.array([-0.1, 0.05, 0.2, -0.012]))
 SHARE = 0.97
 """Of the velocity and acceleration limits that the slowest joint uses."""
 NONE = TaskLimits()
+
+
+def of_task(
+    ranges: Mapping[str, Range] | None = None,
+    tip_speed: float | None = None,
+    rates: Mapping[str, float] | None = None,
+    eye: Eye | None = None,
+) -> TaskLimits:
+    """Limits of the task by name in TASK."""
+    limits: list[Limit] = [TaskRange(name, *ends) for name, ends in (ranges or {}).items()]
+    limits += [TaskRate(name, rate) for name, rate in (rates or {}).items()]
+    limits += [] if tip_speed is None else [TipSpeed(tip_speed)]
+    return TaskLimits(tuple(limits), eye)
 
 
 def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = SHARE) -> Trajectory:
@@ -70,12 +86,11 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
 
 def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:
     """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
-    stated = {"limits": limits.ranges, "tip_speed": limits.tip_speed, "rates": limits.rates, "eye": limits.eye}
     document = {
         "format": FORMAT,
         "version": VERSION,
         "status": "solved",
-        "problem": plain({"name": path.stem, "robot": robot, **stated}),
+        "problem": plain({"name": path.stem, "robot": robot}) | limits_to_plain(limits),
         "certificate": check(trajectory, robot, limits).to_dict(),
         "trajectory": trajectory.to_dict(),
         **changes,

@@ -15,6 +15,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.problem import TASK, Eye, Lens, Motion, Problem, Scan, Target
 from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
 from ssm_planner.typing import Array
@@ -47,9 +48,11 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
         robot=robot,
         start=Target(task=point()),
         motion=tuple(motions),
-        limits={"depth": DEPTH},
-        tip_speed=0.02 if rng.random() < 0.2 else None,
-        rates={name: _rate(name, rng) for name in TASK if rng.random() < 0.12},
+        limits=(
+            TaskRange("depth", *DEPTH),
+            *([TipSpeed(0.02)] if rng.random() < 0.2 else []),
+            *(TaskRate(name, _rate(name, rng)) for name in TASK if rng.random() < 0.12),
+        ),
         eye=eye,
         objective="time" if rng.random() < 0.35 else "time then heat",
         file=None,
@@ -147,7 +150,7 @@ def _robot(base: Robot, mechanism: Mechanism, rng: np.random.Generator) -> Robot
         bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
         joints=(joints[0], joints[1], joints[2], joints[3]),
         gravity=frozen(gravity, (3,)),
-        limits={},
+        limits=(),
     )
 
 

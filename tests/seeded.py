@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from plans import of_task
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.dynamics.motors import directions, motor_motion
@@ -93,7 +94,7 @@ class Case:
     def task(self, factor: float) -> TaskLimits:
         """The limits of the task with this one."""
         kind, bounds = self.limit[0], self.bounds(factor)
-        return TaskLimits(
+        return of_task(
             ranges={"tilt": bounds} if kind == "tilt range" else {},
             tip_speed=bounds[1] if kind == "tip speed" else None,
             rates={TASK_RATES[kind]: bounds[1]} if kind in TASK_RATES else {},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,11 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.trajectory}")
+    from ssm_planner.problem.limits import TipSpeed
     from ssm_planner.verification.check import check
 
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
     if options.tip_speed:
-        limits = dataclasses.replace(limits, tip_speed=options.tip_speed)
+        limits = TipSpeed(options.tip_speed).on(limits)
     progress("checking")
     certificate = check(
         reading.trajectory,

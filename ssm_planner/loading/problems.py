@@ -8,14 +8,21 @@ from collections.abc import Mapping
 from ssm_planner.loading.eye import eye_from
 from ssm_planner.loading.faults import validated
 from ssm_planner.loading.robots import robot_from, task_limits, travel
-from ssm_planner.loading.schema.problem import EntryModel, PointModel, ProblemModel, RateModel, ScanModel, TaskModel
+from ssm_planner.loading.schema.problem import (
+    EntryModel,
+    LimitsModel,
+    PointModel,
+    ProblemModel,
+    RateModel,
+    ScanModel,
+    TaskModel,
+)
 from ssm_planner.loading.yaml_nodes import Section, follow
-from ssm_planner.problem.problem import TASK, Eye, Motion, Problem, Scan, Target
+from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.problem import Eye, Motion, Problem, Scan, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Range
 
-RATES = {"roll": "roll_rate", "tilt": "tilt_rate", "spin": "spin_rate", "depth": "insertion_speed"}
-"""Keys of the limits on rates, by name in TASK."""
 SLACK = 1e-9
 """rad or m, so that a target may sit on a limit."""
 
@@ -42,15 +49,13 @@ def problem_from(section: Section) -> Problem:
         robot=robot,
         start=start,
         motion=motion,
-        limits=limits,
-        tip_speed=model.limits.tip_speed,
+        limits=(*(TaskRange(name, *ends) for name, ends in limits.items()), *_speeds(model.limits)),
         objective=model.objective,
         duration=model.duration,
         planner=model.planner,
         start_rate=_rates(model.start_rate),
         end_rate=_rates(model.end_rate),
         file=str(section.file),
-        rates={name: rate for name, key in RATES.items() if (rate := getattr(model.limits, key)) is not None},
         eye=eye,
     )
 
@@ -84,9 +89,23 @@ def _refuse_for_toppra(section: Section, model: ProblemModel, motion: tuple[Moti
         raise section.error(f"TOPP-RA cannot take {asks[0]}", "planner", allowed="straight motions as fast as possible")
 
 
+def _speeds(model: LimitsModel) -> list[Limit]:
+    """Limits on the rates of task coordinates and on speeds of the tool."""
+    found: list[Limit] = []
+    for name in TASK:
+        rate = getattr(model, TaskRate.field_of(name))
+        if rate is not None:
+            found.append(TaskRate(name, rate))
+    for kind in SpeedLimit.__subclasses__():
+        largest = getattr(model, kind.field, None)
+        if largest is not None:
+            found.append(kind(largest))
+    return found
+
+
 def _narrowed(section: Section, robot: Robot, own: Mapping[str, Range]) -> dict[str, Range]:
     """The robot's ranges narrowed by the problem's; depth also by the travel of joint 4."""
-    result = {**robot.limits}
+    result = robot.ranges
     for name, range_ in (("depth", travel(robot.geometry, robot.joints[3])), *own.items()):
         if name not in result:
             result[name] = range_

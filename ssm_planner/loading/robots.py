@@ -9,7 +9,7 @@ from ssm_planner.loading.motors import motor_from
 from ssm_planner.loading.schema.robot import PrismaticModel, RevoluteModel, RobotModel, TaskLimitsModel
 from ssm_planner.loading.yaml_nodes import Section, follow
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.problem import TASK
+from ssm_planner.problem.limits import TASK, TaskRange
 from ssm_planner.problem.robot import JOINTS, Geometry, Joint, Robot, frozen
 from ssm_planner.typing import Range
 
@@ -22,9 +22,9 @@ def robot_from(section: Section) -> Robot:
     roll, tilt, spin, insertion = (
         _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
     )
-    limits = task_limits(model.limits)
+    ranges = task_limits(model.limits)
     depths = travel(geometry, insertion)
-    if "depth" in limits and not max(depths[0], limits["depth"][0]) < min(depths[1], limits["depth"][1]):
+    if "depth" in ranges and not max(depths[0], ranges["depth"][0]) < min(depths[1], ranges["depth"][1]):
         raise section.error(
             "outside the travel of joint 4",
             "limits",
@@ -37,7 +37,7 @@ def robot_from(section: Section) -> Robot:
         bodies=bodies,
         joints=(roll, tilt, spin, insertion),
         gravity=frozen(model.gravity, (3,)),
-        limits=limits,
+        limits=tuple(TaskRange(name, *ends) for name, ends in ranges.items()),
         file=str(section.file),
     )
 

@@ -79,7 +79,7 @@ def with_friction(drive: Drive, row: FrictionRow) -> Drive:
 def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
     """Least and largest joint effort of gravity over the robot's tilt range, ±30° of roll and its travel, (4,) each."""
     mechanism = Mechanism.from_geometry(robot.geometry)
-    low, high = robot.limits["tilt"]
+    low, high = robot.ranges["tilt"]
     half = published.REQUIRED_ROLL / 2
     axes = (np.linspace(-half, half, 13), np.linspace(low, high, 60), [0.0], [0.0, published.REQUIRED_TRAVEL])
     task = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
@@ -122,7 +122,7 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
 def friction_section(robot: Robot) -> Section:
     """Table II with the maps."""
     maps = friction_maps(robot)
-    low, high = robot.limits["tilt"]
+    low, high = robot.ranges["tilt"]
     joints = tuple(f"joint {NUMBER[m.joint]}" for m in maps)
     rows = [
         _parameter(robot, name, symbol, scale)

@@ -59,7 +59,7 @@ def _check(problem: Problem) -> None:
             raise ProblemError(
                 "missing: Tables II and III need its friction", file=robot.file, key=f"joints.{joint.name}.drive"
             )
-    if "tilt" not in robot.limits:
+    if "tilt" not in robot.ranges:
         raise ProblemError("missing: the range in which the arm works", file=robot.file, key="limits.tilt")
     if problem.start.task is None or not all(name in problem.start.task for name in ("tilt", "depth")):
         raise ProblemError("Table III's motion starts from task coordinates", file=problem.file, key="start")

@@ -142,8 +142,8 @@ def _reading(problem: Problem, runs: tuple[SpeedRun, ...]) -> list[str]:
         "read as joint speed: times 65°/s",
         "tilt rate then up to",
     )
-    bound, wide = (tilt_rate_bound(mechanism, ends, bend) for ends in ((low, high), problem.robot.limits["tilt"]))
-    ends = [degrees(end, 0) for end in (low, high, *problem.robot.limits["tilt"])]
+    bound, wide = (tilt_rate_bound(mechanism, ends, bend) for ends in ((low, high), problem.robot.ranges["tilt"]))
+    ends = [degrees(end, 0) for end in (low, high, *problem.robot.ranges["tilt"])]
     reached = sum(run.reaches() for run in runs)
     return [
         *text(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.problem import Eye, Problem
 from ssm_planner.problem.robot import Joint
 
@@ -54,8 +55,8 @@ def named(problem: Problem, reason: Reason) -> Relaxation | None:
     if reason.constraint == "duration":
         return _duration(problem, reason)
     name = reason.constraint.removesuffix(" range")
-    if name != reason.constraint and name in problem.limits:
-        low, high = problem.limits[name]
+    if name != reason.constraint and name in problem.ranges:
+        low, high = problem.ranges[name]
         lower, upper = _widened(problem, name, low, high)
         return replace(lower if reason.required < low else upper, needed=reason.required)
     if problem.eye is not None and reason.constraint in ("retina clearance", "lens clearance"):
@@ -188,8 +189,8 @@ def every(problem: Problem) -> Iterator[Relaxation]:
                 yield relaxation
     speed = problem.tip_speed
     if speed is not None:
-        yield Relaxation("tip speed of", "m/s", speed, 2 * speed, lambda value: replace(problem, tip_speed=value))
-    for name, (low, high) in problem.limits.items():
+        yield Relaxation("tip speed of", "m/s", speed, 2 * speed, lambda value: TipSpeed(value).on(problem))
+    for name, (low, high) in problem.ranges.items():
         yield from _widened(problem, name, low, high)
 
 
@@ -198,7 +199,7 @@ def _widened(problem: Problem, name: str, low: float, high: float) -> Iterator[R
     unit, width = "m" if name == "depth" else "rad", high - low
 
     def to(value: float, *, lower: bool) -> Problem:
-        return replace(problem, limits={**problem.limits, name: (value, high) if lower else (low, value)})
+        return TaskRange(name, value if lower else low, high if lower else value).on(problem)
 
     yield Relaxation(f"range of {name} from", unit, low, low - width, lambda value: to(value, lower=True))
     yield Relaxation(f"range of {name} to", unit, high, high + width, lambda value: to(value, lower=False))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ssm_planner.problem.problem import Eye, Problem
+from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.sampled_extremes import CONTINUOUS
@@ -15,7 +15,6 @@ from ssm_planner.verification.sampled_extremes import CONTINUOUS
 TORQUE = 3
 ROWS = {"velocity": 0, "motor speed": 0, "acceleration": 1, "jerk": 2, "motor torque": TORQUE}
 """Row of the planner's table of factors, by the name of the limit."""
-RATES = {"roll rate": "roll", "tilt rate": "tilt", "spin rate": "spin", "insertion speed": "depth"}
 MOST_HEAT = 0.25
 """Excess of a continuous torque beyond which smaller accelerations would hardly cure it, and take for ever."""
 HELPS = 0.5
@@ -61,31 +60,13 @@ class Strictness:
         return Strictness(factors, problem, heat) if held else None
 
 
-def _stricter(problem: Problem, limit: LimitCheck) -> Problem | None:
+def _stricter(problem: Problem, found: LimitCheck) -> Problem | None:
     """The problem with one limit of the task tightened."""
-    if limit.name in RATES and RATES[limit.name] in problem.rates:
-        name = RATES[limit.name]
-        return replace(problem, rates={**problem.rates, name: problem.rates[name] * _factor(limit)})
-    if limit.name == "tip speed" and problem.tip_speed is not None:
-        return replace(problem, tip_speed=problem.tip_speed * _factor(limit))
-    eye = problem.eye
-    if limit.name == "retina clearance" and eye is not None:
-        return replace(problem, eye=replace(eye, clearance=eye.clearance + MORE * (limit.limit - limit.worst)))
-    if limit.name == "lens clearance" and eye is not None and eye.lens is not None:
-        return replace(problem, eye=_thicker(eye, MORE * (limit.limit - limit.worst)))
-    name = limit.name.removesuffix(" range")
-    if name in ("roll", "spin") and name in problem.limits:
-        low, high = problem.limits[name]
-        inwards = MORE * abs(limit.worst - limit.limit)
-        narrow = (low, high - inwards) if limit.worst > high else (low + inwards, high)
-        return replace(problem, limits={**problem.limits, name: narrow})
+    for limit in problem.all_limits:
+        if limit.key == (found.name, found.joint):
+            stricter = limit.tightened(found.worst, found.limit)
+            return None if stricter is None else stricter.on(problem)
     return None
-
-
-def _thicker(eye: Eye, ratio: float) -> Eye:
-    """An eye whose lens asks for a ratio larger by this much."""
-    assert eye.lens is not None
-    return replace(eye, shaft_radius=eye.shaft_radius + ratio * float(np.min(eye.lens.semi_axes)))
 
 
 def _share_of_peak(certificate: Certificate, joint: str | None) -> float:

@@ -125,7 +125,7 @@ def _solutions(
         spin = target.spin if target.spin is not None else float(held[2])
         found = inverse_tip(mechanism, [target.tip], spin, limits=limits, reference=reference)
         depth = mechanism.insertion_sign * found.joints[0, :, 3]
-        low, high = problem.limits.get("depth", (-np.inf, np.inf))
+        low, high = problem.ranges.get("depth", (-np.inf, np.inf))
         found.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
         if not found.reaches[0].any():
             raise ProblemError(

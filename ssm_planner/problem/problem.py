@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ssm_planner.problem.limits import TASK as TASK
+from ssm_planner.problem.limits import LensClearance, Limit, Limited, RetinaClearance, task_limits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array, Range
-
-TASK = ("roll", "tilt", "spin", "depth")
-"""Order of the task coordinates in every array."""
+from ssm_planner.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +52,26 @@ class Eye:
     """Added around the shaft where it passes the lens."""
     lens: Lens | None = None
 
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """What it limits."""
+        retina = RetinaClearance(self.clearance, self.radius)
+        if self.lens is None:
+            return (retina,)
+        return retina, LensClearance(self.shaft_radius, float(self.lens.semi_axes.min()))
+
 
 @dataclass(frozen=True, eq=False)
-class TaskLimits:
+class TaskLimits(Limited):
     """Limits on where the tool is and how fast it goes, beside those of the joints."""
 
-    ranges: Mapping[str, Range] = field(default_factory=dict)
-    """By name in TASK, rad or m."""
-    tip_speed: float | None = None
-    """m/s."""
-    rates: Mapping[str, float] = field(default_factory=dict)
-    """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
+    limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
+
+    @property
+    def all_limits(self) -> tuple[Limit, ...]:
+        """Those of the eye too."""
+        return self.limits if self.eye is None else (*self.limits, *self.eye.limits)
 
 
 @dataclass(frozen=True)
@@ -109,18 +116,15 @@ Planner = Literal["optimal", "toppra"]
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Limited):
     name: str
     robot: Robot
     start: Target
     motion: tuple[Motion, ...]
-    limits: Mapping[str, Range] = field(default_factory=dict)
-    """Ranges of task coordinates, by name in TASK: the robot's, narrowed by the problem's."""
-    tip_speed: float | None = None
+    limits: tuple[Limit, ...] = ()
+    """Of the task: ranges (the robot's, narrowed by the problem's), rates and speeds; those of the joints are in robot."""
     objective: Objective = "time then heat"
     file: str | None = None
-    rates: Mapping[str, float] = field(default_factory=dict)
-    """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
     eye: Eye | None = None
     start_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
@@ -130,6 +134,15 @@ class Problem:
     planner: Planner = "optimal"
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", task_limits(self.limits))
+
     @property
     def task_limits(self) -> TaskLimits:
-        return TaskLimits(self.limits, self.tip_speed, self.rates, self.eye)
+        return TaskLimits(self.limits, self.eye)
+
+    @property
+    def all_limits(self) -> tuple[Limit, ...]:
+        """Every limit that holds for a motion: those of joints and motors, of the task and of the eye."""
+        of_joints = (limit for joint in self.robot.joints for limit in joint.limits)
+        return (*of_joints, *self.task_limits.all_limits)

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.limits import (
+    ContinuousTorque,
+    JointAcceleration,
+    JointJerk,
+    JointPosition,
+    JointVelocity,
+    Limit,
+    Limited,
+    MotorSpeed,
+    MotorTorque,
+    NutContact,
+    SelfLocking,
+    task_limits,
+)
 from ssm_planner.problem.motor import Motor
 from ssm_planner.typing import Array, Range
 
@@ -65,15 +78,39 @@ class Joint:
     motor_direction: Literal[-1, 1] = 1
     """Sense in which the motor's controller counts when the joint moves forward."""
 
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Everything that limits this joint, its motor and its drive."""
+        name, drive, motor, slides = self.name, self.drive, self.motor, self.kind == "prismatic"
+        found: list[Limit] = [
+            JointPosition(name, *self.position, slides),
+            JointVelocity(name, self.velocity, slides),
+            JointAcceleration(name, self.acceleration, slides),
+        ]
+        if self.jerk is not None:
+            found.append(JointJerk(name, self.jerk, slides))
+        if drive is not None and motor is not None:
+            found += [MotorSpeed(name, motor.max_speed), MotorTorque(name, motor.max_torque)]
+            found.append(ContinuousTorque(name, motor.nominal_torque))
+        if drive is not None and drive.kind == "antibacklash_screw":
+            found.append(NutContact(name))
+        if drive is not None and drive.self_locking and drive.friction is not None:
+            friction = drive.friction
+            found.append(SelfLocking(name, friction.mu if friction.mu_lowest is None else friction.mu_lowest))
+        return tuple(found)
+
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(Limited):
     name: str
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
     joints: tuple[Joint, Joint, Joint, Joint]
     gravity: Array
     """Acceleration of gravity in the base frame, m/s², (3,)."""
-    limits: Mapping[str, Range] = field(default_factory=dict)
-    """Ranges of task coordinates that the robot itself declares, by name in TASK."""
+    limits: tuple[Limit, ...] = ()
+    """Ranges of task coordinates that the robot itself declares."""
     file: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", task_limits(self.limits))

@@ -12,7 +12,8 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.problem import TASK, Eye, Lens, TaskLimits
+from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.problem import Eye, Lens, Problem, TaskLimits
 from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 from ssm_planner.typing import Range
 
@@ -34,9 +35,16 @@ SHAPES = {
 
 
 def plain(value: Any) -> Any:
-    """Dataclasses, arrays and mappings as JSON types."""
+    """Dataclasses, arrays and mappings as JSON types; limits by the names of what they limit."""
+    if isinstance(value, Robot):
+        return {**_fields(value), "limits": plain(value.ranges)}
+    if isinstance(value, Problem):
+        stated = {field: bound for field, bound in limits_to_plain(value).items() if field != "eye"}
+        return {**_fields(value), **stated}
+    if isinstance(value, TaskLimits):
+        return limits_to_plain(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return _fields(value)
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -46,6 +54,16 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     return value
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+
+
+def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
+    """Limits of the task as plan.json states them: ranges and rates by coordinate, speeds by their field, the eye."""
+    speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.speeds}}
+    return {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
 
 
 def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
@@ -75,9 +93,10 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
     try:
         ranges = _by_task(problem.get("limits"), Mapping[str, Range], "problem.limits")
         rates = _by_task(problem.get("rates"), Mapping[str, float], "problem.rates")
-        tip_speed = _value(float | None, problem.get("tip_speed"), "problem.tip_speed")
+        fields = {cls.field: cls for cls in SpeedLimit.__subclasses__()}
+        speeds = {field: _value(float | None, problem.get(field), f"problem.{field}") for field in fields}
         eye: Eye | None = _value(Eye | None, problem.get("eye"), "problem.eye")
-        positive = {f"rates.{name}": rate for name, rate in rates.items()} | {"tip_speed": tip_speed}
+        positive = {f"rates.{name}": rate for name, rate in rates.items()} | speeds
         if eye is not None:
             positive |= {"eye.port": eye.port, "eye.radius": eye.radius - eye.clearance}
             if eye.lens is not None:
@@ -85,10 +104,20 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
         for key, number in positive.items():
             if number is not None and not number > 0:
                 raise _wrong(f"problem.{key}", number, "above 0")
+        limits: list[Limit] = _ranges(ranges, "problem.limits")
+        limits += [TaskRate(name, rate) for name, rate in rates.items()]
+        limits += [fields[field](largest) for field, largest in speeds.items() if largest is not None]
     except ProblemError as error:
         error.file = file
         raise
-    return TaskLimits(ranges, tip_speed, rates, eye)
+    return TaskLimits(tuple(limits), eye)
+
+
+def _ranges(ranges: Mapping[str, Range], where: str) -> list[Limit]:
+    for name, (low, high) in ranges.items():
+        if not low < high:
+            raise _wrong(f"{where}.{name}", [low, high], "the lower bound first")
+    return [TaskRange(name, low, high) for name, (low, high) in ranges.items()]
 
 
 def _by_task(data: Any, hint: Any, where: str) -> dict[str, Any]:
@@ -114,6 +143,9 @@ def _dataclass(cls: Any, data: object, where: str) -> Any:
         if name not in data:
             if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
                 raise ProblemError("missing", key=place)
+            continue
+        if cls is Robot and name == "limits":
+            values[name] = tuple(_ranges(_by_task(data[name], Mapping[str, Range], place), place))
             continue
         shape = SHAPES.get((cls, name))
         values[name] = _array(shape, data[name], place) if shape else _value(hints[name], data[name], place)

@@ -14,8 +14,8 @@ from typing import Any
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.loading.eye import as_written
-from ssm_planner.loading.problems import RATES
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.limits import TASK, TaskRate
+from ssm_planner.problem.problem import Problem
 from ssm_planner.view.page import SAME, Study, pose, tilt_range
 
 KEPT = 8
@@ -132,14 +132,14 @@ def _text(problem: Problem, start: list[float], target: list[float], tilt: tuple
         return {name: f"{value!r} {unit}" for name, value, unit in zip(TASK, values, units, strict=True)}
 
     limits: dict[str, Any] = {
-        name: [f"{end!r} {'m' if name == 'depth' else 'rad'}" for end in ends] for name, ends in problem.limits.items()
+        name: [f"{end!r} {'m' if name == 'depth' else 'rad'}" for end in ends] for name, ends in problem.ranges.items()
     }
-    low, high = problem.limits.get("tilt", tilt)
+    low, high = problem.ranges.get("tilt", tilt)
     limits["tilt"] = [f"{max(low, tilt[0])!r} rad", f"{min(high, tilt[1])!r} rad"]
-    if problem.tip_speed is not None:
-        limits["tip_speed"] = f"{problem.tip_speed!r} m/s"
+    for speed in problem.speeds:
+        limits[speed.field] = f"{speed.largest!r} {speed.unit}"
     for name, rate in problem.rates.items():
-        limits[RATES[name]] = f"{rate!r} {'m' if name == 'depth' else 'rad'}/s"
+        limits[TaskRate.field_of(name)] = f"{rate!r} {'m' if name == 'depth' else 'rad'}/s"
     document = {
         "name": f"{problem.name}, from the view",
         "robot": str(Path(str(problem.robot.file)).resolve()),

@@ -61,7 +61,7 @@ class Study:
         """What the page needs before it asks: angles, ranges, joints, the problem's start."""
         own = self.own
         low, high = tilt_interval(own)
-        ranges = {} if self.problem is None else dict(self.problem.limits)
+        ranges = {} if self.problem is None else dict(self.problem.ranges)
         begin = {} if self.problem is None else dict(self.problem.start.task or {})
         pose = [begin.get(name, own.home_tilt if name == "tilt" else 0.0) for name in TASK]
         joints = None if self.problem is None else self.problem.robot.joints
@@ -82,7 +82,7 @@ class Study:
         wanted = tilt_range(request)
         low, high = tilt_interval(mechanism)
         margin = min(wanted[0] - low, high - wanted[1])
-        ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.limits)
+        ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.ranges)
         eye = None if self.problem is None else self.problem.eye
         sides = link_sides(self.problem.robot, mechanism) if own and self.problem is not None else None
         return {

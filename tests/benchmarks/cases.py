@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import TASK, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
@@ -76,7 +77,7 @@ def free_problem(change: Change, torque: float = 1.0) -> Problem:
     robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
     motion = (Motion("free", "free", last),)
     return dataclasses.replace(
-        problem, robot=robot, start=Target(joints=FIRST), motion=motion, limits={"depth": (0.0, 0.03)}
+        problem, robot=robot, start=Target(joints=FIRST), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
     )
 
 

@@ -6,13 +6,12 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.formats.plan_json import PlanFile
-from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import read_back, smooth, trapezoids
+from plans import of_task, read_back, smooth, trapezoids
 
-LIMITS = TaskLimits({"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)})
+LIMITS = of_task({"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)})
 
 
 @pytest.fixture(scope="session")

@@ -14,14 +14,13 @@ import pytest
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.points import Points, join_points
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import smooth
+from plans import of_task, smooth
 
 OWN = ["time_s", "q1_rad", "q2_rad", "q3_rad", "q4_m", "qd1_rad_per_s", "qd2_rad_per_s", "qd3_rad_per_s", "qd4_m_per_s"]
 ACCELERATIONS = ["qdd1_rad_per_s2", "qdd2_rad_per_s2", "qdd3_rad_per_s2", "qdd4_m_per_s2"]
@@ -226,14 +225,14 @@ def test_rounded_positions_are_not_charged_with_their_rounding(robot: Robot, tmp
 def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(robot: Robot, tmp_path: Path) -> None:
     """Limits just above the true speeds hold for rounded points, limits below them do not."""
     exact = smooth(robot)
-    loose = TaskLimits(tip_speed=1.0, rates=dict.fromkeys(("roll", "tilt", "spin", "depth"), 10.0))
+    loose = of_task(tip_speed=1.0, rates=dict.fromkeys(("roll", "tilt", "spin", "depth"), 10.0))
     worst = {limit.name: limit.worst for limit in check(exact, robot, loose).limits}
     rows = rows_of(robot, 2001)[:, :5]
     path = tmp_path / "t.csv"
     np.savetxt(path, rows, fmt=["%.7f", *["%.6f"] * 3, "%.8f"], delimiter=",", header=",".join(OWN[:5]), comments="")
     reading = read_trajectory(path, robot)
     for factor, kept in ((1.0001, True), (0.98, False)):
-        tight = TaskLimits(
+        tight = of_task(
             tip_speed=factor * worst["tip speed"],
             rates={name: factor * worst[f"{name} rate"] for name in ("roll", "tilt", "spin")}
             | {"depth": factor * worst["insertion speed"]},

@@ -25,9 +25,9 @@ def test_shipped(files: Any) -> None:
     assert tilt.target.task == pytest.approx({"tilt": D(-135)})
     assert (insert.kind, insert.name) == ("straight", "insert")
     assert insert.target.task == pytest.approx({"depth": 0.02})
-    assert problem.limits["tilt"] == pytest.approx((D(-139), D(-81)))
-    assert problem.limits["roll"] == pytest.approx((D(-30), D(30)))
-    assert problem.limits["depth"] == pytest.approx((0, 0.03))
+    assert problem.ranges["tilt"] == pytest.approx((D(-139), D(-81)))
+    assert problem.ranges["roll"] == pytest.approx((D(-30), D(30)))
+    assert problem.ranges["depth"] == pytest.approx((0, 0.03))
 
 
 def test_every_form_of_motion(files: Any) -> None:
@@ -72,9 +72,9 @@ def test_start_by_joints_or_tip(files: Any) -> None:
 
 def test_limits_narrow_those_of_the_robot(files: Any) -> None:
     files.edit(NAME, LIMIT, "  tilt: [-200 deg, -84 deg]")
-    assert files.load(NAME).limits["tilt"] == pytest.approx((D(-139), D(-84)))
+    assert files.load(NAME).ranges["tilt"] == pytest.approx((D(-139), D(-84)))
     files.edit(NAME, "  depth: [0 mm, 30 mm]", "  depth: [-10 mm, 100 mm]")
-    assert files.load(NAME).limits["depth"] == pytest.approx((0, 0.03))
+    assert files.load(NAME).ranges["depth"] == pytest.approx((0, 0.03))
 
 
 def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> None:

@@ -14,6 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import TASK, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
@@ -34,7 +35,7 @@ def straight(problem: Problem, **changes: Any) -> Problem:
 
 def free(problem: Problem, **changes: Any) -> Problem:
     motion, start = (Motion("free", "free", Target(joints=JOINTS)),), Target(joints=(-0.5, 0.6, 0.0, 0.0))
-    limits = {"depth": (0.0, 0.03)}
+    limits = (TaskRange("depth", 0.0, 0.03),)
     return dataclasses.replace(problem, start=start, motion=motion, limits=limits, **{"objective": "time", **changes})
 
 

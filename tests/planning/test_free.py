@@ -9,6 +9,7 @@ import pytest
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
+from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.problem import Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 
@@ -21,7 +22,9 @@ FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 def free(problem: Problem, first: tuple[float, ...] = FIRST, **target: object) -> Problem:
     goal = Target(**(target or {"joints": LAST}))
     motion = (Motion("free", "free", goal),)
-    return dataclasses.replace(problem, start=Target(joints=first), motion=motion, limits={"depth": (0.0, 0.03)})
+    return dataclasses.replace(
+        problem, start=Target(joints=first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+    )
 
 
 def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Problem) -> None:
@@ -59,7 +62,7 @@ def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: 
 
 def test_torque_jerk_and_tip_speed_together(tilt_insert: Problem, weaker: Weaker, with_jerk: WithJerk) -> None:
     robot = weaker(with_jerk(tilt_insert.robot, 35.0, 1.0), 0.32)
-    result = plan(dataclasses.replace(free(dataclasses.replace(tilt_insert, robot=robot)), tip_speed=0.012))
+    result = plan(TipSpeed(0.012).on(free(dataclasses.replace(tilt_insert, robot=robot))))
     assert result.passed
 
 

@@ -14,6 +14,7 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.transcription import Transcription
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples, Trajectory
@@ -29,7 +30,7 @@ MOTIONS = {"free": FREE, "straight": STRAIGHT, "through": THROUGH}
 
 
 def moving(problem: Problem, *motions: Motion, **changes: Any) -> Problem:
-    limits = {"depth": (0.0, 0.03)}
+    limits = (TaskRange("depth", 0.0, 0.03),)
     return dataclasses.replace(problem, start=Target(joints=FIRST), motion=motions, limits=limits, **changes)
 
 

@@ -9,6 +9,7 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.problem import Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 
@@ -62,7 +63,7 @@ def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
 
 
 def test_tip_speed_is_kept(tilt_insert: Problem) -> None:
-    problem = dataclasses.replace(tilt_insert, tip_speed=0.012, motion=tilt_insert.motion[1:])
+    problem = TipSpeed(0.012).on(dataclasses.replace(tilt_insert, motion=tilt_insert.motion[1:]))
     result = plan(problem)
     assert result.passed
     limit = next(limit for limit in result.certificate.limits if limit.name == "tip speed")
@@ -93,7 +94,7 @@ def test_a_joint_range_that_no_branch_respects_is_named(tilt_insert: Problem) ->
 
 def test_a_tilt_beyond_the_mechanism_is_bad_input(tilt_insert: Problem) -> None:
     with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
-        plan(straight(dataclasses.replace(tilt_insert, limits={}), tilt=np.radians(-140)))
+        plan(straight(dataclasses.replace(tilt_insert, limits=()), tilt=np.radians(-140)))
 
 
 def test_a_motion_that_goes_nowhere_is_bad_input(tilt_insert: Problem) -> None:

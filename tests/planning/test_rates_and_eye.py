@@ -13,6 +13,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
 from ssm_planner.problem.robot import frozen
 from ssm_planner.verification.certificate import LimitCheck
@@ -26,13 +27,15 @@ SWING = {"roll": 0.0, "tilt": -1.65, "spin": 0.0, "depth": 0.003}
 FAR = {"roll": 0.0, "tilt": -2.25, "spin": 0.0, "depth": 0.015}
 
 
-def moving(problem: Problem, kind: Any, start: dict[str, float], goal: dict[str, float], **changes: Any) -> Problem:
+def moving(
+    problem: Problem, kind: Any, start: dict[str, float], goal: dict[str, float], *limits: Limit, **changes: Any
+) -> Problem:
     motion = (Motion(kind, kind, Target(task=goal)),)
     return dataclasses.replace(
         problem,
         start=Target(task=start),
         motion=motion,
-        limits={"depth": (0.0, 0.03)},
+        limits=(TaskRange("depth", 0.0, 0.03), *limits),
         **{"objective": "time", **changes},
     )
 
@@ -46,7 +49,7 @@ def limit(result: Plan, name: str) -> LimitCheck:
 @pytest.mark.parametrize("name", RATES)
 def test_a_rate_that_binds_is_kept_and_used(tilt_insert: Problem, kind: str, name: str) -> None:
     loose = plan(moving(tilt_insert, kind, START, GOAL))
-    result = plan(moving(tilt_insert, kind, START, GOAL, rates={name: RATES[name]}))
+    result = plan(moving(tilt_insert, kind, START, GOAL, TaskRate(name, RATES[name])))
     assert result.passed
     assert -1e-6 <= limit(result, LIMIT[name]).margin < 1e-3
     # a coordinate that could not go faster takes at least its way over its rate
@@ -56,7 +59,7 @@ def test_a_rate_that_binds_is_kept_and_used(tilt_insert: Problem, kind: str, nam
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
 def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -> None:
-    result = plan(moving(tilt_insert, kind, START, GOAL, rates=RATES, tip_speed=0.006))
+    result = plan(moving(tilt_insert, kind, START, GOAL, *(TaskRate(*rate) for rate in RATES.items()), TipSpeed(0.006)))
     assert result.passed
     assert {LIMIT[name] for name in RATES} | {"tip speed"} <= {found.name for found in result.certificate.limits}
 
@@ -65,7 +68,7 @@ def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: 
     """From beside the port: inserted as fast as it swings, the tip would come too near to the wall."""
     start = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.0025}
     goal = {"roll": 0.0, "tilt": float(np.radians(-112)), "spin": 0.0, "depth": 0.018}
-    with_eye = moving(laser_scan, "free", start, goal, rates={})
+    with_eye = moving(laser_scan, "free", start, goal)
     without = plan(dataclasses.replace(with_eye, eye=None))
     against = check(without.trajectory, laser_scan.robot, with_eye.task_limits)
     violated = next(found for found in against.limits if found.name == RETINA)
@@ -84,14 +87,14 @@ def edge_of_the_port(problem: Problem) -> dict[str, float]:
 
 def test_a_motion_may_end_at_the_edge_of_the_port(laser_scan: Problem) -> None:
     begin = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.001}
-    result = plan(moving(laser_scan, "free", begin, edge_of_the_port(laser_scan), rates={}))
+    result = plan(moving(laser_scan, "free", begin, edge_of_the_port(laser_scan)))
     assert result.passed, result.reason
     assert limit(result, RETINA).margin >= -1e-6
 
 
 def test_where_no_way_is_found_the_clearance_that_would_do_is_tried(laser_scan: Problem) -> None:
     """Inwards from there only one way leads, on which the tip stays at the edge until it has swung far enough."""
-    result = plan(moving(laser_scan, "free", edge_of_the_port(laser_scan), FAR, rates={}))
+    result = plan(moving(laser_scan, "free", edge_of_the_port(laser_scan), FAR))
     if result.passed:
         assert limit(result, RETINA).margin >= -1e-6
         return
@@ -113,7 +116,7 @@ def in_the_way(problem: Problem) -> Eye:
 @pytest.mark.parametrize("objective", ["time", "time then heat"])
 def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective: str) -> None:
     """It swings over the lens first and is inserted behind it."""
-    problem = moving(laser_scan, "free", SWING, FAR, rates={}, objective=objective, eye=in_the_way(laser_scan))
+    problem = moving(laser_scan, "free", SWING, FAR, objective=objective, eye=in_the_way(laser_scan))
     without = plan(dataclasses.replace(problem, eye=None))
     against = check(without.trajectory, problem.robot, problem.task_limits)
     assert next(found for found in against.limits if found.name == LENS).margin < -0.02
@@ -128,7 +131,7 @@ def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective:
 
 
 def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -> None:
-    problem = moving(laser_scan, "straight", SWING, FAR, rates={}, eye=in_the_way(laser_scan))
+    problem = moving(laser_scan, "straight", SWING, FAR, eye=in_the_way(laser_scan))
     result = plan(problem)
     assert (result.status, result.reason.constraint) == ("infeasible", LENS)
     assert result.reason.available < 1 < result.reason.required
@@ -137,7 +140,7 @@ def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -
 
 def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     """Twice as many elements gain less than 0.2 %."""
-    problem = moving(laser_scan, "free", SWING, FAR, rates={}, eye=in_the_way(laser_scan))
+    problem = moving(laser_scan, "free", SWING, FAR, eye=in_the_way(laser_scan))
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     points = plan(problem).phases[0].phase.points
     coarse, fine = (solve_free(problem, mechanism, points, count=n) for n in (40, 80))

@@ -17,6 +17,7 @@ from ssm_planner.pipeline.relaxation import Cure, tried
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot, frozen
 
@@ -242,7 +243,9 @@ def test_two_limits_in_the_way_are_both_named(tilt_insert: Problem) -> None:
 
 
 def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(tilt_insert: Problem) -> None:
-    problem = dataclasses.replace(tilt_insert, limits={"depth": (0.0, 0.03)}, motion=(straight(tilt=np.radians(-140)),))
+    problem = dataclasses.replace(
+        tilt_insert, limits=(TaskRange("depth", 0.0, 0.03),), motion=(straight(tilt=np.radians(-140)),)
+    )
     with pytest.raises(ProblemError, match="the speed of joint tilt grows without bound") as caught:
         plan(problem)
     assert "-139.778 deg to -79.778 deg" in str(caught.value)

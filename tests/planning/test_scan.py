@@ -14,6 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import Motion, Problem, Scan, Target
 from ssm_planner.typing import Array
 
@@ -141,4 +142,4 @@ def test_a_scan_beyond_the_reach_of_the_port_is_bad_input(laser_scan: Problem) -
 def test_a_tilt_out_of_reach_is_bad_input(laser_scan: Problem) -> None:
     motion = Motion("scan", "ring", Target(task={"tilt": float(np.radians(-141))}), scan=RING)
     with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
-        plan(dataclasses.replace(laser_scan, motion=(motion,), limits={"depth": (0.0, 0.03)}))
+        plan(dataclasses.replace(laser_scan, motion=(motion,), limits=(TaskRange("depth", 0.0, 0.03),)))

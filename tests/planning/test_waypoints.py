@@ -15,6 +15,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import TASK, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
@@ -33,7 +34,9 @@ def through(problem: Problem, *points: tuple[float, ...], first: tuple[float, ..
     """The problem from `first` to the last point through the others."""
     *passed, goal = (Target(joints=point) for point in points)
     motion = (Motion("free", "free", goal, through=tuple(passed)),)
-    return dataclasses.replace(problem, start=Target(joints=first), motion=motion, limits={"depth": (0.0, 0.03)})
+    return dataclasses.replace(
+        problem, start=Target(joints=first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+    )
 
 
 def passing(result: Plan, point: tuple[float, ...]) -> tuple[float, Array]:

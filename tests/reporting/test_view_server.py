@@ -219,7 +219,7 @@ def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert:
 
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem(tmp_path: Path) -> None:
     problem = load_problem(APPROACH)
-    low, high = problem.limits["tilt"]
+    low, high = problem.ranges["tilt"]
     file = tmp_path / "view.yaml"
     file.write_text(_text(problem, [0.0, -1.8, 0.0, 0.002], [0.0, -2.0, 0.0, 0.015], (low, high)), encoding="utf-8")
     mine, its = plain(problem.task_limits), plain(load_problem(file).task_limits)

@@ -15,7 +15,7 @@ from ssm_planner.kinematics.forward import tip_position, tip_velocity
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.problem.problem import TASK, Eye, Lens, TaskLimits
+from ssm_planner.problem.problem import TASK, Eye, Lens
 from ssm_planner.problem.robot import Robot, frozen
 from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
 from ssm_planner.verification import prefilter as screen
@@ -23,7 +23,7 @@ from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import SHARE, smooth, trapezoids, write_plan
+from plans import SHARE, of_task, smooth, trapezoids, write_plan
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -93,7 +93,7 @@ LENS = Lens(
     frozen(rotation([0.6, 0.0, 0.8], 0.7), (3, 3)),
 )
 EYE = Eye(frozen([0.006, 0.0, -0.010], (3,)), 0.0115, 0.001, 0.003, 0.0002, LENS)
-LIMITS = TaskLimits(RANGES, 0.02, RATES, EYE)
+LIMITS = of_task(RANGES, 0.02, RATES, EYE)
 LOW = ("nut contact", "retina clearance", "lens clearance")
 """Limits that are lowest values."""
 

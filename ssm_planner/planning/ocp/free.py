@@ -232,7 +232,7 @@ class _FreeTask:
     def _everything(self) -> FreeElement:
         """All coupled limits that this problem has."""
         problem = self.problem
-        rows: set[RowName] = {(f"{name} range", None) for name in WATCHED if name in problem.limits}
+        rows: set[RowName] = {(f"{name} range", None) for name in WATCHED if name in problem.ranges}
         rows |= {(f"{name} rate", None) for name in RATED if name in problem.rates}
         if problem.tip_speed is not None:
             rows.add(("tip speed", None))
@@ -286,7 +286,7 @@ class _FreeTask:
         values = [UNLIMITED if problem.tip_speed is None else problem.tip_speed]
         for name in WATCHED:
             k = TASK.index(name)
-            low, high = problem.limits.get(name, (-ANYWHERE, ANYWHERE))
+            low, high = problem.ranges.get(name, (-ANYWHERE, ANYWHERE))
             values += [(low + high) / 2 + float(unwrapped[k]) - wrapped[k], (high - low) / 2]
         return values
 

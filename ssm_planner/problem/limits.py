@@ -1,0 +1,763 @@
+"""Limits as values: each bounds one quantity of a motion, and knows its name, unit, words and place in a problem."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.typing import Range
+from ssm_planner.units import shown
+
+TASK = ("roll", "tilt", "spin", "depth")
+"""Order of the task coordinates in every array."""
+TIGHTENING = 1.5
+"""Tightening per excess found."""
+TO_MOVE = 5e-3
+"""Share of a torque or an acceleration beyond what is needed at least: with none the motion creeps, or is the only one."""
+
+P = TypeVar("P")
+"""A Problem; limits stand below it in this room."""
+L = TypeVar("L", bound="Limit")
+
+
+@dataclass(frozen=True)
+class Limit(ABC):
+    """One bound on a motion: `low` ≤ value ≤ `high` at every instant; SI units, radians.
+
+    To write a new limit:
+
+    1. Derive a frozen dataclass from `Limit`, or from one of the families `JointLimit` and `SpeedLimit`, whose members
+       the planner, the check, plan.json and the page take as they come.
+    2. Set `quantity` (the name by which results speak of it), `order`, and `unit`; give `low` and `high`.
+    3. Say in `on` where a problem holds it, and in `relaxed` and `tightened` how its bound moves. `tightened` may never
+       allow what the limit forbids; `relaxed(value)` allows `value` and all that the limit allows.
+    4. Refuse in `__post_init__` what cannot be: ProblemError naming the field, its value and what is allowed.
+    """
+
+    quantity: ClassVar[str]
+    """What is limited, in words."""
+    order: ClassVar[int] = 0
+    """Highest time derivative of the joints' positions that the value depends on."""
+
+    @property
+    def name(self) -> str:
+        """By which results speak of this limit; unique together with `joint`."""
+        return self.quantity
+
+    @property
+    def joint(self) -> str | None:
+        """The joint that is limited, None where it is the tool."""
+        return None
+
+    @property
+    def unit(self) -> str:
+        """SI."""
+        return ""
+
+    @property
+    def low(self) -> float:
+        return -math.inf
+
+    @property
+    def high(self) -> float:
+        return math.inf
+
+    @property
+    def key(self) -> tuple[str, str | None]:
+        return self.name, self.joint
+
+    @property
+    def half_width(self) -> float:
+        """What margins are relative to: half the range, 1 where only one end is given."""
+        width = self.high - self.low
+        return width / 2 if math.isfinite(width) and width > 0 else 1.0
+
+    def bound(self, value: float) -> float:
+        """The end of the range that is nearer to a value outside it."""
+        return self.low if value < self.low else self.high
+
+    def allows(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+    def tightened(self: L, worst: float, bound: float) -> L | None:
+        """Stricter by somewhat more than what `worst` exceeds `bound`; None where that does not help.
+
+        bound: the end that `worst` was held against, which may be looser than this limit.
+        """
+        return None
+
+    def relaxed(self: L, value: float) -> L | None:
+        """Moved so that `value` is allowed; None where no bound of this kind allows it."""
+        return None
+
+    def enough(self, needed: float) -> float:
+        """A value with which a motion is found that needs at least `needed`."""
+        return needed
+
+    def trials(self) -> tuple[float, ...]:
+        """Values to try where it is not known which limit stands in the way."""
+        return ()
+
+    @property
+    def words(self) -> str:
+        """Begins the sentence that `described` makes."""
+        return f"{self.name} of"
+
+    def described(self, value: float) -> str:
+        """In words: this limit moved to `value`, and where it stands."""
+        return f"{self.words} {_text(value, self.unit)} instead of {_text(self.bound(value), self.unit)}"
+
+    def on(self, problem: P) -> P:
+        """The problem with this limit in the place of its own. Raises ProblemError where it has no such place."""
+        raise ProblemError(f"{self.name} cannot be set")
+
+
+@dataclass(frozen=True)
+class JointLimit(Limit):
+    """|value| ≤ largest, of one joint or its motor."""
+
+    of: str
+    """Name of the joint."""
+    largest: float
+    prismatic: bool = False
+    """The joint slides: m instead of rad."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "largest", self.largest)
+
+    @property
+    def joint(self) -> str:
+        return self.of
+
+    @property
+    def unit(self) -> str:
+        base = "m" if self.prismatic else "rad"
+        return base + ("", "/s", "/s²", "/s³")[self.order]
+
+    @property
+    def low(self) -> float:
+        return -self.largest
+
+    @property
+    def high(self) -> float:
+        return self.largest
+
+    def bound(self, value: float) -> float:
+        return self.largest
+
+    def tightened(self: L, worst: float, bound: float) -> L | None:
+        return _scaled(self, worst, bound)
+
+    def relaxed(self: L, value: float) -> L | None:
+        return _enlarged(self, value)
+
+    @property
+    def words(self) -> str:
+        return f"{self.quantity} limit of joint {self.of} of"
+
+
+@dataclass(frozen=True)
+class JointPosition(Limit):
+    """Range of a joint."""
+
+    quantity = "position"
+    of: str
+    lower: float
+    upper: float
+    prismatic: bool = False
+
+    def __post_init__(self) -> None:
+        _ordered(self, self.lower, self.upper)
+
+    @property
+    def joint(self) -> str:
+        return self.of
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.prismatic else "rad"
+
+    @property
+    def low(self) -> float:
+        return self.lower
+
+    @property
+    def high(self) -> float:
+        return self.upper
+
+    def relaxed(self, value: float) -> JointPosition:
+        return replace(self, lower=min(self.lower, value), upper=max(self.upper, value))
+
+    @property
+    def words(self) -> str:
+        return f"range of joint {self.of} to"
+
+    def on(self, problem: P) -> P:
+        return _with_joint(problem, self.of, position=(self.lower, self.upper))
+
+
+@dataclass(frozen=True)
+class JointVelocity(JointLimit):
+    quantity = "velocity"
+    order = 1
+
+    def trials(self) -> tuple[float, ...]:
+        return (2 * self.largest,)
+
+    def on(self, problem: P) -> P:
+        return _with_joint(problem, self.of, velocity=self.largest)
+
+
+@dataclass(frozen=True)
+class JointAcceleration(JointLimit):
+    quantity = "acceleration"
+    order = 2
+
+    def enough(self, needed: float) -> float:
+        return max(needed, self.largest) * (1 + TO_MOVE)
+
+    def on(self, problem: P) -> P:
+        return _with_joint(problem, self.of, acceleration=self.largest)
+
+
+@dataclass(frozen=True)
+class JointJerk(JointLimit):
+    quantity = "jerk"
+    order = 3
+
+    def on(self, problem: P) -> P:
+        return _with_joint(problem, self.of, jerk=self.largest)
+
+
+@dataclass(frozen=True)
+class MotorSpeed(JointLimit):
+    quantity = "motor speed"
+    order = 1
+
+    @property
+    def unit(self) -> str:
+        return "rad/s"
+
+    @property
+    def words(self) -> str:
+        return f"largest motor speed of joint {self.of} of"
+
+    def on(self, problem: P) -> P:
+        return _with_motor(problem, self.of, max_speed=self.largest)
+
+
+@dataclass(frozen=True)
+class MotorTorque(JointLimit):
+    """Of the shaft, at every instant, breaking away included."""
+
+    quantity = "motor torque"
+    order = 2
+
+    @property
+    def unit(self) -> str:
+        return "N·m"
+
+    @property
+    def words(self) -> str:
+        return f"largest motor torque of joint {self.of} of"
+
+    def enough(self, needed: float) -> float:
+        return max(needed, self.largest) * (1 + TO_MOVE)
+
+    def trials(self) -> tuple[float, ...]:
+        return (2 * self.largest,)
+
+    def on(self, problem: P) -> P:
+        return _with_motor(problem, self.of, max_torque=self.largest)
+
+
+@dataclass(frozen=True)
+class ContinuousTorque(JointLimit):
+    """Of the root mean square of the motor torque over a motion."""
+
+    quantity = "continuous torque"
+    order = 2
+
+    @property
+    def unit(self) -> str:
+        return "N·m"
+
+    @property
+    def low(self) -> float:
+        return 0.0
+
+    @property
+    def half_width(self) -> float:
+        return self.largest
+
+    @property
+    def words(self) -> str:
+        return f"continuous torque of joint {self.of} of"
+
+    def tightened(self: L, worst: float, bound: float) -> L | None:
+        return None
+
+    def on(self, problem: P) -> P:
+        return _with_motor(problem, self.of, nominal_torque=self.largest)
+
+
+@dataclass(frozen=True)
+class NutContact(Limit):
+    """Both halves of a preloaded nut bear on the screw: the force between them stays positive."""
+
+    quantity = "nut contact"
+    order = 2
+    of: str
+
+    @property
+    def joint(self) -> str:
+        return self.of
+
+    @property
+    def unit(self) -> str:
+        return "N"
+
+    @property
+    def low(self) -> float:
+        return 0.0
+
+
+@dataclass(frozen=True)
+class SelfLocking(Limit):
+    """The drive holds without torque: its friction coefficient is never below what its lead angle asks for."""
+
+    quantity = "self-locking"
+    of: str
+    friction: float
+    """Lowest plausible coefficient; what it has to be at least follows from the geometry (dynamics/transmission.py)."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "friction", self.friction)
+
+    @property
+    def joint(self) -> str:
+        return self.of
+
+    @property
+    def unit(self) -> str:
+        return "μ"
+
+    def bound(self, value: float) -> float:
+        return self.friction
+
+    def relaxed(self, value: float) -> SelfLocking:
+        return replace(self, friction=max(self.friction, value))
+
+    def described(self, value: float) -> str:
+        return f"lowest friction coefficient μ of joint {self.of} of {value:.6g} instead of {self.friction:.6g}"
+
+    def on(self, problem: P) -> P:
+        drive = _joint(problem, self.of).drive
+        if drive is None or drive.friction is None:
+            raise ProblemError(f"joint {self.of} has no drive with friction")
+        friction, lowest = drive.friction, self.friction
+        raised = replace(
+            friction, mu=max(friction.mu, lowest), mu_static=max(friction.mu_static, lowest), mu_lowest=lowest
+        )
+        return _with_joint(problem, self.of, drive=replace(drive, friction=raised))
+
+
+@dataclass(frozen=True)
+class TaskRange(Limit):
+    """Range of one task coordinate."""
+
+    coordinate: str
+    """One of TASK."""
+    lower: float
+    upper: float
+
+    def __post_init__(self) -> None:
+        _coordinate(self, self.coordinate)
+        _ordered(self, self.lower, self.upper)
+
+    @property
+    def name(self) -> str:
+        return f"{self.coordinate} range"
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.coordinate == "depth" else "rad"
+
+    @property
+    def low(self) -> float:
+        return self.lower
+
+    @property
+    def high(self) -> float:
+        return self.upper
+
+    @property
+    def coupled(self) -> bool:
+        """It may be left between two points inside it; tilt and depth follow one joint each."""
+        return self.coordinate in ("roll", "spin")
+
+    def tightened(self, worst: float, bound: float) -> TaskRange | None:
+        inwards = TIGHTENING * abs(worst - bound)
+        if not self.coupled or not 2 * inwards < self.upper - self.lower:
+            return None
+        if worst > bound:
+            return replace(self, upper=self.upper - inwards)
+        return replace(self, lower=self.lower + inwards)
+
+    def relaxed(self, value: float) -> TaskRange:
+        return replace(self, lower=min(self.lower, value), upper=max(self.upper, value))
+
+    def trials(self) -> tuple[float, ...]:
+        width = self.upper - self.lower
+        return self.lower - width, self.upper + width
+
+    def described(self, value: float) -> str:
+        side = "from" if value < self.low else "to"
+        return (
+            f"range of {self.coordinate} {side} {_text(value, self.unit)} "
+            f"instead of {_text(self.bound(value), self.unit)}"
+        )
+
+    def on(self, problem: P) -> P:
+        return _with_own(problem, self)
+
+
+@dataclass(frozen=True)
+class SpeedLimit(Limit):
+    """|v| ≤ largest, v being linear in the joints' rates: kinematics/tool_speeds.py says how.
+
+    A subclass needs `quantity`, `field` and, where it is not m/s, `unit`.
+    """
+
+    order = 1
+    field: ClassVar[str]
+    """Its key in a problem file and in plan.json."""
+    largest: float
+
+    def __post_init__(self) -> None:
+        _positive(self, "largest", self.largest)
+
+    @property
+    def unit(self) -> str:
+        return "m/s"
+
+    @property
+    def low(self) -> float:
+        return -self.largest
+
+    @property
+    def high(self) -> float:
+        return self.largest
+
+    def bound(self, value: float) -> float:
+        return self.largest
+
+    def tightened(self: L, worst: float, bound: float) -> L | None:
+        return _scaled(self, worst, bound)
+
+    def relaxed(self: L, value: float) -> L | None:
+        return _enlarged(self, value)
+
+    def trials(self) -> tuple[float, ...]:
+        return (2 * self.largest,)
+
+    def on(self, problem: P) -> P:
+        return _with_own(problem, self)
+
+
+@dataclass(frozen=True)
+class TaskRate(Limit):
+    """|rate| of one task coordinate."""
+
+    order = 1
+    coordinate: str
+    """One of TASK."""
+    largest: float
+
+    def __post_init__(self) -> None:
+        _coordinate(self, self.coordinate)
+        _positive(self, "largest", self.largest)
+
+    @property
+    def name(self) -> str:
+        return "insertion speed" if self.coordinate == "depth" else f"{self.coordinate} rate"
+
+    @staticmethod
+    def field_of(coordinate: str) -> str:
+        """The key of the limit on a coordinate's rate in a problem file."""
+        return "insertion_speed" if coordinate == "depth" else f"{coordinate}_rate"
+
+    @property
+    def unit(self) -> str:
+        return "m/s" if self.coordinate == "depth" else "rad/s"
+
+    @property
+    def low(self) -> float:
+        return -self.largest
+
+    @property
+    def high(self) -> float:
+        return self.largest
+
+    def bound(self, value: float) -> float:
+        return self.largest
+
+    def tightened(self: L, worst: float, bound: float) -> L | None:
+        return _scaled(self, worst, bound)
+
+    def relaxed(self: L, value: float) -> L | None:
+        return _enlarged(self, value)
+
+    def on(self, problem: P) -> P:
+        return _with_own(problem, self)
+
+
+@dataclass(frozen=True)
+class TipSpeed(SpeedLimit):
+    """Of the tool's tip through space."""
+
+    quantity = "tip speed"
+    field = "tip_speed"
+
+
+@dataclass(frozen=True)
+class RetinaClearance(Limit):
+    """Distance of the tip from the retina."""
+
+    quantity = "retina clearance"
+    clearance: float
+    radius: float
+    """Of the retina."""
+
+    @property
+    def unit(self) -> str:
+        return "m"
+
+    @property
+    def low(self) -> float:
+        return self.clearance
+
+    @property
+    def half_width(self) -> float:
+        return self.radius - self.clearance
+
+    def bound(self, value: float) -> float:
+        return self.clearance
+
+    def tightened(self, worst: float, bound: float) -> RetinaClearance | None:
+        clearance = self.clearance + TIGHTENING * max(bound - worst, 0.0)
+        return replace(self, clearance=clearance) if clearance < self.radius else None
+
+    def relaxed(self, value: float) -> RetinaClearance | None:
+        # beyond the retina itself no clearance does
+        return None if value < 0 else replace(self, clearance=min(self.clearance, value))
+
+    @property
+    def words(self) -> str:
+        return "clearance from the retina of"
+
+    def on(self, problem: P) -> P:
+        return _with_eye(problem, clearance=self.clearance)
+
+
+@dataclass(frozen=True)
+class LensClearance(Limit):
+    """The lens enlarged to just touch the shaft's axis, in sizes of the lens: 1 + shaft radius / its smallest semi-axis."""
+
+    quantity = "lens clearance"
+    shaft_radius: float
+    thickness: float
+    """Smallest semi-axis of the lens, m."""
+
+    @property
+    def low(self) -> float:
+        return 1.0 + self.shaft_radius / self.thickness
+
+    @property
+    def half_width(self) -> float:
+        return self.low
+
+    def bound(self, value: float) -> float:
+        return self.low
+
+    def tightened(self, worst: float, bound: float) -> LensClearance:
+        return replace(self, shaft_radius=self.shaft_radius + TIGHTENING * max(bound - worst, 0.0) * self.thickness)
+
+    def relaxed(self, value: float) -> LensClearance | None:
+        # an axis that passes through the lens does so however thin the shaft
+        return None if value <= 1 else replace(self, shaft_radius=min(self.shaft_radius, self._radius(value)))
+
+    def described(self, value: float) -> str:
+        return f"radius of the shaft of {_text(self._radius(value), 'm')} instead of {_text(self.shaft_radius, 'm')}"
+
+    def on(self, problem: P) -> P:
+        return _with_eye(problem, shaft_radius=self.shaft_radius)
+
+    def _radius(self, ratio: float) -> float:
+        return (ratio - 1) * self.thickness
+
+
+@dataclass(frozen=True)
+class Duration(Limit):
+    """The duration asked for, of one motion or of all together: what a motion takes at least must not be longer."""
+
+    quantity = "duration"
+    largest: float
+    motion: str | None = None
+    """Name of the motion; None: all together."""
+    asked: float | None = None
+    """What the problem asks for of that motion; `largest` where that is not said."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "largest", self.largest)
+
+    @property
+    def unit(self) -> str:
+        return "s"
+
+    @property
+    def high(self) -> float:
+        return self.largest
+
+    def relaxed(self, value: float) -> Duration:
+        return replace(self, largest=max(self.largest, value), asked=self.asked or self.largest)
+
+    @property
+    def words(self) -> str:
+        return "a duration of"
+
+    def on(self, problem: P) -> P:
+        whole: Any = problem
+        if whole.duration is not None:
+            return _replaced(problem, duration=self.largest)
+        asked = self.largest if self.asked is None else self.asked
+        short = [m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion]
+        if not any(short):
+            raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
+        timed = (
+            replace(m, duration=self.largest) if is_short else m
+            for m, is_short in zip(whole.motion, short, strict=True)
+        )
+        return _replaced(problem, motion=tuple(timed))
+
+
+class Limited:
+    """What a value with `limits` says of them."""
+
+    limits: tuple[Limit, ...]
+
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """Ranges of task coordinates, by name in TASK; rad or m."""
+        return {limit.coordinate: (limit.low, limit.high) for limit in self.limits if isinstance(limit, TaskRange)}
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Largest |rate| of task coordinates, by name in TASK; rad/s or m/s."""
+        return {limit.coordinate: limit.largest for limit in self.limits if isinstance(limit, TaskRate)}
+
+    @property
+    def speeds(self) -> tuple[SpeedLimit, ...]:
+        """Limits on speeds of the tool."""
+        return tuple(limit for limit in self.limits if isinstance(limit, SpeedLimit))
+
+    @property
+    def tip_speed(self) -> float | None:
+        """m/s."""
+        return next((limit.largest for limit in self.limits if isinstance(limit, TipSpeed)), None)
+
+
+def task_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
+    """Limits of the task as a tuple. Raises ProblemError for what is none, and for one given twice."""
+    found = tuple(limits)
+    for limit in found:
+        if not isinstance(limit, (TaskRange, TaskRate, SpeedLimit)):
+            raise ProblemError(
+                "not a limit of the task", key="limits", value=limit, allowed="TaskRange, TaskRate, TipSpeed"
+            )
+        if [other.key for other in found].count(limit.key) > 1:
+            raise ProblemError("given twice", key="limits", value=limit.name)
+    return found
+
+
+def _scaled(limit: Any, worst: float, bound: float) -> Any:
+    """With a smaller `largest`, never 0: (bound / worst)^TIGHTENING times it."""
+    return replace(limit, largest=limit.largest * min(abs(bound / worst), 1.0) ** TIGHTENING)
+
+
+def _enlarged(limit: Any, value: float) -> Any:
+    return replace(limit, largest=max(limit.largest, abs(value)))
+
+
+def _text(value: float, unit: str) -> str:
+    name, scale = shown(unit)
+    return f"{scale * value:.6g} {name}".rstrip()
+
+
+def _positive(limit: Limit, field: str, value: float) -> None:
+    if not value > 0:
+        raise ProblemError("not a limit", key=f"{type(limit).__name__}.{field}", value=value, allowed="above 0")
+
+
+def _ordered(limit: Limit, low: float, high: float) -> None:
+    if not low < high:
+        raise ProblemError(
+            "the lower bound is not below the upper one",
+            key=f"{type(limit).__name__}.lower",
+            value=[low, high],
+            allowed="lower < upper",
+        )
+
+
+def _coordinate(limit: Limit, name: str) -> None:
+    if name not in TASK:
+        raise ProblemError(
+            "unknown task coordinate", key=f"{type(limit).__name__}.coordinate", value=name, allowed=", ".join(TASK)
+        )
+
+
+def _replaced(problem: P, **changes: Any) -> P:
+    whole: Any = problem
+    changed: P = replace(whole, **changes)
+    return changed
+
+
+def _joint(problem: Any, name: str) -> Any:
+    for joint in problem.robot.joints:
+        if joint.name == name:
+            return joint
+    raise ProblemError(
+        "unknown joint", key="joint", value=name, allowed=", ".join(joint.name for joint in problem.robot.joints)
+    )
+
+
+def _with_joint(problem: P, name: str, **changes: Any) -> P:
+    whole: Any = problem
+    changed = replace(_joint(problem, name), **changes)
+    joints = tuple(changed if joint.name == name else joint for joint in whole.robot.joints)
+    return _replaced(problem, robot=replace(whole.robot, joints=joints))
+
+
+def _with_motor(problem: P, name: str, **changes: Any) -> P:
+    motor = _joint(problem, name).motor
+    if motor is None:
+        raise ProblemError(f"joint {name} has no motor")
+    return _with_joint(problem, name, motor=replace(motor, **changes))
+
+
+def _with_own(problem: P, limit: Limit) -> P:
+    whole: Any = problem
+    if all(other.key != limit.key for other in whole.limits):
+        return _replaced(problem, limits=(*whole.limits, limit))
+    return _replaced(problem, limits=tuple(limit if other.key == limit.key else other for other in whole.limits))
+
+
+def _with_eye(problem: P, **changes: Any) -> P:
+    whole: Any = problem
+    if whole.eye is None:
+        raise ProblemError("the problem has no eye")
+    return _replaced(problem, eye=replace(whole.eye, **changes))
