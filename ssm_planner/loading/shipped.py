@@ -13,7 +13,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def shipped_folder() -> Path:
-    """Where the shipped files stand: within the installed package (setup.py), or beside it in a checkout."""
+    """Where the shipped files stand: within the installed package, or beside it in a checkout."""
     within = _PACKAGE / "problems"
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 
