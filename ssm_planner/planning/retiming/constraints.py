@@ -1,4 +1,16 @@
-"""The limits along a path as rows that are linear in (s̈, ṡ²), friction exact."""
+"""The limits along a path q(s) as constraints on s̈ and ṡ² for TOPP-RA, with exact friction.
+
+Along a path every quantity that is linear in q̈, q̇² and |q̇| becomes a function of the path's acceleration s̈ and speed ṡ ≥ 0,
+
+    a(s) s̈ + b(s) ṡ² + c(s) + k(s) ṡ                                                                              (1)
+
+because q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², ' being the derivative by s. `PathTerm` is one such function. A limit becomes a row
+(1) ≤ 1, scaled by the limit; `LinearConstraints` holds all rows of a path. With ṡ² = x, (1) is linear in (s̈, x) but for
+k √x, which is concave and is replaced by a tangent that over-estimates it.
+
+Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis, IEEE
+T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²)); dynamics/transmission.py (the friction law).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +20,7 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import motor_torque_rows
+from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
@@ -18,11 +30,41 @@ from ssm_planner.typing import Array
 
 ACTIVE = 0.998
 """A row counts as binding from this share of its limit on."""
+CEILING, NONE = -1, -2
+"""What binds instead of a row: the speed ceiling, or nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathTerm:
+    """a s̈ + b ṡ² + c + k ṡ at n points of a path; each coefficient (n,), or a number for all of them."""
+
+    a: Array | float = 0.0
+    b: Array | float = 0.0
+    c: Array | float = 0.0
+    k: Array | float = 0.0
+
+    __array_ufunc__ = None
+    """So that array * term is a term, not an array of objects."""
+
+    def __add__(self, other: PathTerm | Array | float) -> PathTerm:
+        if not isinstance(other, PathTerm):
+            return PathTerm(self.a, self.b, self.c + other, self.k)
+        return PathTerm(self.a + other.a, self.b + other.b, self.c + other.c, self.k + other.k)
+
+    def __rmul__(self, factor: Array | float) -> PathTerm:
+        return PathTerm(factor * self.a, factor * self.b, factor * self.c, factor * self.k)
+
+    def __neg__(self) -> PathTerm:
+        return -1.0 * self
+
+    def without_negative_k(self) -> PathTerm:
+        """A term that is at least as large and concave in ṡ²."""
+        return PathTerm(self.a, self.b, self.c, np.maximum(self.k, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class LinearConstraints:
-    """a s̈ + b ṡ² + c + k √(ṡ²) ≤ 1, every row scaled by its limit, (n, rows) each; and ṡ² ≤ ceiling, (n,)."""
+    """a s̈ + b ṡ² + c + k ṡ ≤ 1, each row scaled by its limit, (n, rows) each; and ṡ² ≤ ceiling, (n,)."""
 
     a: Array
     b: Array
@@ -30,19 +72,38 @@ class LinearConstraints:
     k: Array
     ceiling: Array
 
+    @classmethod
+    def of(cls, rows: list[tuple[PathTerm, float]], ceiling: Array) -> LinearConstraints:
+        """From the rows (term, limit), term ≤ limit, in their order."""
+
+        def column(name: str) -> Array:
+            return np.stack([np.broadcast_to(getattr(t, name) / limit, ceiling.shape) for t, limit in rows], axis=1)
+
+        return cls(column("a"), column("b"), column("c"), column("k"), ceiling)
+
+    def in_time_unit(self, unit: float) -> LinearConstraints:
+        """The same constraints on s̈ / unit and ṡ² / unit."""
+        return LinearConstraints(self.a * unit, self.b * unit, self.c, self.k * np.sqrt(unit), self.ceiling / unit)
+
+    def tangent(self, speed_squared: Array) -> LinearConstraints:
+        """Rows without k, at least as strict, exact at ṡ² = speed_squared (n,): √x ≤ √x₀/2 + x/(2 √x₀)."""
+        root = np.sqrt(speed_squared)[:, None]
+        b, c = self.b + self.k / (2 * root), self.c + self.k * (root / 2)
+        return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
+
     def active(self, grid: Array, speed_squared: Array) -> Array:
-        """Which row binds on each grid interval, as in `Retiming.active`."""
-        acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
-        x = ((speed_squared[1:] + speed_squared[:-1]) / 2)[:, None]
+        """The row that binds on each interval of the grid (n,), or CEILING or NONE: (n − 1,)."""
 
         def middle(values: Array) -> Array:
             return (values[1:] + values[:-1]) / 2
 
+        acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
+        x = middle(speed_squared)[:, None]
         value = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c) + middle(self.k) * np.sqrt(x)
         value = np.column_stack([value, x[:, 0] / middle(self.ceiling)])
         row = np.argmax(value, axis=1)
-        row[row == value.shape[1] - 1] = -1
-        return np.where(value.max(axis=1) > ACTIVE, row, -2)
+        row[row == value.shape[1] - 1] = CEILING
+        return np.where(value.max(axis=1) > ACTIVE, row, NONE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +119,89 @@ class PathLoad:
         return cls(*body.path_load(samples.q, samples.dq, samples.ddq))
 
 
-def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
-    """Largest ṡ² that joint, motor and tip speeds and the rates of task coordinates allow at each sample, (n,)."""
+@dataclass(frozen=True, eq=False)
+class PathLimits:
+    """The limits of a robot at n points of a path, and what of them does not depend on the motion along it."""
+
+    robot: Robot
+    samples: PathSamples
+    load: PathLoad
+    directions: Array
+    """σ: sign of q'(s), 0 for a joint that stands, (n, 4)."""
+    ceiling: Array
+    """Largest ṡ² that the speed limits allow, (n,)."""
+
+    @classmethod
+    def along(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
+        """At the points s (n,) of a grid."""
+        knots, signs = path.directions
+        interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
+        samples = path.sample(grid)
+        load = PathLoad.along(RigidBody.from_robot(robot), samples)
+        return cls(robot, samples, load, signs[interval], _speed_ceiling(path, samples, robot, limits))
+
+    def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
+        """Rows for the joints' accelerations and the motors' torques.
+
+        speed_squared (n,): ṡ² at which the friction coefficient is taken, that of the previous pass. static_start: friction
+        at s = 0 is static.
+
+        Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. Torque: see `_torque_rows`.
+        """
+        rows: list[tuple[PathTerm, float]] = []
+        for i, joint in enumerate(self.robot.joints):
+            acceleration = PathTerm(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
+            rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
+            if joint.drive is not None and joint.motor is not None:
+                mu = self._friction_coefficient(joint.drive, i, speed_squared, static_start)
+                terms = self._torque_rows(joint.drive, i, mu, speed_squared)
+                rows += [(term, joint.motor.max_torque) for term in terms]
+        return LinearConstraints.of(rows, self.ceiling)
+
+    def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
+        """μ (n,) of the drive of joint i at the given ṡ²; at a start from rest at least the static one."""
+        friction = friction_of(drive)
+        mu = friction_coefficient(friction, drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared))
+        return np.where((self.samples.s == 0.0) & static_start, np.maximum(mu, friction.mu_static), mu)
+
+    def _torque_rows(self, drive: Drive, i: int, mu: Array, speed_squared: Array) -> list[PathTerm]:
+        """Terms ≤ the largest motor torque of joint i, three of them, for friction coefficients mu (n,).
+
+        With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor speed w = r q̇, the torque in the
+        direction σ of motion is the larger of two linear functions (transmission.TorqueRows):
+
+            σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)]
+
+        Driving, σ τ ≤ limit: both functions, exact. Braking, −σ τ ≤ limit: either function bounds σ τ from below, so one of
+        them is enough; that which is larger at the given ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
+        """
+        sigma, dq, ddq = self.directions[:, i], self.samples.dq[:, i], self.samples.ddq[:, i]
+        qd, qdd = PathTerm(k=sigma * np.abs(dq)), PathTerm(a=dq, b=ddq)
+        tau_rigid = PathTerm(self.load.inertia[:, i], self.load.velocity[:, i], self.load.gravity[:, i])
+        effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
+
+        forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
+        ahead = sigma > 0
+        inertia, coulomb = (
+            np.where(ahead, forward.inertia, backward.inertia),
+            np.where(ahead, forward.coulomb, backward.coulomb),
+        )
+        wd, w = drive.ratio * qdd, drive.ratio * qd
+        motor = sigma * (inertia * wd + coulomb + forward.viscous * w)
+        first, second = (np.where(ahead, *slopes) for slopes in zip(forward.slope, backward.slope, strict=True))
+
+        mesh = effort.b * speed_squared + effort.c
+        larger = np.where(first * mesh > second * mesh, first, second)
+        driving = [(slope * effort + motor).without_negative_k() for slope in (first, second)]
+        bound = (larger * effort + motor).without_negative_k()
+        return [*driving, -PathTerm(bound.a, bound.b + bound.k / np.sqrt(self.ceiling), bound.c)]
+
+
+def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
+    """Largest ṡ² (n,) at which joints, motors, tip and task coordinates keep their speed limits.
+
+    The speeds are |q'_i| ṡ, r |q'_i| ṡ, |dp/ds| ṡ and |dtask/ds| ṡ.
+    """
     limit = np.array([joint.velocity for joint in robot.joints])
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None and joint.motor is not None:
@@ -73,89 +215,3 @@ def speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: T
             for name, rate in limits.rates.items():
                 speed = np.minimum(speed, rate / slope[:, TASK.index(name)])
     return np.asarray(speed**2)
-
-
-def linear_constraints(
-    robot: Robot,
-    samples: PathSamples,
-    load: PathLoad,
-    signs: Array,
-    ceiling: Array,
-    speed_squared: Array,
-    *,
-    starts: bool,
-) -> LinearConstraints:
-    """Acceleration and motor-torque limits as rows, the friction coefficient taken at the speed of the last pass.
-
-    starts: from rest, so that friction at the first sample is static.
-    """
-    rows = _RowList([], [], [], [])
-    zero = np.zeros(len(samples.s))
-    for i, joint in enumerate(robot.joints):
-        for side in (1.0, -1.0):
-            rows.add(side * samples.dq[:, i], side * samples.ddq[:, i], zero, zero, joint.acceleration)
-        if joint.drive is not None and joint.motor is not None:
-            _add_torque_rows(
-                rows, joint.drive, joint.motor.max_torque, i, samples, load, signs[:, i], ceiling, speed_squared, starts
-            )
-    a, b, c, k = (np.stack(column, axis=1) for column in (rows.a, rows.b, rows.c, rows.k))
-    return LinearConstraints(a, b, c, k, ceiling)
-
-
-@dataclass(frozen=True)
-class _RowList:
-    a: list[Array]
-    b: list[Array]
-    c: list[Array]
-    k: list[Array]
-
-    def add(self, a: Array, b: Array, c: Array, k: Array, limit: float) -> None:
-        for column, value in zip((self.a, self.b, self.c, self.k), (a, b, c, k), strict=True):
-            column.append(value / limit)
-
-
-def _add_torque_rows(
-    rows: _RowList,
-    drive: Drive,
-    limit: float,
-    i: int,
-    samples: PathSamples,
-    load: PathLoad,
-    sigma: Array,
-    ceiling: Array,
-    speed_squared: Array,
-    starts: bool,
-) -> None:
-    """σ τ_motor ≤ limit as two rows, and −σ τ_motor ≤ limit as one on the safe side."""
-    friction, r = friction_of(drive), drive.ratio
-    dq, ddq = samples.dq[:, i], samples.ddq[:, i]
-    moving = np.abs(sigma)
-    mu = friction_coefficient(friction, r * np.abs(dq) * np.sqrt(speed_squared))
-    mu = np.where((samples.s == 0.0) & starts, np.maximum(mu, friction.mu_static), mu)
-    forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
-    effort_a = sigma * (load.inertia[:, i] + drive.output_inertia * dq)
-    effort_b = sigma * (load.velocity[:, i] + drive.output_inertia * ddq)
-    effort_c = sigma * load.gravity[:, i] + moving * friction.b_oc
-    effort = effort_b * speed_squared + effort_c
-    inertia = np.where(sigma > 0, forward.inertia, backward.inertia) * sigma * r
-    coulomb = np.where(sigma > 0, forward.coulomb, -backward.coulomb) * moving
-    slopes = [np.where(sigma > 0, forward.slope[k], backward.slope[k]) for k in (0, 1)]
-    for slope in slopes:
-        root = (forward.viscous * r + slope * friction.b_ov) * np.abs(dq)
-        rows.add(
-            inertia * dq + slope * effort_a,
-            inertia * ddq + slope * effort_b,
-            coulomb + slope * effort_c,
-            np.maximum(root, 0.0),
-            limit,
-        )
-    # The torque is the larger of the two, so either one bounds it from below; √x ≥ x/√ceiling there.
-    slope = np.where(slopes[0] * effort > slopes[1] * effort, slopes[0], slopes[1])
-    chord = np.maximum(forward.viscous * r + slope * friction.b_ov, 0.0) * np.abs(dq) / np.sqrt(ceiling)
-    rows.add(
-        -(inertia * dq + slope * effort_a),
-        -(inertia * ddq + slope * effort_b + chord),
-        -(coulomb + slope * effort_c),
-        np.zeros_like(dq),
-        limit,
-    )

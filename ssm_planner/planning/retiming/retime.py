@@ -1,9 +1,9 @@
 """TOPP-RA behind one adapter: the fastest motion along a given path, friction as exact linear rows.
 
-Along a path the joints' directions are known, so the mesh effort F is affine in (s̈, ṡ²) and "torque ≤ limit" is two linear
-rows per motor (one for each side of the mesh). The viscous terms are concave in ṡ²: each pass replaces √(ṡ²) by its
-tangent at the previous pass, which over-estimates it, so every pass is feasible and the next is no slower.
-Method: H. Pham, Q.-C. Pham, "A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis", 2018.
+The rows are those of constraints.py. Viscous terms are concave in ṡ²: each pass replaces them by their tangents at the motion
+of the previous pass. Tangents over-estimate, so every pass is feasible and the next one no slower.
+Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis, IEEE
+T-RO 34(3), 2018, and its interpolation scheme.
 """
 
 from __future__ import annotations
@@ -12,22 +12,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLoad, linear_constraints, speed_ceiling
+from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.planning.retiming.toppra_import import load_toppra
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
-PASSES = 12
-CONVERGED = 1e-5
-"""Relative change of the duration at which the tangents have settled: a further pass would change about its square."""
-
+POINTS = 1000
+"""Grid intervals."""
 COARSE = 200
 """Grid intervals of the rough motion that tells where to put the points of the grid."""
 UNIFORM = 0.1
 """Share of the points that is uniform in s."""
+PASSES = 12
+CONVERGED = 1e-5
+"""Relative change of the duration at which the tangents have settled: a further pass would change about its square."""
+SLOWER = 1 / 16
+"""Factor on ṡ² of the tangents after a pass without a motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +51,14 @@ class Retiming:
 
     @property
     def times(self) -> Array:
+        """Time at each grid point, (n + 1,), s."""
         return _times(self.s, self.speed_squared)
 
 
 def retime(
     path: JointPath,
     robot: Robot,
-    points: int = 1000,
+    points: int = POINTS,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
     *,
@@ -65,34 +68,23 @@ def retime(
 
     static: friction at a start from rest is static.
     """
-    knots, signs = path.directions
     rough = retime(path, robot, COARSE, limits, speeds, static=static) if points > COARSE else None
-    grid = _grid(knots, points, rough)
-    samples = path.sample(grid)
-    interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
-    ceiling = speed_ceiling(path, samples, robot, limits)
-    load = PathLoad.along(RigidBody.from_robot(robot), samples)
+    grid = _grid(path.directions[0], points, rough)
+    path_limits = PathLimits.along(path, grid, robot, limits)
     # the tangents of the rough motion are nearly settled, and its passes cost a fifth
-    tangent = ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
-    best = Retiming(
-        "infeasible",
-        "TOPP-RA finds no motion along the path within the limits",
-        np.inf,
-        grid,
-        np.zeros_like(grid),
-        0,
-        np.full(points, -2),
+    tangent = (
+        path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
     )
+    message = "TOPP-RA finds no motion along the path within the limits"
+    best = Retiming("infeasible", message, np.inf, grid, np.zeros_like(grid), 0, np.full(points, -2))
     for count in range(1, PASSES + 1):
-        rows = linear_constraints(
-            robot, samples, load, signs[interval], ceiling, tangent, starts=static and speeds[0] == 0.0
-        )
+        rows = path_limits.constraints(tangent, static_start=static and speeds[0] == 0.0)
         found = _solve(grid, rows, tangent, speeds)
         if found is None:
             if best.solved:
                 break
             # a tangent at high speed over-estimates viscous friction at low speed: try nearer to rest
-            tangent = tangent / 16
+            tangent = tangent * SLOWER
             continue
         duration = float(_times(grid, found)[-1])
         active = rows.active(grid, found)
@@ -106,13 +98,13 @@ def retime(
 
 
 def _times(grid: Array, speed_squared: Array) -> Array:
-    """Time at each grid point, ṡ² being linear in s between them."""
+    """Time at each grid point, (n + 1,), ṡ² being linear in s between them."""
     speed = np.sqrt(speed_squared)
     return np.concatenate([[0.0], np.cumsum(2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300))])
 
 
 def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
-    """A grid with the points nearest to the knots moved onto them: uniform, or after a rough motion nearly so in time.
+    """The grid (points + 1,): uniform in s, or after a rough motion nearly uniform in time; a point on each knot.
 
     Where ṡ is small a step in s takes long, and the interpolation scheme, which keeps the rows of both its ends with one s̈,
     loses most; with a grid uniform in time as many points lose a quarter as much.
@@ -131,36 +123,34 @@ def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
 
 
 def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[float, float]) -> Array | None:
-    """One TOPP-RA pass; ṡ² at the grid points or None where there is no motion."""
+    """One TOPP-RA pass with the tangents at ṡ² = tangent (n,): ṡ² at the grid points (n,), None where there is no motion."""
     load_toppra()
     from toppra.algorithm import TOPPRA
     from toppra.constraint import LinearConstraint
+    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
     from toppra.interpolator import AbstractGeometricPath
 
     # TOPP-RA has absolute tolerances: choose the unit of time in which ṡ² is of order one
     unit = 1 / max(float(np.abs(rows.a).max()), 1 / float(rows.ceiling.max()))
-    rows = LinearConstraints(rows.a * unit, rows.b * unit, rows.c, rows.k * np.sqrt(unit), rows.ceiling / unit)
-    root = np.sqrt(np.maximum(tangent / unit, 1e-12 * tangent.max() / unit))
-    b = rows.b + rows.k / (2 * root)[:, None]
-    c = rows.c + rows.k * (root / 2)[:, None]
-    count = rows.a.shape[1]
-
-    # interpolation: the rows at the end of an interval too, for what the motion is there
-    ahead = np.append(np.arange(1, len(grid)), len(grid) - 1)
-    step = np.append(np.diff(grid), 0.0)[:, None]
-    a = np.hstack([rows.a, rows.a[ahead] + 2 * step * b[ahead]])
-    b, c = np.hstack([b, b[ahead]]), np.hstack([c, c[ahead]])
+    at = tangent / unit
+    scaled = rows.in_time_unit(unit).tangent(np.maximum(at, 1e-12 * at.max()))
+    count = scaled.a.shape[1]
 
     class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
+        """a s̈ + b ṡ² + c ≤ 1 and 0 ≤ ṡ² ≤ ceiling, both ends of an interval with one s̈."""
+
         def __init__(self) -> None:
             super().__init__()
             self.identical = True
 
         def compute_constraint_params(self, *_: object, **__: object) -> tuple[object, ...]:
-            bounds = np.stack([np.zeros(len(grid)), rows.ceiling], axis=1)
-            return a, b, c, np.eye(2 * count), np.ones(2 * count), None, bounds
+            collocated = scaled.a, scaled.b, scaled.c, np.eye(count), np.ones(count)
+            a, b, c, f, g, *_ = canlinear_colloc_to_interpolate(*collocated, None, None, grid, identical=True)
+            return a, b, c, f, g, None, np.stack([np.zeros(len(grid)), scaled.ceiling], axis=1)
 
     class Line(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
+        """The path as TOPP-RA asks for it; the rows know it already."""
+
         dof = 1
         path_interval = np.array([0.0, 1.0])
         waypoints = None
