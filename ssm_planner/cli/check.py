@@ -85,7 +85,8 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
     """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
-    from ssm_planner.cli.output import shown_unit, text_table
+    from ssm_planner.cli.output import shown_unit
+    from ssm_planner.reporting.text import text_table
 
     rows = []
     for limit in sorted(certificate.limits, key=lambda limit: limit.margin):

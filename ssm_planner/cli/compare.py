@@ -133,7 +133,8 @@ def assign(words: list[str], robot: Robot) -> list[tuple[str, Path]]:
 
 def compare_lines(axes: list[AxisComparison]) -> list[str]:
     """Errors of every axis, then its limits in reality beside the planned margins."""
-    from ssm_planner.cli.output import shown_unit, text_table
+    from ssm_planner.cli.output import shown_unit
+    from ssm_planner.reporting.text import text_table
 
     header = ("axis", "recording", "begins at s", "correlation", "NRMSD position", "speed", "torque")
     rows = [

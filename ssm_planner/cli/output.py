@@ -1,7 +1,4 @@
-"""What commands share: quantities as arguments, progress on stderr, JSON on stdout.
-
-Tables of text on the terminal.
-"""
+"""What commands share: quantities as arguments, progress on stderr, JSON on stdout, units on the terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 OK, FAILED = 0, 1
@@ -56,14 +53,3 @@ def shown_unit(unit: str, name: str = "") -> tuple[str, float]:
     base, slash, per = unit.partition("/")
     name, scale = SHOWN.get(base, (base, 1.0))
     return name + slash + per, scale
-
-
-def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table: the first column to the left, the others to the right."""
-    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
-
-    def line(cells: Sequence[str]) -> str:
-        rest = (cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True))
-        return "  ".join([cells[0].ljust(widths[0]), *rest]).rstrip()
-
-    return [line(header), "  ".join("-" * width for width in widths), *(line(row) for row in rows)]

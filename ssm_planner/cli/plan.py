@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
     with FigureProcess() as drawer:  # first of all, so that it is ready when the plan is
         from ssm_planner.loading.load import load_problem
         from ssm_planner.pipeline.run import plan_to_folder
-        from ssm_planner.reporting.text.plan import summary_lines
+        from ssm_planner.reporting.text import summary_lines
 
         problem = load_problem(options.problem)
         folder = options.output or Path("results") / problem.name

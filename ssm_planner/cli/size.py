@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
-    from ssm_planner.reporting.text.sizing import sizing_lines, what_if_lines
+    from ssm_planner.reporting.text import sizing_lines, what_if_lines
     from ssm_planner.sizing.size import size
 
     duty, conditions = read_duty(options.plan, options.robot), _conditions(options)

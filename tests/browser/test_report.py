@@ -15,7 +15,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
-from ssm_planner.reporting.text.sizing import motors_verdict
+from ssm_planner.reporting.text import motors_verdict
 
 from .conftest import PLAN, Visit
 from .page_laws import CONTRAST, OVERFLOW, UNNAMED

@@ -10,7 +10,7 @@ import pytest
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.tightening import Strictness
 from ssm_planner.problem.problem import Problem
-from ssm_planner.reporting.text.plan import summary_lines
+from ssm_planner.reporting.text import summary_lines
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check

@@ -22,11 +22,11 @@ from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.plan_json import read_plan
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.serialization import plain
+from ssm_planner.reporting.html.channels import encoded
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.page import LIBRARIES, Table, environment, safe_json
 from ssm_planner.reporting.html.panels import active_stretches
 from ssm_planner.reporting.html.report import report_data, write_report
-from ssm_planner.reporting.html.series import encoded
 from ssm_planner.verification.check import check
 
 PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"

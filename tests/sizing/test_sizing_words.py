@@ -11,7 +11,7 @@ from sizing_cases import COMPLETE, equipped
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.text.sizing import missing_figures, motors_verdict
+from ssm_planner.reporting.text import missing_figures, motors_verdict
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import size, size_motion
 from ssm_planner.trajectory import Trajectory

@@ -9,11 +9,11 @@ from typing import Any
 
 from ssm_planner.formats.plan_json import PlanFile, read_plan
 from ssm_planner.reporting.figures.style import COLOURS
+from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import Table, render, write_page
-from ssm_planner.reporting.html.panels import Panel
+from ssm_planner.reporting.html.panels import Panel, panels_of
 from ssm_planner.reporting.html.report import name_of, percent, unknowns, verdict
 from ssm_planner.reporting.html.scene import scene_of
-from ssm_planner.reporting.html.series import channels_of, encoded, panels_of, time_grid
 from ssm_planner.verification.certificate import Certificate
 
 LEFT_OUT = ("What the motor torque is spent on",)

@@ -10,15 +10,13 @@ from typing import Any
 from ssm_planner.formats.plan_json import PlanFile, read_plan
 from ssm_planner.problem.robot import Joint
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH, RPM, unit_of
-from ssm_planner.reporting.html.motors import TEMPERATURE, motor_map, without_temperature
+from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import Table, render, write_page
+from ssm_planner.reporting.html.panels import TEMPERATURE, limit_rows, motor_map, panels_of, without_temperature
 from ssm_planner.reporting.html.scene import scene_of
-from ssm_planner.reporting.html.series import channels_of, encoded, panels_of, time_grid
-from ssm_planner.reporting.html.tool import limit_rows
-from ssm_planner.reporting.text.sizing import ANSWERS, gear_margin, missing_figures, motors_verdict
+from ssm_planner.reporting.text import ANSWERS, MOTOR_MARGINS, gear_margin, missing_figures, motors_verdict
 from ssm_planner.verification.certificate import LimitCheck
 
-MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 Mark = tuple[str, str, str]
 """("good", "bad" or "open", a word, its reason)."""
@@ -191,7 +189,7 @@ def _motor_column(motor: Mapping[str, Any], found: Mapping[str, Any]) -> dict[st
         "its figures": "placeholders among them" if motor["placeholder"] else "with a source",
         "suffices": ANSWERS[motor["adequate"]],
         "binds": (motor["binds"] or "–").replace("_", " "),
-        **{name.replace("_", " "): _margin(motor["margins"].get(name)) for name in MARGINS},
+        **{name.replace("_", " "): _margin(motor["margins"].get(name)) for name in MOTOR_MARGINS},
         "gear": _margin(gear_margin(motor, found)),
         "confidence": "–" if probability is None else f"{100 * probability:.3g} %",
     }

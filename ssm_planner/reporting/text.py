@@ -1,13 +1,10 @@
-"""The verdict on motors and gears in words, from the object that `size --json` prints and plan.json holds.
-
-The tables of `size` on the terminal: what is required, the candidates with their margins, the verdict.
-"""
+"""What the terminal shows of a plan and of its sizing: aligned tables, what is not known, verdicts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ssm_planner.sizing.assess import CONFIDENCE, ROTOR, MotorVerdict
 from ssm_planner.sizing.size import JointSizing, Sizing
@@ -15,8 +12,131 @@ from ssm_planner.sizing.torque_breakdown import PARTS
 from ssm_planner.sizing.verdict import Check
 from ssm_planner.sizing.what_if import WhatIf
 
+if TYPE_CHECKING:  # `check` prints tables and never loads the planner
+    from ssm_planner.plans import Plan
+
+SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)}
 SizingObject = Mapping[str, Any]
+"""What `size --json` prints and plan.json holds."""
 ANSWERS = {True: "yes", False: "no", None: "not known"}
+LOUD = {**ANSWERS, False: "NO"}
+MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)) -> list[str]:
+    """Lines of a table under a ruled heading; left: columns that are aligned to the left."""
+    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
+
+    def line(cells: Sequence[str]) -> str:
+        padded = (
+            cell.ljust(width) if i in left else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        )
+        return "  ".join(padded).rstrip()
+
+    return [line(header), "  ".join("-" * width for width in widths), *(line(row) for row in rows)]
+
+
+def summary_lines(plan: Plan) -> list[str]:
+    """Phases, motors, limits, what is unknown, and the verdicts."""
+    if plan.trajectory is None:
+        reason = plan.reason.message if plan.reason else plan.status
+        lines = [f"{plan.problem.name}: no plan ({plan.status})", f"  reason: {reason}"]
+        if plan.reason is not None and plan.reason.relaxation:
+            lines.append(f"  would do: {plan.reason.relaxation}")
+        return lines
+    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
+    phases = [
+        (phase.phase.motion.name, f"{phase.duration:.4f}", _seconds(phase.toppra_duration), f"{phase.lower_bound:.4f}")
+        for phase in plan.phases
+    ]
+    total = ("total", f"{plan.duration:.4f}", _seconds(plan.toppra_duration), f"{plan.lower_bound:.4f}")
+    lines += text_table(("phase", "duration s", "TOPP-RA s", "lower bound s"), [*phases, total])
+    lines += ["", *_motor_table(plan), "", *_limit_table(plan)]
+    if plan.notes:
+        lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
+    if plan.reason is not None:
+        lines += ["", plan.reason.message]
+        if plan.reason.relaxation:
+            lines.append(f"would do: {plan.reason.relaxation}")
+    return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
+
+
+def _seconds(duration: float | None) -> str:
+    return "–" if duration is None else f"{duration:.4f}"
+
+
+def verdicts(plan: Plan) -> list[str]:
+    """One line per question: planned, checked, motors."""
+    lines = []
+    if plan.duration is not None and plan.toppra_duration:
+        ratio = plan.duration / plan.toppra_duration
+        lines.append(
+            f"planned      {plan.duration:.4f} s, {100 * (ratio - 1):+.3f} % of TOPP-RA's time on the same path"
+        )
+    if plan.certificate is not None:
+        worst = plan.certificate.worst
+        word = "PASSED" if plan.certificate.passed else "FAILED"
+        joint = f" of joint {worst.joint}" if worst.joint else ""
+        lines.append(
+            f"check        {word}: {len(plan.certificate.limits)} limits at {plan.certificate.instants} instants; "
+            f"smallest margin {worst.margin:+.1e} ({worst.name}{joint}, t = {worst.time:.3f} s)"
+        )
+        for violation in plan.certificate.violations:
+            lines.append(
+                f"             exceeded: {violation.name} {violation.joint or ''} at t = {violation.time:.4f} s"
+            )
+    for requirement in plan.requirements:
+        motor = requirement.motor
+        if motor is None:
+            lines.append(f"motor        joint {requirement.joint}: not checked, needs a motor in the robot file")
+            continue
+        within = requirement.peak_torque <= motor.max_torque and requirement.rms_torque <= motor.nominal_torque
+        within = within and requirement.peak_speed <= motor.max_speed
+        mark = " (placeholder figures: no verdict on the real motor)" if motor.placeholder else ""
+        lines.append(f"motor        joint {requirement.joint}: {'within' if within else 'BEYOND'} {motor.name}{mark}")
+    if plan.sizing is not None:
+        _, word, reason = motors_verdict(plan.sizing.to_dict())
+        lines.append(f"sizing       {word}: {reason}")
+    return lines
+
+
+def _motor_table(plan: Plan) -> list[str]:
+    rows = []
+    for r in plan.requirements:
+        motor = r.motor
+        limit = "–" if motor is None else f"{1e3 * motor.max_torque:.4g} / {1e3 * motor.nominal_torque:.4g}"
+        speed = f"{r.peak_speed * 30 / math.pi:.0f}"
+        rows.append((r.joint, f"{1e3 * r.peak_torque:.4g}", f"{1e3 * r.rms_torque:.4g}", limit, speed))
+    return text_table(("motor of joint", "peak mN·m", "RMS mN·m", "largest / nominal mN·m", "peak rpm"), rows)
+
+
+def _limit_table(plan: Plan) -> list[str]:
+    if plan.certificate is None:
+        return []
+    rows = []
+    for limit in sorted(plan.certificate.limits, key=lambda limit: limit.margin):
+        if limit.name.endswith("jump"):
+            continue
+        unit, scale = _shown(limit.unit)
+        rows.append(
+            (
+                limit.name,
+                limit.joint or "",
+                f"{scale * limit.worst:.5g}",
+                f"{scale * limit.limit:.5g}",
+                unit,
+                f"{100 * limit.margin:+.4f} %",
+                f"{limit.time:.3f}",
+            )
+        )
+    return text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s"), rows)
+
+
+def _shown(unit: str) -> tuple[str, float]:
+    base, slash, per = unit.partition("/")
+    name, scale = SHOWN.get(base, (base, 1.0))
+    return name + slash + per, scale
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
@@ -95,10 +215,6 @@ def _lines(lacking: Mapping[str, str]) -> tuple[str, str]:
     return ", ".join(name.replace("_", " ") for name in lacking), ", ".join(figures)
 
 
-ANSWER = {True: "yes", False: "NO", None: "not known"}
-MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
-
-
 def sizing_lines(sizing: Sizing) -> list[str]:
     """Requirement, split, candidates, gears, what could not be checked, verdict."""
     known = all(joint.band.known for joint in sizing.joints)
@@ -139,7 +255,7 @@ def _requirements(sizing: Sizing) -> list[str]:
         heat = "–" if r.joule_power is None else f"{r.joule_power:.3g}"
         figures = (r.mean_torque * 1e3, r.peak_speed * 30 / math.pi, r.peak_acceleration, r.peak_power, r.mean_power)
         rows.append((r.joint, peak, rms, *(f"{value:.4g}" for value in figures), heat))
-    return columns(head, rows, left=(0,))
+    return text_table(head, rows)
 
 
 def _split(sizing: Sizing) -> list[str]:
@@ -149,7 +265,7 @@ def _split(sizing: Sizing) -> list[str]:
         parts = joint.requirement.split.at_peak
         sign = math.copysign(1e3, sum(parts.values()))
         rows.append((joint.load.joint, *(f"{sign * parts[name] + 0.0:+.4f}" for name in PARTS)))
-    return columns(head, rows, left=(0,))
+    return text_table(head, rows)
 
 
 def _candidates(sizing: Sizing) -> list[str]:
@@ -170,8 +286,8 @@ def _candidates(sizing: Sizing) -> list[str]:
         shown = [_percent(margins[key]) for key in MOTOR_MARGINS]
         binds = (verdict.binds or "–").replace("_", " ")
         through_gear = f"{100 * min(gear):+.1f} %" if gear else "–"
-        rows.append((verdict.joint, name, ANSWER[verdict.adequate], binds, *shown, through_gear, _winding(verdict)))
-    lines = columns(head, rows)
+        rows.append((verdict.joint, name, LOUD[verdict.adequate], binds, *shown, through_gear, _winding(verdict)))
+    lines = text_table(head, rows, left=(0, 1))
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
         lines.append("* placeholder figures: no verdict on the real motor")
     return lines
@@ -190,7 +306,7 @@ def _gears(sizing: Sizing) -> list[str]:
         made = [check for check in joint.gear if check.margin is not None]
         shown = ", ".join(f"{check.name.replace('_', ' ')} {_percent(check)}" for check in made)
         rows.append((joint.load.joint, joint.load.drive.name, shown or "nothing could be checked"))
-    return columns(("joint", "drive", "margins"), rows, left=(0, 1, 2))
+    return text_table(("joint", "drive", "margins"), rows, left=(0, 1, 2))
 
 
 def _not_checked(sizing: Sizing) -> list[str]:
@@ -230,7 +346,7 @@ def _verdict(sizing: Sizing) -> list[str]:
     lines = ["Verdicts"]
     for joint in sizing.joints:
         lines.append(f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}")
-    return [*lines, f"  all        {ANSWER[sizing.adequate]} (motors and gears)"]
+    return [*lines, f"  all        {LOUD[sizing.adequate]} (motors and gears)"]
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:
@@ -245,17 +361,3 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
 
 def _percent(check: Check) -> str:
     return "–" if check.margin is None else f"{100 * check.margin:+.1f} %"
-
-
-def columns(head: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0, 1)) -> list[str]:
-    """Aligned columns under a ruled heading."""
-    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
-
-    def line(cells: Sequence[str]) -> str:
-        padded = (
-            cell.ljust(width) if i in left else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        )
-        return "  ".join(padded).rstrip()
-
-    return [line(head), "  ".join("-" * width for width in widths), *(line(row) for row in rows)]
