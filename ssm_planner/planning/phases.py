@@ -89,7 +89,7 @@ def phases_from(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[P
             end = _task_of(problem, mechanism, motion.target, start)
             _refuse_standstill(problem, motion, end - start)
             branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
-            path = StraightPath(mechanism, start, end, branch, first, driven)
+            path = StraightPath(mechanism, start=start, end=end, branch=branch, first=first, watched=driven)
             points = path.sample(np.array([0.0, 1.0])).q
         else:
             passed = [first]

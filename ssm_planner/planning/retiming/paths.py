@@ -1,14 +1,12 @@
-"""Straight motions as paths q(s), 0 ≤ s ≤ 1: a line in task coordinates through the closed-form inverse kinematics.
-
-Paths in joint space: the one that a free motion took, and the direct line between two configurations.
-"""
+"""Paths q(s), 0 ≤ s ≤ 1, that TOPP-RA times: straight in task coordinates, that of a motion, or a polyline in joint space."""
 
 from __future__ import annotations
 
 import pickle
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,11 +20,19 @@ from ssm_planner.typing import Array
 
 STILL = 1e-9
 """A joint whose q'(s) stays below this (rad or m per whole path) does not move along the path."""
+LOOKS = 401
+"""Points among which turning points of a straight path are looked for."""
+POINTS = 600
+"""Intervals of the spline through a motion."""
+DENSE = 20 * POINTS
+"""Instants at which the motion is measured for it."""
+APART = 1e-9
+"""Smallest distance in s of two points of the spline."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathSamples:
-    """q and its derivatives by s, each (n, 4)."""
+    """q and its derivatives by s, each (n, 4), at s (n,)."""
 
     s: Array
     q: Array
@@ -34,34 +40,52 @@ class PathSamples:
     ddq: Array
 
 
-@dataclass(frozen=True, eq=False)
-class StraightPath:
-    """The joints along task(s) = start + s (end − start) on one IK branch.
+class JointPath(ABC):
+    """A path q(s), 0 ≤ s ≤ 1.
 
-    start, end: task coordinates (roll, tilt, spin, depth), (4,). first: the joints at s = 0, (4,), which fix the turn of
-    the revolute joints. Differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
+    A new kind of path is a frozen dataclass with a field `mechanism`, `sample` and `directions`.
+    """
+
+    mechanism: Mechanism
+
+    @abstractmethod
+    def sample(self, s: Array) -> PathSamples:
+        """Joints and their first two derivatives by s, at s (n,)."""
+
+    @property
+    @abstractmethod
+    def directions(self) -> tuple[Array, Array]:
+        """Where joints turn back: knots s_k (m + 1,) from 0 to 1, and the sign of q'(s) between them, (m, 4); 0: stands."""
+
+    def tip_slope(self, samples: PathSamples) -> Array:
+        """dp/ds of the tool tip, m, (n, 3)."""
+        return tip_velocity(self.mechanism, samples.q, samples.dq)
+
+
+@dataclass(frozen=True, eq=False)
+class StraightPath(JointPath):
+    """The joints along task(s) = start + s (end − start) on one branch of the closed-form inverse kinematics.
+
+    Differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
     """
 
     mechanism: Mechanism
     start: Array
+    """Task coordinates (roll, tilt, spin, depth), (4,)."""
     end: Array
     branch: int
     first: Array
+    """Joints at s = 0, (4,): they fix the whole turns of the revolute joints."""
     watched: tuple[int, ...] = (0, 1, 2, 3)
     """Joints whose turning points matter: those with a drive."""
-    grid: int = 400
-
-    def task(self, s: Array) -> Array:
-        return self.start + np.asarray(s)[:, None] * (self.end - self.start)
 
     def sample(self, s: Array) -> PathSamples:
-        """Path and derivatives at s (n,), revolute joints continuous from `first`."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
         return PathSamples(s, q + self._turns, dq, ddq)
 
     def third_derivative(self, s: Array) -> Array:
-        """Of the joints by s, at s (n,): (n, 4)."""
+        """d³q/ds³ at s (n,): (n, 4)."""
         return self._derivatives(np.asarray(s, dtype=float), order=3)[3]
 
     def speed_at(self, s: float, qd: Array) -> float:
@@ -69,45 +93,37 @@ class StraightPath:
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
 
-    def tip_slope(self, samples: PathSamples) -> Array:
-        """dp/ds of the tool tip, m, (n, 3)."""
-        return tip_velocity(self.mechanism, samples.q, samples.dq)
-
     @cached_property
     def directions(self) -> tuple[Array, Array]:
-        """Where watched joints turn back: knots s_k (m + 1,) and the sign of q'(s) between them, (m, 4), else 0."""
-        s = np.linspace(0.0, 1.0, self.grid + 1)
+        s = np.linspace(0.0, 1.0, LOOKS)
         dq = self.sample(s).dq
-        moving = np.abs(dq).max(axis=0) > STILL
-        moving &= np.isin(np.arange(4), self.watched)
-        knots = [0.0]
-        for joint in np.flatnonzero(moving):
-            crossing = np.flatnonzero(np.signbit(dq[1:, joint]) != np.signbit(dq[:-1, joint]))
-            knots.extend(self._turning_point(int(joint), s[i], s[i + 1]) for i in crossing)
-        knots = sorted({round(k, 12) for k in knots if 1e-6 < k < 1 - 1e-6} | {0.0, 1.0})
-        middle = (np.array(knots[1:]) + np.array(knots[:-1])) / 2
-        return np.array(knots), np.sign(self.sample(middle).dq) * moving
+        moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.watched)
+        turns = np.signbit(dq[1:]) != np.signbit(dq[:-1])
+        found = {round(self._turning_point(int(i), s[k], s[k + 1]), 12) for k, i in np.argwhere(turns & moving)}
+        knots = np.array([0.0, *sorted(k for k in found if 1e-6 < k < 1 - 1e-6), 1.0])
+        return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq) * moving
 
     def _turning_point(self, joint: int, low: float, high: float) -> float:
+        """The root of q'(s) of one joint between two points where its signs differ."""
         from scipy.optimize import brentq
 
         def slope(s: float) -> float:
             return float(self.sample(np.array([s])).dq[0, joint])
 
-        if slope(low) * slope(high) > 0:
+        if slope(low) * slope(high) > 0:  # alone a sample is rounded otherwise than among many: the root is at an end
             return low if abs(slope(low)) < abs(slope(high)) else high
         return float(brentq(slope, low, high, xtol=1e-14))
 
     @cached_property
     def _turns(self) -> Array:
-        """Whole turns from the closed form, which is continuous along the path, to the joints at its start."""
+        """Whole turns (1, 4) from the closed form, which is continuous along the path, to the joints at its start."""
         q = self._derivatives(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
         turns[:, 3] = 0.0
         return turns
 
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
-        """The joints at s (n,) and their derivatives by s up to an order; revolute joints up to whole turns."""
+        """The joints at s (n,), up to whole turns, and their derivatives by s up to an order, (n, 4) each."""
         function = _line(pickle.dumps(self.mechanism), self.branch, order)
         ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
         return call(function, s[:, None], *ends)
@@ -115,7 +131,7 @@ class StraightPath:
 
 @lru_cache(maxsize=16)
 def _line(mechanism: bytes, branch: int, order: int) -> ca.Function:
-    """(s, start, way): the joints and their derivatives by s along a line in task coordinates."""
+    """(s, start, way): the joints and their derivatives by s along a line in task coordinates; mechanism: pickled."""
     s, start, way = ca.SX.sym("s"), ca.SX.sym("start", 4), ca.SX.sym("way", 4)
     values: Any = [joints_from_task_symbolic(pickle.loads(mechanism), start + s * way, branch)]
     for _ in range(order):
@@ -123,56 +139,43 @@ def _line(mechanism: bytes, branch: int, order: int) -> ca.Function:
     return ca.Function("path", [s, start, way], ca.cse(values))
 
 
-POINTS = 600
-
-
-class JointPath(Protocol):
-    """What TOPP-RA needs of a path q(s), 0 ≤ s ≤ 1."""
-
-    @property
-    def mechanism(self) -> Mechanism: ...
-
-    @property
-    def directions(self) -> tuple[Array, Array]: ...
-
-    def sample(self, s: Array) -> PathSamples: ...
-
-    def tip_slope(self, samples: PathSamples) -> Array: ...
-
-
 @dataclass(frozen=True, eq=False)
-class SplinePath:
-    """The path of a motion whose joints turn back only at given instants; s is the mean share of their ways gone.
+class SplinePath(JointPath):
+    """The path that a motion took: a cubic spline through points of it, so that its re-timing is accurate to about 1e-3.
 
-    A cubic spline through points of the motion, so that its re-timing is a cross-check to about 1e-3, not exact.
+    s is the mean share of their ways that the joints have gone: s(t) = ∫₀ᵗ Σ_j |q̇_j| / unit_j dt. It grows while any joint
+    moves, so dq/ds is bounded.
     """
 
     mechanism: Mechanism
     spline: Any
+    """q(s), a scipy CubicSpline."""
     knots: Array
+    """Values of s between which no joint turns back, (k + 1,)."""
     signs: Array
+    """Directions of the joints between the knots, (k, 4)."""
     unit: Array
-    """By joint, (4,): s = Σ |way_j| / unit_j."""
+    """By joint, (4,); infinite for one that stands."""
 
     @classmethod
     def of(cls, mechanism: Mechanism, trajectory: Trajectory, borders: Array, way: Array) -> SplinePath:
-        """borders (k + 1,): instants between which no joint turns back; way (k, 4): of each joint, 0 for those that stand."""
+        """borders (k + 1,): instants between which no joint turns back, s; way (k, 4): what each joint goes between them."""
         from scipy.interpolate import CubicSpline
 
-        unit = np.abs(way).max(axis=0)
-        moving = np.flatnonzero(unit)
-        dense = np.unique(np.concatenate([np.linspace(0.0, trajectory.duration, 20 * POINTS), borders]))
-        q = trajectory.sample(dense, side="left").q[:, moving] / unit[moving]
-        gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)).sum(axis=1))])
-        knots = np.interp(borders, dense, gone) / gone[-1]
-        grid = np.unique(np.concatenate([np.linspace(0.0, 1.0, POINTS + 1), knots]))
-        t = np.interp(grid * gone[-1], gone, dense)
-        s = np.interp(t, dense, gone) / gone[-1]
-        s[0], s[-1], knots[0], knots[-1] = 0.0, 1.0, 0.0, 1.0
-        distinct = np.concatenate([[True], np.diff(s) > 1e-9])
-        distinct[-1] = True
-        spline = CubicSpline(s[distinct], trajectory.sample(t[distinct], side="left").q)
-        return cls(mechanism, spline, knots, np.sign(way), np.where(unit > 0, unit, np.inf) * gone[-1])
+        longest = np.abs(way).max(axis=0)
+        moving = longest > 0
+        t = np.union1d(np.linspace(0.0, trajectory.duration, DENSE), borders)
+        shares = trajectory.sample(t, side="left").q[:, moving] / longest[moving]
+        gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shares, axis=0)).sum(axis=1))])
+        s = gone / gone[-1]
+
+        knots = np.interp(borders, t, s)
+        knots[0], knots[-1] = 0.0, 1.0
+        grid = np.union1d(np.linspace(0.0, 1.0, POINTS + 1), knots)
+        distinct = np.concatenate([[True], np.diff(grid[:-1]) > APART, [True]])
+        grid = grid[distinct]
+        spline = CubicSpline(grid, trajectory.sample(np.interp(grid, s, t), side="left").q)
+        return cls(mechanism, spline, knots, np.sign(way), np.where(moving, longest, np.inf) * gone[-1])
 
     @property
     def directions(self) -> tuple[Array, Array]:
@@ -180,8 +183,8 @@ class SplinePath:
 
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)
-        q, dq, ddq = (self.spline(s, k) for k in range(3))
-        still = ~np.any(self.signs != 0, axis=0)
+        q, dq, ddq = (self.spline(s, order) for order in range(3))
+        still = np.isinf(self.unit)
         dq[:, still] = ddq[:, still] = 0.0
         return PathSamples(s, q, dq, ddq)
 
@@ -189,12 +192,9 @@ class SplinePath:
         """ṡ at which the joints move at qd (4,)."""
         return float((np.abs(qd) / self.unit).sum())
 
-    def tip_slope(self, samples: PathSamples) -> Array:
-        return tip_velocity(self.mechanism, samples.q, samples.dq)
-
 
 @dataclass(frozen=True, eq=False)
-class PolylinePath:
+class PolylinePath(JointPath):
     """The straight lines in joint space from point to point (k + 1, 4), each over the same share of s."""
 
     mechanism: Mechanism
@@ -211,6 +211,3 @@ class PolylinePath:
         way = np.diff(self.points, axis=0)[piece]
         q = self.points[piece] + (s * count - piece)[:, None] * way
         return PathSamples(s, q, count * way, 0 * way)
-
-    def tip_slope(self, samples: PathSamples) -> Array:
-        return tip_velocity(self.mechanism, samples.q, samples.dq)
