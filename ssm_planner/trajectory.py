@@ -133,6 +133,49 @@ def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, 
     return np.stack([q0, v0, a0 / 2, c3, c4, c5], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class Cubic:
+    """u(t) on 0 ≤ t ≤ h with acceleration linear in t, from its state at t = 0 and its acceleration at t = h.
+
+    At the share c = t / h, with r = a1 − a0: ü = a0 + c r, u̇ = v + t (a0 + c r / 2), u(t) = u + t v + t² (a0 / 2 + c r / 6).
+    NumPy arrays or CasADi expressions of shapes that go together.
+    """
+
+    u: Any
+    v: Any
+    a0: Any
+    a1: Any
+    h: Any
+
+    def at(self, c: Any) -> tuple[Any, Any, Any]:
+        """u, u̇ and ü at the share c of the length."""
+        t, rise = c * self.h, self.a1 - self.a0
+        return (
+            self.u + t * (self.v + t * (self.a0 / 2 + c * rise / 6)),
+            self.v + t * (self.a0 + c * rise / 2),
+            self.a0 + c * rise,
+        )
+
+    @property
+    def end(self) -> tuple[Any, Any]:
+        """u and u̇ at c = 1."""
+        h = self.h
+        return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (self.a0 + self.a1) / 2
+
+    @property
+    def middle_velocity(self) -> Any:
+        """Second Bernstein coefficient of the quadratic u̇; the first and third are its values at both ends.
+
+        While the three keep a bound, so does u̇ everywhere on the piece.
+        """
+        return self.v + self.h * self.a0 / 2
+
+    @property
+    def jerk(self) -> Any:
+        """u⃛, constant."""
+        return (self.a1 - self.a0) / self.h
+
+
 def hold(q: Array) -> Array:
     """One piece at rest at q (4,); coefficients (1, 6, 4)."""
     coefficients = np.zeros((1, DEGREE + 1, 4))

@@ -1,6 +1,10 @@
-"""The one way by which NumPy arrays reach a CasADi Function."""
+"""How NumPy arrays reach a CasADi Function: batches of samples, and named parameters as one vector."""
 
 from __future__ import annotations
+
+from itertools import accumulate, pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -33,3 +37,33 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     if function.n_out() == 1:
         results = (results,)
     return tuple(np.ascontiguousarray(result.full().T) for result in results)
+
+
+class Layout:
+    """Names and lengths of parameters that travel as one vector, in NumPy and in CasADi.
+
+    Layout(gravity=3, scale=1) packs gravity (3,) and scale into (4,).
+    """
+
+    def __init__(self, **lengths: int) -> None:
+        ends = accumulate(lengths.values(), initial=0)
+        self.slices = {name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)}
+        self.size = sum(lengths.values())
+
+    def pack(self, **values: Any) -> Array:
+        """All parameters as one vector (size,); each value has as many numbers as its name, in any shape.
+
+        Raises GeometryError for a missing or unknown name, or a wrong count of numbers.
+        """
+        parts = {name: np.ravel(value) for name, value in values.items()}
+        wanted = {name: part.stop - part.start for name, part in self.slices.items()}
+        if {name: part.size for name, part in parts.items()} != wanted:
+            raise GeometryError(f"parameters {wanted} expected, got { {name: p.size for name, p in parts.items()} }")
+        return np.concatenate([parts[name] for name in self.slices])
+
+    def unpack(self, vector: Any) -> SimpleNamespace:
+        """The parameters by name: of a CasADi vector (size,), or of the last axis of an array (…, size)."""
+        last_axis = isinstance(vector, np.ndarray)
+        return SimpleNamespace(
+            **{name: vector[..., part] if last_axis else vector[part] for name, part in self.slices.items()}
+        )

@@ -10,6 +10,7 @@ import numpy as np
 
 from ssm_planner.problem.problem import TASK
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
 MOVES = 1e-12
@@ -82,23 +83,22 @@ class SCurve:
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration (from the right, at the end from the left) at times t (n,)."""
-        h, rise = self.lengths, self.end - self.start
-        velocity = np.concatenate([[0.0], np.cumsum(h * (self.start + self.end) / 2)])
-        step = h * velocity[:-1] + h**2 * (self.start / 2 + rise / 6)
-        position = np.concatenate([[0.0], np.cumsum(step)])
         piece = self._piece(t)
-        local = t - self.switches[piece]
-        slope = rise[piece] / h[piece]
-        a0 = self.start[piece]
-        return (
-            position[piece] + local * (velocity[piece] + local * (a0 / 2 + local * slope / 6)),
-            velocity[piece] + local * (a0 + local * slope / 2),
-            a0 + local * slope,
-        )
+        share = (t - self.switches[piece]) / self.lengths[piece]
+        return Cubic(*(values[piece] for values in self._pieces)).at(share)
 
     def jerk_at(self, t: Array) -> Array:
         """Slope of the acceleration, from the right, at times t (n,)."""
         return np.asarray(((self.end - self.start) / self.lengths)[self._piece(t)])
+
+    @property
+    def _pieces(self) -> tuple[Array, ...]:
+        """Position, velocity and acceleration at the start, acceleration at the end and length of every piece, (m,) each."""
+        begin = np.zeros(len(self.lengths))
+        _, gained = Cubic(begin, begin, self.start, self.end, self.lengths).end
+        velocity = np.concatenate([[0.0], np.cumsum(gained)[:-1]])
+        way, _ = Cubic(begin, velocity, self.start, self.end, self.lengths).end
+        return np.concatenate([[0.0], np.cumsum(way)[:-1]]), velocity, self.start, self.end, self.lengths
 
     def _piece(self, t: Array) -> Indices:
         return np.clip(np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1)

@@ -145,7 +145,16 @@ def _straight(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Arr
         # a motor that barely starts creeps over TOPP-RA's first interval, where a real one breaks away at a point
         kinetic = retime(path, problem.robot, limits=limits, speeds=speeds, static=False)
         guess = kinetic if kinetic.solved else retiming
-    motion = solve_straight(problem.robot, path, guess, limits, tighten, problem.objective, asked, speeds)
+    motion = solve_straight(
+        problem.robot,
+        path,
+        guess,
+        limits=limits,
+        tighten=tighten,
+        objective=problem.objective,
+        duration=asked,
+        speeds=speeds,
+    )
     if not motion.solved:
         return no_motion(problem, phase, path, motion.message)
     if asked is not None and motion.duration > asked * (1 + 1e-6):
@@ -164,7 +173,7 @@ def _free(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Array |
     reason = too_weak(problem, phase, direct)
     if reason is not None:
         return reason
-    result = solve_free(problem, mechanism, phase.points, tighten, asked, speeds)
+    result = solve_free(problem, mechanism, phase.points, tighten=tighten, duration=asked, speeds=speeds)
     duration = float(result.breaks[-1])
     if not result.solved:
         return no_motion(problem, phase, direct, result.message)

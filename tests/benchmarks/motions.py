@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssm_planner.planning.ocp.transcription import forget_answers
+from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import Planned, plan_motion
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Problem
@@ -18,7 +18,7 @@ SUBDIVISION = 4
 
 def planned_anew(problem: Problem) -> Planned:
     """Plan without what earlier plans have solved."""
-    forget_answers()
+    forget_solutions()
     return plan_motion(problem)
 
 

@@ -13,7 +13,7 @@ from motions import along_path, certificate, excess
 from section import Section
 
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.ocp.transcription import forget_answers
+from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.retiming.retime import retime
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
@@ -63,7 +63,7 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
     users = {which: UserModel.of(problem.robot, path, largest=which == "largest") for which in ("mean", "largest")}
 
     def ours(_: int) -> Any:
-        forget_answers()
+        forget_solutions()
         return plan(problem).trajectory
 
     def exact(_: int) -> Any:

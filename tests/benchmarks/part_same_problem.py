@@ -19,7 +19,7 @@ from section import Section
 
 from ssm_planner.planning.ocp import free as free_ocp
 from ssm_planner.planning.ocp import straight as straight_ocp
-from ssm_planner.planning.ocp.compiled import stages
+from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
@@ -266,9 +266,9 @@ def _ask(section: Section, motion: str, name: str, theirs: Spread, ours: dict[st
 
 
 def _until_compiled(way: Way) -> None:
-    """Compile the stages in use; without a compiler they stay interpreted."""
+    """Compile the element functions in use; without a compiler they stay interpreted."""
     way.solve(0)
-    stages.compile_all()
+    function_store.compile_all()
     way.solve(0)
 
 

@@ -1,4 +1,4 @@
-"""Three ways to evaluate one stage over the mesh: interpreted and mapped, unrolled into one expression, compiled."""
+"""Three ways to evaluate an element model over the mesh: interpreted and mapped, unrolled into one expression, compiled."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import casadi as ca
 import numpy as np
@@ -14,8 +15,8 @@ from cases import FREE_WEAK, Change, free_problem, straight_problem
 from measuring import Spread, in_turns, short, timed
 from section import Section
 
-from ssm_planner.planning.ocp import transcription as program
 from ssm_planner.planning.ocp.element import element_functions
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 
@@ -43,11 +44,13 @@ def run(quick: bool) -> Section:
 
 
 def _ways(name: str, problem: Problem, compiler: str | None, rounds: int) -> list[list[str]]:
-    program._programs.clear()
-    plan_motion(problem)
-    largest = max(program._programs.values(), key=lambda built: len(built.stage.names))
-    count = largest.shape.elements
-    build, element = timed(lambda: element_functions(largest.stage))
+    programs: list[Transcription] = []
+    solve = Transcription.solve
+    with patch.object(Transcription, "solve", lambda self, *given: programs.append(self) or solve(self, *given)):
+        plan_motion(problem)
+    largest = max(programs, key=lambda built: len(built.element.row_names))
+    count = largest.structure.elements
+    build, element = timed(lambda: element_functions(largest.element))
     functions = (element.jacobian, element.hessian)
     rng = np.random.default_rng(1)
     arguments = [[ca.DM(rng.uniform(0.1, 1.0, (f.size1_in(i), count))) for i in range(f.n_in())] for f in functions]

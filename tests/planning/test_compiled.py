@@ -1,4 +1,4 @@
-"""Compiled stages: the interpreter's numbers to the last bit, kept by content, and nothing without a compiler."""
+"""Compiled element functions: the interpreter's numbers to the last bit, kept by content, and nothing without a compiler."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.planning.ocp import compiled
-from ssm_planner.planning.ocp.transcription import forget_answers
+from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 
@@ -20,12 +20,12 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix"
 
 
 @pytest.fixture
-def stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.Stages]:
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.FunctionStore]:
     monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    forget_answers()
-    fresh = compiled.Stages()
-    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.stages", fresh)
+    forget_solutions()
+    fresh = compiled.FunctionStore()
+    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", fresh)
     yield fresh
     fresh.wait()
 
@@ -35,12 +35,12 @@ def tilts(problem: Problem, degrees: float) -> Problem:
     return dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], target=target),))
 
 
-def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path) -> None:
+def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path) -> None:
     problems = [tilts(tilt_insert, degrees) for degrees in (-135, -133, -131, -129, -127, -125)]
     interpreted = [plan_motion(problem) for problem in problems]
-    stages.compile_all()
-    assert any(used.compiled for used in stages._used.values())
-    forget_answers()
+    store.compile_all()
+    assert any(entry.compiled for entry in store._entries.values())
+    forget_solutions()
     for problem, before in zip(problems, interpreted, strict=True):
         after = plan_motion(problem)
         assert np.array_equal(after.trajectory.coefficients, before.trajectory.coefficients)
@@ -49,7 +49,7 @@ def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, stages: compiled.St
 
 
 def test_what_has_not_taken_long_is_not_compiled(
-    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "LONG", np.inf)
     plan_motion(tilt_insert)
@@ -57,21 +57,21 @@ def test_what_has_not_taken_long_is_not_compiled(
 
 
 def test_what_has_taken_long_is_compiled_for_the_next_process(
-    tilt_insert: Problem, stages: compiled.Stages, monkeypatch: pytest.MonkeyPatch
+    tilt_insert: Problem, store: compiled.FunctionStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "LONG", 1e-6)
     plan_motion(tilt_insert)
-    stages.wait()
-    forget_answers()
-    later = compiled.Stages()
-    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.stages", later)
+    store.wait()
+    forget_solutions()
+    later = compiled.FunctionStore()
+    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", later)
     plan_motion(tilt_insert)
     later.wait()
-    assert any(used.compiled and used.seconds > 0 for used in later._used.values())
+    assert any(entry.compiled and entry.seconds > 0 for entry in later._entries.values())
 
 
 def test_only_the_libraries_used_last_are_kept(
-    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "KEPT_FILES", 3)
     folder = tmp_path / "ssm_planner"
@@ -80,29 +80,29 @@ def test_only_the_libraries_used_last_are_kept(
         (folder / f"old{k}.so").write_bytes(b"")
         os.utime(folder / f"old{k}.so", (1000 + k, 1000 + k))
     plan_motion(tilt_insert)
-    stages.compile_all()
+    store.compile_all()
     assert len(list(folder.glob("*.so"))) == 3
     assert not (folder / "old0.so").exists()
 
 
 def test_a_library_that_is_none_is_left_alone(
-    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "LONG", np.inf)
     plan_motion(tilt_insert)
     folder = tmp_path / "ssm_planner"
     folder.mkdir(mode=0o700)
-    for used in stages._used.values():
-        compiled.Source.of(used.functions, folder).library.write_bytes(b"not a library")
-    later = compiled.Stages()
-    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.stages", later)
-    forget_answers()
+    for entry in store._entries.values():
+        compiled.Source.of(entry.functions, folder).library.write_bytes(b"not a library")
+    later = compiled.FunctionStore()
+    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", later)
+    forget_solutions()
     assert plan_motion(tilt_insert).trajectory is not None
-    assert not any(used.compiled for used in later._used.values())
+    assert not any(entry.compiled for entry in later._entries.values())
 
 
 def test_a_folder_that_cannot_be_written_does_not_matter(
-    tilt_insert: Problem, stages: compiled.Stages, monkeypatch: pytest.MonkeyPatch
+    tilt_insert: Problem, store: compiled.FunctionStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(**_: object) -> str:
         raise OSError("No space left on device")
@@ -110,12 +110,12 @@ def test_a_folder_that_cannot_be_written_does_not_matter(
     monkeypatch.setattr(compiled.tempfile, "mkdtemp", full)
     monkeypatch.setattr(compiled, "LONG", 0.0)
     assert plan_motion(tilt_insert).trajectory is not None
-    stages.compile_all()
-    assert not any(used.compiled for used in stages._used.values())
+    store.compile_all()
+    assert not any(entry.compiled for entry in store._entries.values())
 
 
 def test_a_compiler_that_fails_is_asked_once(
-    tilt_insert: Problem, stages: compiled.Stages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = tmp_path / "calls"
     broken = tmp_path / "cc"
@@ -123,14 +123,14 @@ def test_a_compiler_that_fails_is_asked_once(
     broken.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     plan_motion(tilt_insert)
-    stages.compile_all()
-    stages.compile_all()
-    assert len(calls.read_text(encoding="utf-8").splitlines()) == len(stages._used)
-    assert not any(used.compiled for used in stages._used.values())
+    store.compile_all()
+    store.compile_all()
+    assert len(calls.read_text(encoding="utf-8").splitlines()) == len(store._entries)
+    assert not any(entry.compiled for entry in store._entries.values())
 
 
 def test_a_folder_that_others_can_write_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stages: compiled.Stages
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, store: compiled.FunctionStore
 ) -> None:
     folder = tmp_path / "ssm_planner"
     folder.mkdir()
@@ -140,6 +140,6 @@ def test_a_folder_that_others_can_write_is_not_used(
     assert compiled.cache() == folder
 
 
-def test_it_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, stages: compiled.Stages) -> None:
+def test_it_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, store: compiled.FunctionStore) -> None:
     monkeypatch.setenv("SSM_PLANNER_COMPILE", "0")
     assert compiled.cache() is None

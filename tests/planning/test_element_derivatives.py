@@ -13,11 +13,11 @@ import pytest
 from ssm_planner.dynamics.motors import motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.ocp import free_element
 from ssm_planner.planning.ocp.constraints import limit_table
 from ssm_planner.planning.ocp.element import SIMPSON, element_functions
 from ssm_planner.planning.ocp.free_element import FreeElement
-from ssm_planner.planning.ocp.path_fit import fit
-from ssm_planner.planning.ocp.straight_element import StraightElement, element_state
+from ssm_planner.planning.ocp.straight_element import StraightElement, fit, limit_parameters
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
@@ -38,15 +38,15 @@ Case = tuple[Any, list[Array]]
 
 
 def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
-    """A stage with every row of a straight motion, and a random element of a real path with all its arguments."""
+    """A element with every row of a straight motion, and a random element of a real path with all its arguments."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     start, end = np.array([0.1, -1.7, 0.2, 4e-3]), np.array([-0.3, -2.2, 0.5, 15e-3])
     path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
     local = fit(path, RigidBody.from_robot(robot), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
-    numbers = np.concatenate([limit_table(robot).ravel(), [0.02, 1.7]])
-    return StraightElement(robot, True, None, aim), [z, sigma, local, numbers]
+    numbers = limit_parameters(limit_table(robot), 0.02, 1.7)
+    return StraightElement(robot=robot, jerk=True, aim=aim), [z, sigma, local, numbers]
 
 
 def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
@@ -57,24 +57,30 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     sigma = rng.choice([-1.0, 1.0], 4)
     position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
-    watched = [0.02, 0.1, 0.4, -0.2, 0.7]
-    numbers = np.concatenate([first, unit, limit_table(robot).ravel(), watched, [0.4, 0.5, 0.6], [1e-6, 1.7]])
-    return FreeElement(robot, mechanism, moving, ROWS, EYE, aim), [z, sigma, numbers]
+    limits = dict(zip(("velocity", "acceleration", "jerk", "torque"), limit_table(robot), strict=True))
+    numbers = free_element.PARAMETERS.pack(
+        **{"q0": first, "d": unit, **limits, "tip_speed": 0.02, "rate": [0.4, 0.5, 0.6]},
+        **{"range_centre": [0.1, -0.2], "range_half_width": [0.4, 0.7], "retina_easing": 1e-6, "time_scale": 1.7},
+    )
+    element = FreeElement(robot=robot, mechanism=mechanism, moving=moving, active=ROWS, eye=EYE, aim=aim)
+    return element, [z, sigma, numbers]
 
 
 CASES = {"straight": straight_case, "free": free_case}
 
 
-def reference(stage: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
+def reference(element: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Rows and their Jacobian, cost and its gradient, Hessian of λᵀ rows + κ cost: all by CasADi from the whole element."""
-    z = ca.MX.sym("z", stage.size)
-    arguments = [ca.MX.sym(f"a{i}", size) for i, (size, _) in enumerate(stage.arguments)]
-    symbol = ca.SX.sym("z", stage.size)
-    points = ca.Function("states", [symbol], stage.states(symbol))(z)
-    rows = ca.vertcat(*(stage.point(point, *arguments) for point in points))
+    z = ca.MX.sym("z", element.size)
+    arguments = [ca.MX.sym(f"a{i}", size) for i, (size, _) in enumerate(element.parameters)]
+    symbol = ca.SX.sym("z", element.size)
+    points = ca.Function("states", [symbol], element.collocation_states(symbol))(z)
+    rows = ca.vertcat(*(element.point(point, *arguments) for point in points))
     cost = ca.MX(0)
-    if stage.cost is not None:
-        cost = sum(share * z[-1] * stage.cost(point, *arguments) for point, share in zip(points, SIMPSON, strict=True))
+    if element.cost is not None:
+        cost = sum(
+            share * z[-1] * element.cost(point, *arguments) for point, share in zip(points, SIMPSON, strict=True)
+        )
     lam, kappa = ca.MX.sym("lam", rows.numel()), ca.MX.sym("kappa")
     hessian = ca.hessian(ca.dot(lam, rows) + kappa * cost, z)[0]
     inputs = [z, *arguments]
@@ -97,9 +103,9 @@ def test_derivatives_are_those_of_the_whole_element(
 ) -> None:
     rng = np.random.default_rng(7)
     robot = with_jerk(tilt_insert.robot, 35.0, 1.0)
-    stage, _ = CASES[kind](robot, aim, rng)
-    mine, (rows, cost, hessian) = element_functions(stage), reference(stage)
-    names = {name for name, _ in stage.names}
+    element, _ = CASES[kind](robot, aim, rng)
+    mine, (rows, cost, hessian) = element_functions(element), reference(element)
+    names = {name for name, _ in element.row_names}
     assert {"motor torque", "tip speed"} <= names
     assert len(names) >= 5
     assert (mine.cost is None) == (aim == "time")
@@ -124,15 +130,16 @@ def test_derivatives_are_those_of_the_whole_element(
 @pytest.mark.parametrize("kind", CASES)
 def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str) -> None:
     """Simpson's rule: halves of an element are sixteen times nearer to the integral by Gauss' rule."""
-    stage, numbers = CASES[kind](tilt_insert.robot, "heat", np.random.default_rng(3))
+    element, numbers = CASES[kind](tilt_insert.robot, "heat", np.random.default_rng(3))
     z, *arguments = numbers
     z[-1] *= 10
     nodes, weights = np.polynomial.legendre.leggauss(12)
-    x = ca.SX.sym("z", stage.size)
-    state = stage.state if kind == "free" else element_state
-    values = [float(stage.cost(ca.Function("s", [x], [state(x, float(c))])(z), *arguments)) for c in (nodes + 1) / 2]
+    x = ca.SX.sym("z", element.size)
+    values = [
+        float(element.cost(ca.Function("s", [x], [element.state(x, float(c))])(z), *arguments)) for c in (nodes + 1) / 2
+    ]
     exact = z[-1] / 2 * float(weights @ values)
-    cost = element_functions(stage).cost
+    cost = element_functions(element).cost
     assert cost is not None
     whole = float(cost(z, *arguments)) - exact
     halves = sum(float(cost(half, *arguments)) for half in _halves(z)) - exact
@@ -156,24 +163,25 @@ def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
     robot, rng = tilt_insert.robot, np.random.default_rng(5)
     nominal = np.array([joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints])
     for _ in range(10):
-        stage, (z, sigma, numbers) = free_case(robot, "heat", rng)
+        element, (z, sigma, numbers) = free_case(robot, "heat", rng)
         state = z[:4], z[4:8], z[8:12]
-        scale, unit = numbers[-1], numbers[4:8]
-        q, qd, qdd = numbers[:4] + unit * state[0], unit * state[1] / scale, unit * state[2] / scale**2
+        p = free_element.PARAMETERS.unpack(numbers)
+        scale, unit = p.time_scale, p.d
+        q, qd, qdd = p.q0 + unit * state[0], unit * state[1] / scale, unit * state[2] / scale**2
         samples = Samples(np.zeros(1), q[None], qd[None], qdd[None], 0 * q[None])
         motor = motor_motion(robot, RigidBody.from_robot(robot), samples, sigma[None], np.zeros((1, 4), dtype=bool))
         exact = np.nansum((motor.torque[0] / nominal) ** 2)
-        found = float(stage.cost(np.concatenate(state), sigma, numbers))
+        found = float(element.cost(np.concatenate(state), sigma, numbers))
         assert found == pytest.approx(exact, rel=5e-3, abs=1e-5)
 
 
 def test_effort_counts_only_what_speed_and_acceleration_ask(tilt_insert: Problem) -> None:
     """At an endlessly slow pace there is none, whatever weight and friction are."""
-    stage, (z, sigma, numbers) = free_case(tilt_insert.robot, "effort", np.random.default_rng(5))
-    heat = dataclasses.replace(stage, aim="heat")
+    element, (z, sigma, numbers) = free_case(tilt_insert.robot, "effort", np.random.default_rng(5))
+    heat = dataclasses.replace(element, aim="heat")
     efforts = []
     for slower in (1.0, 10.0, 100.0):
         state = np.concatenate([z[:4], z[4:8] / slower, z[8:12] / slower**2])
-        efforts.append(float(stage.cost(state, sigma, numbers)))
+        efforts.append(float(element.cost(state, sigma, numbers)))
     assert efforts[0] > 20 * efforts[1] > 400 * efforts[2]
     assert float(heat.cost(state, sigma, numbers)) > 100 * efforts[2]

@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning.ocp.guesses import guess
+from ssm_planner.planning.ocp.mesh import closed_form_guess
 
 LIMITS = np.array([[0.5, 0.5, 1.0, 0.01], [2.0, 1.0, 3.0, 0.05], [30.0, 20.0, 50.0, 1.0]])
 ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).filter(lambda way: max(way) > 1e-3)
 
 
 def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
-    made = guess(way, LIMITS, jerk, count, 2)
+    made = closed_form_guess(way, LIMITS, jerk, count, 2)
     return np.abs(made.states[2:]).max(axis=(0, 1))
 
 

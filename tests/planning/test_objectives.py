@@ -154,7 +154,9 @@ def test_without_the_least_effort_any_motion_that_takes_as_long_does(
     def no_effort(self: Transcription, *arguments: Any) -> Any:
         answer = solve(self, *arguments)
         return (
-            dataclasses.replace(answer, message="Maximum_Iterations_Exceeded") if self.stage.aim == "effort" else answer
+            dataclasses.replace(answer, message="Maximum_Iterations_Exceeded")
+            if self.element.aim == "effort"
+            else answer
         )
 
     monkeypatch.setattr(Transcription, "solve", no_effort)

@@ -1,4 +1,4 @@
-"""Rounds of solving: what is tightened beside an excess, and what is not solved twice."""
+"""Refinement: the backoff beside a violation; what is not solved twice."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.planning.ocp import transcription as program
-from ssm_planner.planning.ocp.refinement import BACKOFF, EXCESS, LITTLE, tightening
+from ssm_planner.planning.ocp.refinement import BACKOFF, LITTLE, TOLERANCE, backoff_of
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 
@@ -16,10 +16,10 @@ from ssm_planner.problem.problem import Problem
 @given(st.lists(st.floats(-1.0, 0.5), min_size=1, max_size=30))
 def test_every_excess_is_tightened_by_more_than_itself_and_neighbours_by_little(found: list[float]) -> None:
     excess = np.array(found)[:, None]
-    more = tightening(excess)
+    more = backoff_of(excess)
     assert more.shape == excess.shape
     assert np.all(more >= 0)
-    assert np.all(more[excess > 0] >= BACKOFF * excess[excess > 0] + EXCESS)
+    assert np.all(more[excess > 0] >= BACKOFF * excess[excess > 0] + TOLERANCE)
     assert np.all(more[excess <= 0] <= LITTLE)
     if not np.any(excess > 0):
         assert np.all(more == 0)
@@ -28,14 +28,14 @@ def test_every_excess_is_tightened_by_more_than_itself_and_neighbours_by_little(
 def test_tightening_fades_with_the_distance() -> None:
     excess = -np.ones((21, 1))
     excess[10] = 1e-4
-    more = tightening(excess)[:, 0]
+    more = backoff_of(excess)[:, 0]
     assert np.array_equal(more, more[::-1])
     assert np.all(np.diff(more[:11]) >= 0)
     assert more[0] == 0
     assert 0 < more[8] < more[9] < more[10]
 
 
-def test_a_question_asked_again_is_not_solved_again(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_program_is_not_solved_again(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     first = plan_motion(tilt_insert)
     solved: list[int] = []
     monkeypatch.setattr(program, "ipopt", lambda *_, **__: solved.append(1))
@@ -46,5 +46,5 @@ def test_a_question_asked_again_is_not_solved_again(tilt_insert: Problem, monkey
 
 def test_what_was_forgotten_is_solved_again_to_the_same_digits(tilt_insert: Problem) -> None:
     first = plan_motion(tilt_insert)
-    program.forget_answers()
+    program.forget_solutions()
     assert np.array_equal(plan_motion(tilt_insert).trajectory.coefficients, first.trajectory.coefficients)

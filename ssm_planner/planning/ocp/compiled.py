@@ -1,53 +1,37 @@
-"""What of a robot stands as constants in a stage, as a key: two robots with the same key share compiled programs.
+"""Element functions in C, where there is a compiler: the same numbers about ten times faster than interpreted.
 
-Element functions in C, where there is a compiler: the same numbers about ten times faster than interpreted.
-
-Compiling takes from half a second to some five, so it is done in the background, for a stage that has taken long, and kept
-in the user's cache by content. Without a compiler, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
+Compiling takes from half a second to some five, so it is done in the background, for an element model that has taken long,
+and kept in the user's cache by content. Without a compiler, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import platform
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections import OrderedDict
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
 from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
-from ssm_planner.problem.robot import Robot
-
-
-def cache_key(robot: Robot) -> bytes:
-    """Geometry, bodies, gravity, drives and nominal torques; not the limits, which are parameters.
-
-    Equal keys mean equal content; equal content may have different keys, which only costs time.
-    """
-    joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
-    return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints))
-
 
 FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC")
 """No optimisation that changes rounding: the result is the interpreter's to the last bit."""
 LONG = 0.15
-"""Time spent evaluating a stage from which on it is compiled, s."""
+"""Time spent evaluating the functions of a model from which on they are compiled, s."""
 KEPT, KEPT_FILES = 24, 200
-"""Stages in memory, and libraries on disk: those used last."""
+"""Models in memory, and libraries on disk: those used last."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The element functions of a stage as C, and where the library made of it is kept."""
+    """Element functions as C, and where the library made of them is kept."""
 
     names: tuple[str, ...]
     text: str
@@ -96,55 +80,56 @@ class Source:
         return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
-class Stages:
-    """The element functions of the stages in use, compiled where that is done already."""
+class FunctionStore:
+    """The functions of the element models in use, compiled where that is done already."""
 
     def __init__(self) -> None:
-        self._used: OrderedDict[tuple[Any, ...], _Used] = OrderedDict()
+        self._entries: dict[ElementModel, _Entry] = {}
+        """Last used last."""
         self._running: subprocess.Popen[bytes] | None = None
 
-    def functions(self, stage: ElementModel, key: tuple[Any, ...]) -> tuple[ElementFunctions, bool]:
-        """The functions of a stage with this key, and whether they are compiled."""
-        if key not in self._used:
-            self._used[key] = used = _Used(element_functions(stage))
-            while len(self._used) > KEPT:
-                self._used.popitem(last=False)
-            used.load_from(filled_cache())
-        self._used.move_to_end(key)
-        used = self._used[key]
-        if not used.compiled and used.seconds > LONG:
-            self._compile(used)
-        return used.functions, used.compiled
+    def functions(self, element: ElementModel) -> ElementFunctions:
+        """The functions of an element model; a new value once they are compiled."""
+        entry = self._entries.pop(element, None)
+        if entry is None:
+            entry = _Entry(element_functions(element))
+            entry.load_from(filled_cache())
+        self._entries[element] = entry
+        while len(self._entries) > KEPT:
+            del self._entries[next(iter(self._entries))]
+        if not entry.compiled and entry.seconds > LONG:
+            self._compile(entry)
+        return entry.functions
 
-    def spent(self, key: tuple[Any, ...], seconds: float) -> None:
-        """Note how long the functions of a stage have been evaluated."""
-        if key in self._used:
-            self._used[key].seconds += seconds
+    def note_time(self, element: ElementModel, seconds: float) -> None:
+        """Note how long the functions of a model have been evaluated."""
+        if element in self._entries:
+            self._entries[element].seconds += seconds
 
     def compile_all(self) -> None:
-        """Compile all stages in use, one after the other, and load them; nothing without a compiler."""
-        for used in self._used.values():
+        """Compile the functions of all models in use, one after the other, and load them; nothing without a compiler."""
+        for entry in self._entries.values():
             for _ in range(2):
                 self.wait()
-                self._compile(used)
+                self._compile(entry)
 
     def wait(self) -> None:
         """Wait for the library that is being made."""
         if self._running is not None:
             self._running.wait()
 
-    def _compile(self, used: _Used) -> None:
+    def _compile(self, entry: _Entry) -> None:
         """Load the library, or begin to make it where no other is being made; once, for a compiler may fail."""
-        used.load_from(cache())
+        entry.load_from(cache())
         idle = self._running is None or self._running.poll() is not None
-        if used.source is not None and not used.compiled and not used.tried and idle:
-            used.tried = True
+        if entry.source is not None and not entry.compiled and not entry.tried and idle:
+            entry.tried = True
             with suppress(OSError):  # a full disk, a folder that became read-only: it stays interpreted
-                self._running = used.source.compile()
+                self._running = entry.source.compile()
 
 
 @dataclass
-class _Used:
+class _Entry:
     functions: ElementFunctions
     seconds: float = 0.0
     tried: bool = False
@@ -183,7 +168,7 @@ def _compiler() -> str | None:
 
 
 def cache() -> Path | None:
-    """The folder of compiled stages, which only the user can write; None where nothing is to be compiled."""
+    """The folder of compiled functions, which only the user can write; None where nothing is to be compiled."""
     folder = _folder()
     if folder is None:
         return None
@@ -195,7 +180,7 @@ def cache() -> Path | None:
 
 
 def filled_cache() -> Path | None:
-    """The folder of compiled stages, where there is one with something in it: looking a stage up takes some time."""
+    """The folder of compiled functions, where there is one with something in it: looking them up takes some time."""
     folder = _folder()
     return folder if folder is not None and _safe(folder) and any(folder.glob("*.so")) else None
 
@@ -215,4 +200,4 @@ def _safe(folder: Path) -> bool:
     return state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
-stages = Stages()
+function_store = FunctionStore()

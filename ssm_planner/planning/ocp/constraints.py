@@ -5,6 +5,7 @@ Limits at one instant of a motion as rows "≤ 1", symbolic: what the optimisati
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -52,6 +53,15 @@ def tightened(robot: Robot, factors: Array | None) -> Robot:
     return replace(robot, joints=(first, second, third, fourth))
 
 
+def robot_key(robot: Robot) -> bytes:
+    """What of a robot stands as constants in an element model: geometry, bodies, gravity, drives and nominal torques.
+
+    Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
+    """
+    joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
+    return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints))
+
+
 def limits_jerk(robot: Robot) -> bool:
     return any(joint.jerk is not None for joint in robot.joints)
 
@@ -60,6 +70,10 @@ BRAKING_SOFTNESS = 1e-3
 """Smoothing of the mesh's larger side in the braking rows, as a share of the torque limit (on the safe side)."""
 COST_SOFTNESS = 1e-2
 """The same in heat and effort, as a share of the nominal torque: at a sharp edge of the cost the solver goes to and fro."""
+
+
+RowName = tuple[str, int | None]
+"""Limit and joint of a row."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +91,7 @@ class Instant:
 
     qd: ca.SX
     qd_hull: ca.SX
-    """Stands in for qd in the velocity rows (stage.element_state)."""
+    """Stands in for qd in the velocity rows (`StraightElement.collocation_states`)."""
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX

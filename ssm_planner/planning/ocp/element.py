@@ -1,46 +1,190 @@
-"""One element of a mesh: what an optimisation needs of its limits and costs, with exact derivatives."""
+"""One element of a mesh: the limits and costs of a motion on it as CasADi Functions, with exact derivatives.
+
+Symbols, all in scaled time:
+
+    z (4 m + 1,)   one element: u, u̇, ü at its start, ü at its end of the m coordinates, and its length h
+    x (k,)         state of the motion at one instant: positions first, then derivatives; x_c at the share c of h
+    p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0 (does not move)
+    g(x, p) ≤ 1    path constraints, one row each
+    ℓ(x, p)        integrand of the cost; its integral over the element is L(z) = h Σ_c w_c ℓ(x_c), Simpson's rule
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property, lru_cache
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
+from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, RowName, effort, heat, torque_rows
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Cubic
+
 COLLOCATION = (0.0, 0.5, 1.0)
-"""Where in an element the limits are kept; both ends, because the acceleration may jump there."""
+"""Shares c of an element's length at which the path constraints hold; both ends, because ü may jump there."""
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
-"""Shares of the element's length that the points stand for in integrals."""
+"""w_c: weights of these points in integrals."""
+DENSE = tuple(k / 8 for k in range(9))
+"""Shares at which the planner looks for constraints violated between the collocation points."""
+Aim = Literal["time", "heat", "effort"]
 
 
-class ElementModel(Protocol):
-    """One element of a motion: z = (u, u̇, ü at its start, ü at its end of m coordinates, length), scaled time."""
+class Parameter(NamedTuple):
+    """Length of a parameter vector, and whether every element has its own."""
+
+    size: int
+    per_element: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ElementModel(ABC):
+    """The limits and costs of one kind of motion on one element.
+
+    A subclass lays out its vectors (`coordinates`, `state_size`, `positions`, `parameters`) and states the mathematics of
+    one instant (`state`, `instant`, `rows`). What of the robot stands in its expressions as a constant belongs into its
+    `key`; every other number is a parameter. This class makes the Functions of it. Models with the same key are equal.
+    """
+
+    robot: Robot
+    active: frozenset[RowName] | None = None
+    """The rows that are wanted; None: all."""
+    aim: Aim = "time"
+
+    @property
+    @abstractmethod
+    def key(self) -> tuple[Hashable, ...]:
+        """Two models with the same key have the same Functions."""
+
+    @property
+    @abstractmethod
+    def coordinates(self) -> int:
+        """m."""
+
+    @property
+    @abstractmethod
+    def state_size(self) -> int:
+        """k."""
+
+    @property
+    @abstractmethod
+    def positions(self) -> int:
+        """How many entries of x are positions."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Of each vector of p."""
+
+    @abstractmethod
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        """x_c."""
+
+    @abstractmethod
+    def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
+        """What the joints do in state x, in SI units, and their limits."""
+
+    @abstractmethod
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        """All path constraints in state x."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ElementModel) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
 
     @property
     def size(self) -> int:
         """Length of z."""
+        return 4 * self.coordinates + 1
 
-    @property
-    def arguments(self) -> tuple[tuple[int, bool], ...]:
-        """Length of each further argument, and whether every element has its own. The first are the directions."""
+    def cubic(self, z: ca.SX) -> Cubic:
+        """The coordinates on the element z, (m,) each."""
+        m = self.coordinates
+        return Cubic(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
-    def states(self, z: ca.SX) -> list[ca.SX]:
-        """What the limits depend on, at the points COLLOCATION."""
+    def collocation_states(self, z: ca.SX) -> list[ca.SX]:
+        """x_c at the points COLLOCATION."""
+        return [self.state(z, c) for c in COLLOCATION]
 
-    @property
+    @cached_property
+    def row_names(self) -> list[RowName]:
+        """Limit and joint of every active row, in order."""
+        return [(row.name, row.joint) for row in self._active_rows(*self._symbols(self.state_size))]
+
+    @cached_property
     def point(self) -> ca.Function:
-        """(state, *arguments) → rows ≤ 1."""
+        """(x, *p) → g (rows,)."""
+        inputs = self._symbols(self.state_size)
+        return ca.Function("point", inputs, [_column(self._active_rows(*inputs))])
 
-    @property
+    @cached_property
     def cost(self) -> ca.Function | None:
-        """(state, *arguments) → the integrand of the objective, where it is not time alone."""
+        """(x, *p) → ℓ: heat or effort, where that is the aim."""
+        if self.aim == "time":
+            return None
+        x, *p = self._symbols(self.state_size)
+        at, _ = self.instant(x, *p)
+        joints = self.robot.joints
+        if self.aim == "heat":
+            return ca.Function("cost", [x, *p], [heat(at, joints)])
+        endlessly_slow = ca.vertcat(x[: self.positions], ca.SX.zeros(self.state_size - self.positions))
+        slow, _ = self.instant(endlessly_slow, *p)
+        return ca.Function("cost", [x, *p], [effort(at, slow, joints)])
+
+    @cached_property
+    def between(self) -> ca.Function:
+        """(z, *p) → g at the points DENSE, one after the other."""
+        z, *p = self._symbols(self.size)
+        values = [self.point(self.state(z, c), *p) for c in DENSE]
+        return ca.Function("between", [z, *p], [ca.vertcat(ca.SX(0, 1), *values)])
+
+    @cached_property
+    def breakaway(self) -> ca.Function:
+        """(z, *p) → torque rows at the element's start with the static friction coefficient."""
+        z, *p = self._symbols(self.size)
+        at, bounds = self.instant(self.state(z, 0.0), *p)
+        return ca.Function("breakaway", [z, *p], [_column(torque_rows(at, bounds, self.robot.joints, breakaway=True))])
+
+    @cached_property
+    def breakaway_joints(self) -> list[int]:
+        """Joint of every row of `breakaway`."""
+        driven = (i for i, joint in enumerate(self.robot.joints) if joint.drive is not None and joint.motor is not None)
+        return [i for i in driven for _ in range(3)]
+
+    def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        return [row for row in self.rows(x, *p) if self.active is None or (row.name, row.joint) in self.active]
+
+    def _symbols(self, size: int) -> list[ca.SX]:
+        return [ca.SX.sym("x", size), *(ca.SX.sym(f"p{i}", p.size) for i, p in enumerate(self.parameters))]
+
+
+E = TypeVar("E", bound=ElementModel)
+
+
+def shared(element: E) -> E:
+    """The equal model that was used last, so that its Functions are built once."""
+    return cast(E, _recent(element))
+
+
+@lru_cache(maxsize=32)
+def _recent(element: ElementModel) -> ElementModel:
+    return element
+
+
+def _column(rows: list[PathConstraint]) -> ca.SX:
+    return ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
 
 
 @dataclass(frozen=True, eq=False)
 class ElementFunctions:
-    """Functions of (z, *arguments): rows at all points, their Jacobian by z; where there is a cost, it and its gradient too.
+    """What an optimisation evaluates on every element: Functions of (z, *p); r rows at each of 3 points.
 
-    hessian takes the rows' multipliers and the cost's too. gradient returns cost and gradient.
+    rows: G = [g(x_c)]_c, (3 r,); jacobian: ∂G/∂z, (3 r, 4 m + 1). Where there is a cost, cost: L, and gradient: L, ∇L.
+    hessian takes the multipliers λ (3 r,) too, and after them κ where there is a cost: ∇²(λᵀ G + κ L).
     """
 
     rows: ca.Function
@@ -50,47 +194,56 @@ class ElementFunctions:
     gradient: ca.Function | None
 
 
-def element_functions(stage: ElementModel) -> ElementFunctions:
+def element_functions(element: ElementModel) -> ElementFunctions:
     """Exact derivatives of an element by the chain rule through the state at each point.
 
-    The derivatives of the state's functions are taken once, by few variables, and called at every point: what is evaluated
-    again and again then stays in the processor's cache. Those of the state by z are those of a polynomial.
+    With X_c = ∂x_c/∂z (k, 4 m + 1), e_h the unit vector of h, and at every point c the Lagrangian of that point
+    φ_c(x) = λ_cᵀ g(x) + κ w_c h ℓ(x):
+
+        ∂G/∂z         = [∂g/∂x(x_c) X_c]_c
+        ∇L            = Σ_c w_c (h X_cᵀ ∇ℓ + ℓ e_h)
+        ∇²(λᵀG + κL)  = Σ_c X_cᵀ ∇²φ_c X_c + Σ_i (∂φ_c/∂x_i) ∇²x_c,i + κ w_c (e_h (X_cᵀ ∇ℓ)ᵀ + (X_cᵀ ∇ℓ) e_hᵀ)
+
+    The derivatives by x are taken once, by few variables, and called at every point (`_PointDerivatives`): what is evaluated
+    again and again then stays in the processor's cache. x_c(z) is a polynomial, its derivatives are cheap (`_ChainRule`).
     """
-    point = _Point.of(stage)
-    chain = _Chain.of(stage, point)
-    z = ca.MX.sym("z", stage.size)
-    arguments = [ca.MX.sym(f"argument{i}", size) for i, (size, _) in enumerate(stage.arguments)]
-    states = [[state, *arguments] for state in chain.states(z)]
-    count, costs = stage.point.size1_out(0), stage.cost is not None
-    lam = ca.MX.sym("multipliers", count * len(states) + costs)
-    lam_cost = lam[-1] if costs else ca.MX(0)
-    inputs = [z, *arguments]
-    jacobians = [point.jacobian(*at) for at in states]
-    bends: list[ca.MX] = []
-    for c, (at, share) in enumerate(zip(states, SIMPSON, strict=True)):
-        bends += point.hessian(*at, lam[c * count : (c + 1) * count], share * z[-1] * lam_cost)
+    point = _PointDerivatives.of(element)
+    chain = _ChainRule.of(element, point)
+    z = ca.MX.sym("z", element.size)
+    p = [ca.MX.sym(f"p{i}", parameter.size) for i, parameter in enumerate(element.parameters)]
+    inputs = [z, *p]
+    points = [(x, *p) for x in chain.states(z)]
+    r, h = element.point.size1_out(0), z[-1]
+    multipliers = ca.MX.sym("multipliers", r * len(points) + (element.cost is not None))
+    kappa = multipliers[-1] if element.cost is not None else ca.MX(0)
+
+    rows = [element.point(*at) for at in points]
+    jacobians = [point.jacobian(*at) for at in points]
+    curvatures: list[ca.MX] = []
+    for c, (at, w) in enumerate(zip(points, SIMPSON, strict=True)):
+        curvatures += point.hessian(*at, multipliers[c * r : (c + 1) * r], w * h * kappa)
     cost = gradient = None
-    if stage.cost is not None:
-        slopes = [part for at in states for part in point.gradient(*at)]
+    if element.cost is not None:
         integral = ca.MX(0)
-        for at, share in zip(states, SIMPSON, strict=True):
-            integral += share * z[-1] * stage.cost(*at)
+        for at, w in zip(points, SIMPSON, strict=True):
+            integral += w * h * element.cost(*at)
+        slopes = [value for at in points for value in point.gradient(*at)]
         cost = ca.Function("cost", inputs, [integral])
         gradient = ca.Function("gradient", inputs, list(chain.gradient(z, *slopes)))
     return ElementFunctions(
-        ca.Function("rows", inputs, [ca.vertcat(*(stage.point(*at) for at in states))]),
+        ca.Function("rows", inputs, [ca.vertcat(*rows)]),
         ca.Function("jacobian", inputs, [chain.jacobian(z, *jacobians)]),
-        ca.Function("hessian", [*inputs, lam], [chain.hessian(z, lam_cost, *bends)]),
+        ca.Function("hessian", [*inputs, multipliers], [chain.hessian(z, kappa, *curvatures)]),
         cost,
         gradient,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
-    """Functions of (state, *arguments): Jacobian of the rows; cost and its gradient.
+class _PointDerivatives:
+    """Functions of (x, *p): jacobian ∂g/∂x (r, k); gradient: ℓ and ∇ℓ (k,).
 
-    hessian takes λ and κ too: Hessian and gradient of λᵀ rows + κ cost, then cost and its gradient.
+    hessian takes λ_c (r,) and a factor f too: ∇²φ (k, k) and ∇φ (k,) of φ = λ_cᵀ g + f ℓ, then ℓ and ∇ℓ.
     """
 
     jacobian: ca.Function
@@ -98,25 +251,28 @@ class _Point:
     hessian: ca.Function
 
     @classmethod
-    def of(cls, stage: ElementModel) -> _Point:
-        state = ca.SX.sym("state", stage.point.size1_in(0))
-        inputs = [state, *(ca.SX.sym(f"argument{i}", n) for i, (n, _) in enumerate(stage.arguments))]
+    def of(cls, element: ElementModel) -> _PointDerivatives:
+        x = ca.SX.sym("x", element.state_size)
+        inputs = [x, *(ca.SX.sym(f"p{i}", parameter.size) for i, parameter in enumerate(element.parameters))]
         # the cost is made of the same torques as the rows: they are to be differentiated once
-        values: Any = [stage.point(*inputs), ca.SX(0) if stage.cost is None else stage.cost(*inputs)]
-        rows, cost = ca.cse(values)
-        lam, kappa = ca.SX.sym("lam", rows.numel()), ca.SX.sym("kappa")
-        hessian, gradient = ca.hessian(ca.dot(lam, rows) + kappa * cost, state)
-        cost_and_gradient = [cost, ca.gradient(cost, state)]
+        values: Any = [element.point(*inputs), ca.SX(0) if element.cost is None else element.cost(*inputs)]
+        g, cost = ca.cse(values)
+        lam, factor = ca.SX.sym("lam", g.numel()), ca.SX.sym("factor")
+        hessian, gradient = ca.hessian(ca.dot(lam, g) + factor * cost, x)
+        cost_and_gradient = [cost, ca.gradient(cost, x)]
         return cls(
-            ca.Function("point_jacobian", inputs, [ca.jacobian(rows, state)]),
+            ca.Function("point_jacobian", inputs, [ca.jacobian(g, x)]),
             ca.Function("point_gradient", inputs, cost_and_gradient),
-            ca.Function("point_hessian", [*inputs, lam, kappa], [hessian, gradient, *cost_and_gradient]),
+            ca.Function("point_hessian", [*inputs, lam, factor], [hessian, gradient, *cost_and_gradient]),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class _Chain:
-    """What the points' derivatives make of those by z: Functions of z and, point after point, of what `_Point` returns."""
+class _ChainRule:
+    """From derivatives by x_c to those by z: Functions of z and, point after point, of what `_PointDerivatives` returns.
+
+    hessian takes κ after z.
+    """
 
     states: ca.Function
     jacobian: ca.Function
@@ -124,34 +280,34 @@ class _Chain:
     hessian: ca.Function
 
     @classmethod
-    def of(cls, stage: ElementModel, point: _Point) -> _Chain:
-        z, lam_cost = ca.SX.sym("z", stage.size), ca.SX.sym("cost_multiplier")
-        of_length = ca.gradient(z[-1], z)
-        states = stage.states(z)
-        jacobians, bends, values = [], [], []
-        by_z, hessian, cost, gradient = [], ca.SX(stage.size, stage.size), ca.SX(0), ca.SX.zeros(stage.size)
-        for state, share in zip(states, SIMPSON, strict=True):
-            slope = ca.jacobian(state, z)
-            (jacobian,), (value, value_slope) = _symbols(point.jacobian), _symbols(point.gradient)
-            curvature, pull, *_ = _symbols(point.hessian)
-            by_z.append(jacobian @ slope)
-            along = slope.T @ value_slope
-            cost += share * z[-1] * value
-            gradient += share * (z[-1] * along + value * of_length)
-            cross = share * lam_cost * (of_length @ along.T)
-            bend = ca.hessian(ca.dot(pull, state), z)[0]
-            hessian += slope.T @ curvature @ slope + bend + cross + cross.T
-            jacobians.append(jacobian)
-            values += [value, value_slope]
-            bends += [curvature, pull, value, value_slope]
+    def of(cls, element: ElementModel, point: _PointDerivatives) -> _ChainRule:
+        z, kappa = ca.SX.sym("z", element.size), ca.SX.sym("kappa")
+        h, e_h = z[-1], ca.gradient(z[-1], z)
+        states = element.collocation_states(z)
+        jacobian_inputs, gradient_inputs, hessian_inputs = [], [], []
+        jacobian, cost, gradient, hessian = [], ca.SX(0), ca.SX.zeros(z.numel()), ca.SX(z.numel(), z.numel())
+        for x, w in zip(states, SIMPSON, strict=True):
+            of_z = ca.jacobian(x, z)
+            (g_of_x,), (value, cost_of_x) = _result_symbols(point.jacobian), _result_symbols(point.gradient)
+            phi_of_xx, phi_of_x, *_ = _result_symbols(point.hessian)
+            jacobian.append(g_of_x @ of_z)
+            cost_of_z = of_z.T @ cost_of_x
+            cost += w * h * value
+            gradient += w * (h * cost_of_z + value * e_h)
+            through_length = w * kappa * (e_h @ cost_of_z.T)
+            through_state = ca.hessian(ca.dot(phi_of_x, x), z)[0]
+            hessian += of_z.T @ phi_of_xx @ of_z + through_state + through_length + through_length.T
+            jacobian_inputs.append(g_of_x)
+            gradient_inputs += [value, cost_of_x]
+            hessian_inputs += [phi_of_xx, phi_of_x, value, cost_of_x]
         return cls(
             ca.Function("states", [z], states),
-            ca.Function("jacobian_by_z", [z, *jacobians], [ca.vertcat(*by_z)]),
-            ca.Function("gradient_by_z", [z, *values], [cost, ca.densify(gradient)]),
-            ca.Function("hessian_by_z", [z, lam_cost, *bends], [hessian]),
+            ca.Function("jacobian_by_z", [z, *jacobian_inputs], [ca.vertcat(*jacobian)]),
+            ca.Function("gradient_by_z", [z, *gradient_inputs], [cost, ca.densify(gradient)]),
+            ca.Function("hessian_by_z", [z, kappa, *hessian_inputs], [hessian]),
         )
 
 
-def _symbols(function: ca.Function) -> list[ca.SX]:
-    """What a Function returns, as symbols."""
+def _result_symbols(function: ca.Function) -> list[ca.SX]:
+    """What a Function returns, as symbols of the same sparsity."""
     return [ca.SX.sym(function.name_out(i), function.sparsity_out(i)) for i in range(function.n_out())]

@@ -1,168 +1,120 @@
-"""One element of a free phase as CasADi Functions: the limits that couple the joints, at its collocation points.
+"""One element of a free phase: the limits that couple the joints.
 
-The coordinates are u = (q − q0) / d of the moving joints, d > 0. Every joint keeps its direction within an element, so
-the friction law enters exactly (planning/rows.py). It is a stage of planning/program.py.
+The coordinates are those of the moving joints, u = (q − q0) / d with d > 0; the state is x = (u, u̇, ü) of all four joints,
+(12,), in scaled time. Every joint keeps its direction within an element, so the friction law enters exactly.
 """
 
 from __future__ import annotations
 
 import pickle
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
+from ssm_planner.codegen.functions import Layout
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import RETINA, eye_rows
 from ssm_planner.kinematics.forward import tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.planning.ocp.compiled import cache_key
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, effort, heat, torque_rows
-from ssm_planner.planning.ocp.element import COLLOCATION
-from ssm_planner.planning.ocp.straight_element import breakaway_joints
-from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName
+from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, robot_key, torque_rows
+from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.problem.problem import TASK, Eye
-from ssm_planner.problem.robot import Robot
 
 WATCHED = ("roll", "spin")
 """Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
 RATED = ("roll", "tilt", "spin")
 """Task coordinates whose rate is no multiple of one joint's."""
-NUMBERS = 4 + 4 + 16 + 1 + 2 * len(WATCHED) + len(RATED) + 1 + 1
-"""q0, d, limits (velocity, acceleration, jerk, torque by joint), tip speed, centre and half width of the watched ranges,
-rates, easing of the retina's row, scale."""
+PARAMETERS = Layout(
+    q0=4,
+    d=4,
+    velocity=4,
+    acceleration=4,
+    jerk=4,
+    torque=4,
+    tip_speed=1,
+    range_centre=len(WATCHED),
+    range_half_width=len(WATCHED),
+    rate=len(RATED),
+    retina_easing=1,
+    time_scale=1,
+)
+"""First point and unit of the coordinates; limits of joints, motors and tip; ranges of WATCHED; rates of RATED; by how much
+the retina's row may exceed 1; length of a scaled second, s."""
 
 
-@dataclass(frozen=True, eq=False)
-class FreeElement:
-    """Functions of one robot for a set of moving joints; `kept` names the rows that are wanted.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FreeElement(ElementModel):
+    """Path constraints of one robot, and of an eye, for a set of moving joints: p = (σ (4,), PARAMETERS)."""
 
-    All take (element (4 · moving + 1), sigma (4), numbers (NUMBERS)).
-    """
-
-    robot: Robot
     mechanism: Mechanism
     moving: tuple[int, ...]
-    kept: frozenset[RowName]
     eye: Eye | None = None
-    aim: Aim = "time"
 
-    arguments = ((4, True), (NUMBERS, False))
+    state_size = 12
+    positions = 4
+    parameters = (Parameter(4, True), Parameter(PARAMETERS.size, False))
 
     @cached_property
-    def key(self) -> tuple[Any, ...]:
-        return "free", cache_key(self.robot), self.moving, self.kept, pickle.dumps(self.eye), self.aim
+    def key(self) -> tuple[Hashable, ...]:
+        return "free", robot_key(self.robot), self.moving, self.active, pickle.dumps(self.eye), self.aim
 
     @property
-    def size(self) -> int:
-        """Length of an element."""
-        return 4 * len(self.moving) + 1
+    def coordinates(self) -> int:
+        return len(self.moving)
 
-    @cached_property
-    def names(self) -> list[RowName]:
-        """Name and joint of every kept row, in order."""
-        return [(row.name, row.joint) for row in self._kept(self._rows(*self._symbols()))]
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        x = ca.SX.zeros(12)
+        for order, values in enumerate(self.cubic(z).at(c)):
+            x[[4 * order + joint for joint in self.moving]] = values
+        return x
 
-    def states(self, z: ca.SX) -> list[ca.SX]:
-        """`state` at the collocation points."""
-        return [self.state(z, c) for c in COLLOCATION]
+    def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
+        sigma, numbers = p
+        limits = PARAMETERS.unpack(numbers)
+        q, qd, qdd = _joints(x, numbers)
+        at = Instant(
+            qd=qd,
+            qd_hull=qd,
+            qdd=qdd,
+            qddd=ca.SX.zeros(4),
+            tau_rigid=RigidBody.from_robot(self.robot).symbolic(q, qd, qdd),
+            tip_speed=ca.sumsqr(self._tip_jacobian(q) @ qd),  # squared: the norm has no derivative at rest
+            sigma=sigma,
+        )
+        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.tip_speed**2)
 
-    @cached_property
-    def point(self) -> ca.Function:
-        """Kept rows ≤ 1 at one `state`."""
-        state, sigma, numbers = self._symbols()
-        values = [row.value for row in self._kept(self._rows(state, sigma, numbers))]
-        return ca.Function("point", [state, sigma, numbers], [ca.vertcat(ca.SX(0, 1), *values)])
-
-    @cached_property
-    def cost(self) -> ca.Function | None:
-        """Heat or effort at one `state`, where that is the aim."""
-        if self.aim == "time":
-            return None
-        state, sigma, numbers = self._symbols()
-        at, _, _ = self._instant(state, sigma, numbers)
-        joints = self.robot.joints
-        if self.aim == "heat":
-            return ca.Function("cost", [state, sigma, numbers], [heat(at, joints)])
-        slow, _, _ = self._instant(ca.vertcat(state[:4], ca.SX.zeros(8)), sigma, numbers)
-        return ca.Function("cost", [state, sigma, numbers], [effort(at, slow, joints)])
-
-    @cached_property
-    def breakaway(self) -> ca.Function:
-        """Torque rows at the element's start with the static friction coefficient."""
-        x, *parameters = self._inputs()
-        at, bounds, _ = self._instant(self.state(x, 0.0), *parameters)
-        rows = torque_rows(at, bounds, self.robot.joints, breakaway=True)
-        return ca.Function("breakaway", [x, *parameters], [ca.vertcat(*(row.value for row in rows))])
-
-    @cached_property
-    def breakaway_joints(self) -> list[int]:
-        """Joint of every breakaway row."""
-        return breakaway_joints(self.robot)
-
-    @cached_property
-    def between(self) -> ca.Function:
-        """The rows of `element` at the points DENSE, one after the other."""
-        x, *parameters = self._inputs()
-        values = [self.point(self.state(x, c), *parameters) for c in DENSE]
-        return ca.Function("between", [x, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
-
-    def state(self, x: ca.SX, c: float) -> ca.SX:
-        """u, u̇, ü of all joints at the share c of an element's length, (12,); ü is linear, u cubic."""
-        m = len(self.moving)
-        u, speed, start, end, h = (x[k * m : (k + 1) * m] for k in range(5))
-        t, rise = c * h, end - start
-        values = ca.SX.zeros(12)
-        for k, joint in enumerate(self.moving):
-            a0, slope = start[k], c * rise[k]
-            values[joint] = u[k] + t * (speed[k] + t * (a0 / 2 + slope / 6))
-            values[4 + joint] = speed[k] + t * (a0 + slope / 2)
-            values[8 + joint] = a0 + slope
-        return values
-
-    def _kept(self, rows: list[PathConstraint]) -> list[PathConstraint]:
-        return [row for row in rows if (row.name, row.joint) in self.kept]
-
-    def _rows(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> list[PathConstraint]:
-        at, bounds, q = self._instant(state, sigma, numbers)
-        # squared: the norm has no derivative at rest
-        rows = [PathConstraint("tip speed", None, at.tip_speed / bounds.tip_speed**2)]
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        at, bounds = self.instant(x, *p)
+        limits = PARAMETERS.unpack(p[1])
+        q, qd, _ = _joints(x, p[1])
+        rows = [PathConstraint("tip speed", None, at.tip_speed / bounds.tip_speed)]
         rows += torque_rows(at, bounds, self.robot.joints)
         task = task_from_joints_symbolic(self.mechanism, q)
         for k, name in enumerate(WATCHED):
-            centre, half = numbers[25 + 2 * k], numbers[26 + 2 * k]
-            value = (task[TASK.index(name)] - centre) / half
+            value = (task[TASK.index(name)] - limits.range_centre[k]) / limits.range_half_width[k]
             rows += [PathConstraint(f"{name} range", None, value), PathConstraint(f"{name} range", None, -value)]
-        rates = task_rates_symbolic(self.mechanism, q, at.qd)
+        rates = task_rates_symbolic(self.mechanism, q, qd)
         for k, name in enumerate(RATED):
-            value = rates[TASK.index(name)] / numbers[29 + k]
+            value = rates[TASK.index(name)] / limits.rate[k]
             rows += [PathConstraint(f"{name} rate", None, value), PathConstraint(f"{name} rate", None, -value)]
         if self.eye is not None:
             tip = tip_position_symbolic(self.mechanism, q)
             for name, value in eye_rows(casadi_namespace(), self.eye, (tip[0], tip[1], tip[2])).items():
-                rows.append(PathConstraint(name, None, value + 1 - (numbers[NUMBERS - 2] if name == RETINA else 0)))
+                rows.append(PathConstraint(name, None, value + 1 - (limits.retina_easing if name == RETINA else 0)))
         return rows
-
-    def _instant(self, state: ca.SX, sigma: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds, ca.SX]:
-        d, scale = numbers[4:8], numbers[NUMBERS - 1]
-        q = numbers[:4] + d * state[:4]
-        qd, qdd = d * state[4:8] / scale, d * state[8:12] / scale**2
-        tau = RigidBody.from_robot(self.robot).symbolic(q, qd, qdd)
-        tip_speed_squared = ca.sumsqr(self._tip_jacobian(q) @ qd)
-        at = Instant(qd, qd, qdd, ca.SX.zeros(4), tau, tip_speed_squared, sigma)
-        velocity, acceleration, jerk, torque = (numbers[8 + 4 * k : 12 + 4 * k] for k in range(4))
-        return at, Bounds(velocity, acceleration, jerk, torque, numbers[24]), q
 
     @cached_property
     def _tip_jacobian(self) -> ca.Function:
+        """q (4,) → ∂p/∂q (3, 4) of the tip."""
         q = ca.SX.sym("q", 4)
         return ca.Function("tip_jacobian", [q], [ca.jacobian(tip_position_symbolic(self.mechanism, q), q)])
 
-    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return ca.SX.sym("state", 12), ca.SX.sym("sigma", 4), ca.SX.sym("numbers", NUMBERS)
 
-    def _inputs(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return ca.SX.sym("x", self.size), ca.SX.sym("sigma", 4), ca.SX.sym("numbers", NUMBERS)
+def _joints(x: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """q, q̇ and q̈ in SI units, (4,) each."""
+    p = PARAMETERS.unpack(parameters)
+    return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

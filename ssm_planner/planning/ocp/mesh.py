@@ -1,4 +1,10 @@
-"""The mesh of a straight phase: elements that end where TOPP-RA's motion switches from one binding limit to the next."""
+"""Meshes and guesses: where the elements of a motion end, and the motion that the optimisation begins from.
+
+A straight phase begins from TOPP-RA's motion along its path; its elements end where that switches from one binding limit to
+the next (`Mesh`). A free phase begins from a motion in closed form that keeps velocity, acceleration and jerk limits and
+rests at every point (`closed_form_guess`), or where that is far from keeping the other limits, from TOPP-RA's
+(`retimed_guess`).
+"""
 
 from __future__ import annotations
 
@@ -7,60 +13,55 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.retiming.retime import Retiming
+from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.planning.retiming.retime import Retiming, retime
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, Indices
 
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration join their neighbour."""
 FEWEST = 5
 """Elements of the shortest arc."""
-LOOKS = 33
+SAMPLES = 33
+"""At which the density of elements is evaluated in an arc."""
 DEGREE = 6
 """Of the fits of s̈ within an arc."""
 EDGE = 0.02
 """Share of an arc at either end that its fit leaves out: there the guess is between two arcs."""
 EVEN = 1.5
 """Share of the mean density that every place gets."""
+ROUNDING = 1 + 1e-12
+RETIMED_GRID = 200
+"""Grid intervals of the re-timed guess."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Elements between the instants (n + 1,).
+    """n elements between the instants (n + 1,); interval (n,): the stretch between turning points that each lies in.
 
-    interval (n,): the stretch between turning points that each lies in; block (n,): those that share their time.
+    The elements of an interval share its time in fixed proportion: intervals are the blocks of the program.
     """
 
     instants: Array
     interval: Indices
-    block: Indices
-
-    def split(self, chosen: Array, parts: int) -> Mesh:
-        """The same with the chosen elements (n,) cut into equal parts."""
-        counts = np.where(chosen, parts, 1)
-        lengths = np.repeat(np.diff(self.instants) / counts, counts)
-        instants = np.concatenate([self.instants[:1], self.instants[0] + np.cumsum(lengths)])
-        return Mesh(instants, np.repeat(self.interval, counts), np.repeat(self.block, counts))
 
     @property
-    def share(self) -> tuple[int, ...]:
+    def interval_sizes(self) -> tuple[int, ...]:
         """Elements of each interval."""
         return tuple(np.bincount(self.interval).tolist())
 
     @property
-    def blocks(self) -> tuple[int, ...]:
-        """Elements of each block."""
-        return tuple(np.bincount(self.block).tolist())
-
-    @property
     def times(self) -> Array:
-        """Duration of each block, (b,), in all 1."""
-        return np.bincount(self.block, np.diff(self.instants)) / float(self.instants[-1])
+        """Duration of each interval, in all 1."""
+        return np.bincount(self.interval, np.diff(self.instants)) / float(self.instants[-1])
 
     @property
     def fractions(self) -> Array:
-        """Length of every element as a share of its block, (n,)."""
+        """Length of every element as a share of its interval, (n,)."""
         lengths = np.diff(self.instants)
-        return np.asarray(lengths / np.bincount(self.block, lengths)[self.block])
+        return np.asarray(lengths / np.bincount(self.interval, lengths)[self.interval])
 
     @classmethod
     def along(cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None) -> Mesh:
@@ -71,21 +72,21 @@ class Mesh:
         """
         times = guess.times
         turns = np.interp(knots, guess.s, times)
-        duration = times[-1]
         ends = list(turns)
         for switch in times[1:-1][guess.active[1:] != guess.active[:-1]]:
-            if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * duration:
+            if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * times[-1]:
                 ends.append(float(switch))
         borders = np.array(sorted(ends))
+        duration = times[-1]
         if jerk is not None:
             borders, turns = _with_ramps(borders, turns, guess, jerk)
             duration = borders[-1]
-        pieces = _pieces(borders, _bend(guess, borders), count)
+        pieces = _pieces(borders, _density(guess, borders), count)
         instants = np.append(np.concatenate(pieces), duration)
-        interval = np.clip(np.searchsorted(turns, (instants[1:] + instants[:-1]) / 2) - 1, 0, len(turns) - 2)
-        return cls(instants, interval, interval)
+        middles = (instants[1:] + instants[:-1]) / 2
+        return cls(instants, np.clip(np.searchsorted(turns, middles) - 1, 0, len(turns) - 2))
 
-    def guess(self, motion: Retiming) -> Array:
+    def states(self, motion: Retiming) -> Array:
         """s, ṡ and s̈ at both ends of the elements, (n, 4), of the re-timed motion; time scaled to a duration of 1."""
         scale = motion.duration
         shares = self.instants / self.instants[-1]
@@ -95,48 +96,50 @@ class Mesh:
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration], axis=1)
 
 
-def _pieces(borders: Array, bend: Array, count: int) -> list[Array]:
+def _pieces(borders: Array, density: Array, count: int) -> list[Array]:
     """Starts of the elements of every arc: `count` in all, or FEWEST for each where that is more.
 
-    s̈ is linear within an element, which costs h² |d²s̈/dt²|: elements are short where √|d²s̈/dt²| (`bend`, at LOOKS points
-    of every arc) is large. Their number is the same for most motions, so that a compiled program serves many of them.
+    s̈ is linear within an element, which costs h² |d²s̈/dt²|: elements are short where √|d²s̈/dt²| (`density`, at SAMPLES
+    points of every arc) is large. Their number is the same for most motions, so that a compiled program serves many of them.
     """
     lengths = np.diff(borders)
-    shape = np.linspace(0.0, 1.0, LOOKS)
-    weight = np.trapezoid(bend, shape, axis=1) * lengths
-    even = weight.sum() / lengths.sum()
-    bend = bend + (EVEN * even if even > 0 else 1.0)
-    weight = np.trapezoid(bend, shape, axis=1) * lengths
-    total = max(count, FEWEST * len(lengths))
-    ends = np.round(np.cumsum(weight / weight.sum()) * (total - FEWEST * len(lengths))).astype(int)
+    places = np.linspace(0.0, 1.0, SAMPLES)
+    mean = (np.trapezoid(density, places, axis=1) * lengths).sum() / lengths.sum()
+    density = density + (EVEN * mean if mean > 0 else 1.0)
+    weight = np.trapezoid(density, places, axis=1) * lengths
+    to_share = max(count, FEWEST * len(lengths)) - FEWEST * len(lengths)
+    shared = np.round(np.cumsum(weight / weight.sum()) * to_share).astype(int)
     pieces = []
-    for start, length, density, more in zip(borders, lengths, bend, np.diff(ends, prepend=0), strict=False):
-        gone = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
-        share = FEWEST + int(more)
-        pieces.append(start + length * np.interp(np.arange(share) / share, gone / gone[-1], shape))
+    for start, length, here, more in zip(borders, lengths, density, np.diff(shared, prepend=0), strict=False):
+        integral = np.concatenate([[0.0], np.cumsum((here[1:] + here[:-1]) / 2)])
+        n = FEWEST + int(more)
+        pieces.append(start + length * np.interp(np.arange(n) / n, integral / integral[-1], places))
     return pieces
 
 
-def _bend(guess: Retiming, borders: Array) -> Array:
-    """√|d²s̈/dt²| at LOOKS points of every arc, (arcs, LOOKS), from smooth fits of the guess's s̈."""
-    acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
-    middle = (guess.times[1:] + guess.times[:-1]) / 2
-    bends = []
+def _accelerations(guess: Retiming) -> tuple[Array, Array]:
+    """Instants in the middle of the grid intervals of a re-timed motion, and s̈ there."""
+    return (guess.times[1:] + guess.times[:-1]) / 2, np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
+
+
+def _density(guess: Retiming, borders: Array) -> Array:
+    """√|d²s̈/dt²| at SAMPLES points of every arc, (arcs, SAMPLES), from smooth fits of the guess's s̈."""
+    middle, acceleration = _accelerations(guess)
+    densities = []
     for start, end in pairwise(borders):
         inside = (middle > start + EDGE * (end - start)) & (middle < end - EDGE * (end - start))
         if np.count_nonzero(inside) < 4 * DEGREE:
-            bends.append(np.zeros(LOOKS))
+            densities.append(np.zeros(SAMPLES))
             continue
         fit = np.polynomial.Chebyshev.fit(middle[inside], acceleration[inside], DEGREE)
-        look = np.clip(np.linspace(start, end, LOOKS), *fit.domain)
-        bends.append(np.sqrt(np.abs(fit.deriv(2)(look))))
-    return np.array(bends)
+        places = np.clip(np.linspace(start, end, SAMPLES), *fit.domain)
+        densities.append(np.sqrt(np.abs(fit.deriv(2)(places))))
+    return np.array(densities)
 
 
 def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> tuple[Array, Array]:
     """Borders with one more behind each jump of s̈, and the turning points moved along; the motion grows by the last ramp."""
-    acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
-    middle = (guess.times[1:] + guess.times[:-1]) / 2
+    middle, acceleration = _accelerations(guess)
     window = SHORTEST_ARC / 2 * guess.duration
     ends = np.append(borders[1:], np.inf)
     result = []
@@ -149,3 +152,71 @@ def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> t
         if SHORTEST_ARC * guess.duration / 4 < ramp and border + ramp < end - window:
             result.append(border + ramp)
     return np.array(result), np.append(turns[:-1], result[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentGuess:
+    """The guess of one segment of a free motion, n elements."""
+
+    duration: float
+    """s."""
+    instants: Array
+    """Ends of the elements, (n + 1,), s."""
+    states: tuple[Array, Array, Array, Array]
+    """q − start, q̇, q̈ at the start and q̈ at the end of every element, (n, joints)."""
+    arcs: tuple[int, ...]
+    """Elements between two switching points."""
+
+
+def closed_form_guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> SegmentGuess:
+    """For joints that move by `way` (m,), some of them by 0, under limits (3, m): velocity, acceleration, jerk.
+
+    The slowest joint moves as fast as it can alone; the others move in step with it where that keeps their limits, else by
+    their own fastest motion stretched to its time. Without other limits that is optimal. About `count` elements, at least
+    `fewest` between two switching points.
+    """
+    moving = np.flatnonzero(way)
+    distances = np.abs(way)
+    velocity, acceleration, jerks = limits.tolist()
+    alone = {
+        k: rest_to_rest(float(distances[k]), velocity[k], acceleration[k], jerks[k] if jerk else None) for k in moving
+    }
+    slowest = max(moving, key=lambda k: alone[k].duration)
+    leader = alone[slowest]
+    instants, arcs = [np.zeros(1)], []
+    for start, end in pairwise(leader.switches):
+        n = max(fewest, round(count * (end - start) / leader.duration))
+        arcs.append(n)
+        instants.append(np.linspace(start, end, n + 1)[1:])
+    t = np.concatenate(instants)
+    middle = (t[1:] + t[:-1]) / 2
+    size = len(middle), len(way)
+    states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    for k in moving:
+        in_step = leader.scaled(distances[k] / distances[slowest])
+        fits = all(
+            peak <= limit * ROUNDING for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False)
+        )
+        profile = in_step if fits else alone[k].stretched(leader.duration)
+        (q, qd, _), qdd = profile.at(t), profile.at(middle)[2]
+        half_rise = 0.5 * np.diff(t) * profile.jerk_at(middle)
+        values = q[:-1], qd[:-1], qdd - half_rise, qdd + half_rise
+        for state, value in zip(states, values, strict=True):
+            state[:, k] = np.sign(way[k]) * value
+    return SegmentGuess(leader.duration, t, states, tuple(arcs))
+
+
+def retimed_guess(robot: Robot, limits: TaskLimits, path: PolylinePath, count: int) -> SegmentGuess | None:
+    """TOPP-RA's motion on a straight line in joint space, which keeps torques, rates and tip speed too; None without one."""
+    motion = retime(path, robot, RETIMED_GRID, limits)
+    if not motion.solved:
+        return None
+    mesh = Mesh.along(motion, path.directions[0], count)
+    way = path.points[-1] - path.points[0]
+    orders = (0, 1, 2, 2)
+    position, velocity, start, end = (
+        (state / motion.duration**order)[:, None] * way
+        for state, order in zip(mesh.states(motion).T, orders, strict=True)
+    )
+    states = position, velocity, start, end
+    return SegmentGuess(motion.duration, mesh.instants, states, (len(mesh.instants) - 1,))

@@ -1,13 +1,17 @@
-"""The values of a nonlinear program: its shape, the course that its coordinates take, its numbers and its answer."""
+"""The values of a nonlinear program: its structure, its boundary conditions, its data and its solution.
+
+n elements, m coordinates u, b blocks, k segments; everything in scaled time. A segment lies between two borders at which u is
+given: waypoints, or the points where a joint turns back. The elements of a block share its time in fixed proportion.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
 LARGEST_BLOCK = 20
@@ -16,44 +20,46 @@ LARGEST_BLOCK = 20
 
 @dataclass(frozen=True)
 class NlpStructure:
-    """What the structure of a program depends on, its stage aside."""
+    """What the expressions of a program depend on, its element model aside."""
 
     moves: tuple[tuple[bool, ...], ...]
     """By segment and coordinate: whether it moves there."""
-    share: tuple[int, ...]
+    segment_sizes: tuple[int, ...]
     """Elements of each segment."""
-    blocks: tuple[int, ...]
-    """Elements of each block; the elements of a block share its time in fixed proportion."""
+    block_sizes: tuple[int, ...]
+    """Elements of each block."""
     smooth: bool
-    """The acceleration is continuous."""
-    hull: bool
+    """ü is continuous, for jerk is limited."""
+    velocity_limits: bool
     """The coordinates have velocity limits of their own."""
     joints: bool
-    """The coordinates are joints: jerk limits of their own, and idle ones smoothed."""
+    """The coordinates are joints: they have jerk limits of their own, and those that do not bind are smoothed."""
 
     def split(self, chosen: Array, parts: int) -> NlpStructure:
         """The same with the chosen elements (n,) cut into equal parts."""
         counts = np.where(chosen, parts, 1)
-        share, blocks = (tuple(np.bincount(index, counts).astype(int).tolist()) for index in (self.segment, self.block))
-        return replace(self, share=share, blocks=blocks)
+        segments, blocks = (tuple(np.bincount(of, counts).astype(int).tolist()) for of in (self.segment, self.block))
+        return replace(self, segment_sizes=segments, block_sizes=blocks)
 
     @property
     def elements(self) -> int:
-        return sum(self.share)
+        """n."""
+        return sum(self.segment_sizes)
 
     @property
     def coordinates(self) -> int:
+        """m."""
         return len(self.moves[0])
 
     @property
     def segment(self) -> Indices:
         """Segment of each element, (n,)."""
-        return np.repeat(np.arange(len(self.share)), self.share)
+        return np.repeat(np.arange(len(self.segment_sizes)), self.segment_sizes)
 
     @property
     def block(self) -> Indices:
         """Block of each element, (n,)."""
-        return np.repeat(np.arange(len(self.blocks)), self.blocks)
+        return np.repeat(np.arange(len(self.block_sizes)), self.block_sizes)
 
     @property
     def moving(self) -> Indices:
@@ -63,140 +69,153 @@ class NlpStructure:
     @property
     def borders(self) -> list[int]:
         """First element of each segment."""
-        return [0, *np.cumsum(self.share)[:-1].tolist()]
+        return [0, *np.cumsum(self.segment_sizes)[:-1].tolist()]
 
     @property
-    def starts(self) -> list[tuple[int, int]]:
-        """(element, element whose directions count) of every set of breakaway rows: a joint may turn back either way."""
+    def breakaways(self) -> list[tuple[int, int]]:
+        """(element at whose start a joint may break away, element whose directions count), a set of rows each.
+
+        At a border a joint may break away either in its new direction or in its old one.
+        """
         return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryConditions:
-    """Where the coordinates of a motion pass: m coordinates, k segments."""
+    """Where the coordinates of a motion pass."""
 
     points: Array
-    """u at every border, (k + 1, m)."""
+    """u at every border and at the end, (k + 1, m)."""
     signs: Array
     """Direction of u in every segment, (k, m)."""
-    start_speed: Array
-    end_speed: Array
+    start_velocity: Array
+    end_velocity: Array
     """u̇ at both ends, (m,)."""
 
     def bounds(
-        self, shape: NlpStructure, speed: Array, acceleration: Array
+        self, structure: NlpStructure, velocity: Array, acceleration: Array
     ) -> tuple[Array, Array, tuple[Array, Array]]:
-        """(lower, upper, speed) of a NlpData, from limits (m,) on u̇ and ü.
+        """(lower, upper, velocity) of a NlpData, from limits (m,) on u̇ and ü.
 
         A coordinate that turns back at a border, or that stands on one side of it, is at rest there.
         """
-        m, at = shape.coordinates, shape.segment
-        signs = self.signs[at]
-        low, high = np.where(signs < 0, -speed, 0.0), np.where(signs > 0, speed, 0.0)
+        m, segment = structure.coordinates, structure.segment
+        u, v, first, last = (slice(i * m, (i + 1) * m) for i in range(4))
+        signs = self.signs[segment]
+        slowest, fastest = np.where(signs < 0, -velocity, 0.0), np.where(signs > 0, velocity, 0.0)
         reach = np.where(signs != 0, acceleration, 0.0)
-        u = np.stack([self.points[:-1], self.points[1:]])[:, at]
-        lower = np.hstack([u.min(axis=0), low, -reach, -reach])
-        upper = np.hstack([u.max(axis=0), high, reach, reach])
-        for k, element in enumerate(shape.borders):
-            lower[element, :m] = upper[element, :m] = self.points[k]
+        ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
+        lower = np.hstack([ends.min(axis=0), slowest, -reach, -reach])
+        upper = np.hstack([ends.max(axis=0), fastest, reach, reach])
+        for k, element in enumerate(structure.borders):
+            lower[element, u] = upper[element, u] = self.points[k]
             if k:
-                columns = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
-                lower[element, columns] = upper[element, columns] = 0.0
-        lower[0, m : 2 * m] = upper[0, m : 2 * m] = self.start_speed
-        if shape.smooth:
-            lower[0, 2 * m : 3 * m] = upper[0, 2 * m : 3 * m] = 0.0
-            lower[-1, 3 * m :] = upper[-1, 3 * m :] = 0.0
-        return lower, upper, (low, high)
+                at_rest = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
+                lower[element, at_rest] = upper[element, at_rest] = 0.0
+        lower[0, v] = upper[0, v] = self.start_velocity
+        if structure.smooth:
+            lower[0, first] = upper[0, first] = 0.0
+            lower[-1, last] = upper[-1, last] = 0.0
+        return lower, upper, (slowest, fastest)
 
 
 @dataclass(frozen=True, eq=False)
 class NlpData:
-    """The numbers of one program, in scaled time; n elements, m coordinates, k segments."""
+    """The numbers of one program."""
 
-    arguments: tuple[Array, ...]
-    """The stage's further arguments, (length,) or (n, length)."""
+    element_parameters: tuple[Array, ...]
+    """Parameters of the element model, (size,) or (n, size)."""
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
-    times: Array
-    """Least time of every block, (b,)."""
+    least_times: Array
+    """Of every block, (b,)."""
     lower: Array
     upper: Array
-    """Bounds of u, u̇, ü, ü, (n, 4 m)."""
-    speed: tuple[Array, Array]
+    """Bounds of u, u̇, ü at the start and ü at the end of every element, (n, 4 m)."""
+    velocity: tuple[Array, Array]
     """Lowest and highest u̇ within each element, (n, m)."""
     end: Array
     """u and u̇ at the end, (2 m,)."""
     acceleration: Array
     jerk: Array
     """Limits, (m,), where the coordinates are joints."""
-    allowed: Array
-    """What each element's rows may reach, (n, rows)."""
-    starting: Array
-    """What the breakaway rows may reach, (sets, rows); inf where the joint is not at rest there."""
-    time: tuple[float, float] = (0.0, np.inf)
+    path_bound: Array
+    """Upper bounds of each element's path constraints, (n, rows): 1 − backoff."""
+    breakaway_bound: Array
+    """Upper bounds of the breakaway rows, (sets, rows); inf where the joint is not at rest there."""
+    duration: tuple[float, float] = (0.0, np.inf)
     """Bounds of the whole duration."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Of time and of the cost."""
 
-    @property
-    def parameters(self) -> tuple[Array, ...]:
-        """All that the program takes beside the stage's arguments, in its order."""
-        weights = np.array(self.weights)
-        return self.fractions, self.end, self.jerk, self.acceleration, weights, self.times
-
-    def within(self, time: tuple[float, float]) -> NlpData:
+    def least_cost(self, duration: tuple[float, float]) -> NlpData:
         """The same, for the least cost within these bounds of the duration."""
-        return replace(self, time=time, weights=(0.0, 1.0))
+        return replace(self, duration=duration, weights=(0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class InitialPoint:
+    """Where a solver starts: variables, and from an earlier solution the multipliers of variables and constraints too."""
+
+    x: Array
+    multipliers: tuple[Array, Array] | None = None
+
+    @classmethod
+    def of(cls, states: Array, times: Array) -> InitialPoint:
+        """From states (n, 4 m) of the elements and times (b,) of the blocks."""
+        return cls(np.append(states.ravel(), times))
+
+    def cold(self) -> InitialPoint:
+        """The same without multipliers."""
+        return InitialPoint(self.x)
 
 
 @dataclass(frozen=True, eq=False)
 class NlpSolution:
-    """elements (n, 4 m + 1): u, u̇, ü, ü, length in scaled time; times (b,) of the blocks; point: what a warm start takes."""
+    """What Ipopt found; message: its return status."""
 
     message: str
-    shape: NlpStructure
+    structure: NlpStructure
     elements: Array
+    """u, u̇, ü at the start, ü at the end, length of every element, (n, 4 m + 1)."""
     times: Array
+    """Of the blocks, (b,)."""
     iterations: int
-    point: dict[str, Any]
+    point: InitialPoint
+    """For a warm start from here."""
 
     @property
     def status(self) -> str:
         """ "solved", "infeasible" or "not converged"."""
         if self.message in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             return "solved"
-        if self.message == "Infeasible_Problem_Detected":
-            return "infeasible"
-        return "not converged"
+        return "infeasible" if self.message == "Infeasible_Problem_Detected" else "not converged"
 
     @property
     def solved(self) -> bool:
         return self.status == "solved"
 
 
+def cubics(elements: Array) -> Cubic:
+    """The pieces of elements (n, 4 m + 1): (n, m) each, lengths (n, 1)."""
+    m = elements.shape[1] // 4
+    return Cubic(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
+
+
+def split(elements: Array, chosen: Array, parts: int) -> Array:
+    """The same motion with the chosen elements (n,) of (n, 4 m + 1) cut into equal parts."""
+    counts = np.where(chosen, parts, 1)
+    whole = cubics(np.repeat(elements, counts, axis=0))
+    share = 1.0 / np.repeat(counts, counts)[:, None]
+    index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    start = index[:, None] * share
+    return np.hstack([*whole.at(start), whole.at(start + share)[2], whole.h * share])
+
+
 def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
-    """Blocks for arcs of so many elements: an arc, or parts of it of at most LARGEST_BLOCK elements."""
+    """Sizes of the blocks for arcs of so many elements: an arc, or parts of it of at most LARGEST_BLOCK elements."""
     blocks: list[int] = []
     for count in arcs:
         parts = -(-count // LARGEST_BLOCK)
         blocks += [count // parts + (k < count % parts) for k in range(parts)]
     return tuple(blocks)
-
-
-def split(elements: Array, chosen: Array, parts: int) -> Array:
-    """The same motion with the chosen elements (n,) of (n, 4 m + 1) cut into equal parts."""
-    m = elements.shape[1] // 4
-    counts = np.where(chosen, parts, 1)
-    whole = np.repeat(elements, counts, axis=0)
-    u, v, a0, a1 = (whole[:, k * m : (k + 1) * m] for k in range(4))
-    share = 1.0 / np.repeat(counts, counts)
-    index = np.arange(len(whole)) - np.repeat(np.cumsum(counts) - counts, counts)
-    begin, t = (index * share)[:, None], (index * share * whole[:, -1])[:, None]
-    rise = a1 - a0
-    states = (
-        u + t * (v + t * (a0 / 2 + begin * rise / 6)),
-        v + t * (a0 + begin * rise / 2),
-        a0 + begin * rise,
-        a0 + (begin + share[:, None]) * rise,
-    )
-    return np.column_stack([*states, whole[:, -1] * share])

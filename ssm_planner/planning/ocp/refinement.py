@@ -1,19 +1,306 @@
-"""Largest value between samples, by parabolas.
+"""Refinement of a transcription: what it leaves out or misses is found on the true path, and the program is solved again.
 
-Solve, look between the collocation points on the true path, tighten or add what was found exceeded, solve again.
+The program holds path constraints at collocation points only, and only those that are active. After each solution every
+constraint is evaluated densely. A violated one that was not active becomes active; an element with a large violation is cut
+(mesh refinement); a small violation lowers the bound of its row (backoff). `optimise` holds the objectives.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
-from ssm_planner.planning.ocp.nlp import NlpData, NlpSolution, NlpStructure, split
-from ssm_planner.planning.ocp.transcription import Aim, ElementModel, RowName, Transcription, point_of
+from ssm_planner.codegen.functions import call
+from ssm_planner.planning.ocp.constraints import RowName
+from ssm_planner.planning.ocp.element import DENSE, Aim, ElementModel
+from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, split
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array
+
+NEAR = 0.8
+"""A row that stays below this share of its limit in the guess is not active until it is found violated."""
+TOLERANCE = 5e-7
+"""A row may exceed its limit between collocation points by this share."""
+COARSE = 4e-3
+"""Where a row exceeds its limit by more than this, its element is cut."""
+ASTRAY = 1.0
+"""Where a row that was not active is exceeded by more than this, the solution is no guess: the first one is taken again."""
+PARTS = 3
+"""Elements that a cut makes of one."""
+CUTS = 2
+"""Rounds that may cut elements; they start cold."""
+MOST_ELEMENTS = 3
+"""Times their first number."""
+BACKOFF = 2.0
+"""Backoff per violation found."""
+NEIGHBOUR, REACH = 0.4, 6
+"""Share of an element's backoff that its neighbours get, and so on from one to the next for so many elements."""
+LITTLE = 2e-3
+"""Backoff beyond which neighbours get no more: there the elements are too long, which is a matter of one element."""
+SHORTEST = 0.2
+"""Least time of a block, as a share of the guess's."""
+ROUNDS = 12
+HEAT_ROUNDS = 4
+"""The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
+HOPELESS = 1.01
+"""Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
+LONGER = 1e-3
+"""By how much the motion of least heat may be longer than the fastest."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OcpProblem(ABC):
+    """An optimal control problem of n elements in k segments and b blocks, and r rows of path constraints.
+
+    A subclass gives its element models, their parameters and the data of the program.
+    """
+
+    structure: NlpStructure
+    fractions: Array
+    """Length of every element as a share of its block, (n,)."""
+    times: Array
+    """Time of every block in the guess, (b,), in scaled time."""
+    table: Array
+    """`limit_table`, tightened, (4, 4)."""
+    time_scale: float
+    """Length of a scaled second, s."""
+    directions: Array
+    """Of every joint in every segment: +1, −1 or 0, (k, 4)."""
+
+    @property
+    @abstractmethod
+    def complete_element(self) -> ElementModel:
+        """The element model with all r rows that this problem can need."""
+
+    @abstractmethod
+    def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
+        """The element model with the active rows."""
+
+    @abstractmethod
+    def element_parameters(self, elements: Array) -> tuple[Array, ...]:
+        """Parameters of the element models near these elements (n, 4 m + 1), each (size,) or (n, size)."""
+
+    @abstractmethod
+    def data(self, elements: Array, backoff: Array) -> NlpData:
+        """The program's numbers near these elements; backoff (n, active rows)."""
+
+    def refined(self, chosen: Array) -> OcpProblem:
+        """The same problem with the chosen elements (n,) cut into PARTS."""
+        counts = np.where(chosen, PARTS, 1)
+        fractions = np.repeat(self.fractions / counts, counts)
+        return replace(self, structure=self.structure.split(chosen, PARTS), fractions=fractions)
+
+    @property
+    def always_active(self) -> frozenset[RowName]:
+        """Rows that are active whatever their value in the guess."""
+        return frozenset()
+
+    @property
+    def sigma(self) -> Array:
+        """σ: directions of the joints in every element, (n, 4)."""
+        return np.asarray(self.directions[self.structure.segment])
+
+    @property
+    def row_names(self) -> list[RowName]:
+        """Of all r rows."""
+        return self.complete_element.row_names
+
+    def row_maxima(self, elements: Array) -> Array:
+        """Largest value of every row in every element, (n, r), on the true path."""
+        n = len(elements)
+        if not self.row_names:
+            return np.zeros((n, 0))
+        parameters = (np.broadcast_to(p, (n, p.shape[-1])) for p in self.element_parameters(elements))
+        rows = call(self.complete_element.between, elements, *parameters)[0]
+        return parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
+
+    def breakaway_bound(self, at_rest: Array) -> Array:
+        """Upper bounds of the breakaway rows, (sets, rows): 1 for joints that start or turn back there, else inf.
+
+        at_rest: which joints begin the motion at rest, (4,).
+        """
+        sigma, joints = self.sigma, self.complete_element.breakaway_joints
+        bounds = []
+        for k, side in self.structure.breakaways:
+            turning = sigma[k] != sigma[k - 1] if k else at_rest
+            bounds.append(np.where(turning & (sigma[side] != 0), 1.0, np.inf)[joints])
+        return np.array(bounds)
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """States (n, 4 m) and lengths (n,) of the elements, times (b,) of the blocks, in scaled time."""
+
+    states: Array
+    times: Array
+    lengths: Array
+
+    @classmethod
+    def at(cls, solution: NlpSolution) -> Guess:
+        """A solution as a guess."""
+        return cls(solution.elements[:, :-1], solution.times, solution.elements[:, -1])
+
+    @property
+    def elements(self) -> Array:
+        """(n, 4 m + 1)."""
+        return np.column_stack([self.states, self.lengths])
+
+    @property
+    def point(self) -> InitialPoint:
+        """For a cold start."""
+        return InitialPoint.of(self.states, self.times)
+
+    def stretched(self, factor: float) -> Guess:
+        """The same motion in `factor` times its time."""
+        orders = np.repeat([0, 1, 2, 2], self.states.shape[1] // 4)
+        return Guess(self.states / factor**orders, self.times * factor, self.lengths * factor)
+
+
+def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: float | None = None) -> NlpSolution:
+    """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
+
+    duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
+    """
+    hopeless = np.inf if duration is None else HOPELESS * duration
+    first = _Refinement.begin(problem, guess)
+    fastest = _refine(first, "time", hopeless=hopeless)
+    total = float(fastest.solution.times.sum())
+    if not fastest.solution.solved or (duration is None and objective == "time") or (duration or np.inf) < total:
+        return fastest.solution
+    if duration is None:
+        begin = fastest.state.restarted(Guess.at(fastest.solution))
+        best = _refine(begin, "heat", duration=(0.0, (1 + LONGER) * total))
+        if not (best.solution.solved and best.feasible):
+            return fastest.solution
+    else:
+        slower = Guess.at(fastest.solution).stretched(duration / total)
+        begin = _Refinement.begin(fastest.state.problem, slower)
+        best = _refine(begin, "effort", duration=(duration, duration))
+        if not best.solution.solved:  # then any motion that takes as long
+            best = _refine(begin, "time", duration=(duration, duration))
+    return replace(best.solution, iterations=fastest.solution.iterations + best.solution.iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class _Refinement:
+    """The state of a refinement."""
+
+    guess: Guess
+    """Where it began."""
+    problem: OcpProblem
+    active: frozenset[RowName]
+    backoff: Array
+    """Of all rows, (n, r)."""
+    elements: Array
+    """The last solution, or the guess, (n, 4 m + 1)."""
+    start: InitialPoint
+    """Of the next solve."""
+
+    @classmethod
+    def begin(cls, problem: OcpProblem, guess: Guess) -> _Refinement:
+        """Active are the rows that the guess comes near to."""
+        elements = guess.elements
+        near = problem.row_maxima(elements).max(axis=0, initial=0.0) > NEAR
+        active = problem.always_active | _chosen(problem.row_names, near)
+        backoff = np.zeros((len(elements), len(problem.row_names)))
+        return cls(guess, problem, active, backoff, elements, guess.point)
+
+    def restarted(self, guess: Guess) -> _Refinement:
+        """From another guess, active rows and backoff kept."""
+        return replace(self, guess=guess, elements=guess.elements, start=guess.point)
+
+    def solve(self, aim: Aim, duration: tuple[float, float] | None) -> NlpSolution:
+        """Transcribe and solve."""
+        program = Transcription.of(self.problem.structure, self.problem.element(self.active, aim))
+        is_active = [name in self.active for name in self.problem.row_names]
+        data = self.problem.data(self.elements, self.backoff[:, is_active])
+        return program.solve(data if duration is None else data.least_cost(duration), self.start)
+
+    def activated(self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool) -> _Refinement:
+        """With the missed rows active too, from the solution or, where it went astray, from the guess."""
+        active = self.active | missed
+        if astray and len(self.elements) == len(self.guess.states):
+            return replace(self.restarted(self.guess), active=active)
+        return replace(self, active=active, start=solution.point.cold())
+
+    def cut(self, solution: NlpSolution, coarse: Array) -> _Refinement:
+        """With the coarse elements (n,) cut; the parts have the backoff of the whole."""
+        elements = split(self.elements, coarse, PARTS)
+        backoff = np.repeat(self.backoff, np.where(coarse, PARTS, 1), axis=0)
+        start = InitialPoint.of(elements[:, :-1], solution.times)
+        return replace(self, problem=self.problem.refined(coarse), elements=elements, backoff=backoff, start=start)
+
+    def tightened(self, solution: NlpSolution, more: Array) -> _Refinement:
+        """With more backoff (n, r), warm from the solution."""
+        return replace(self, backoff=self.backoff + more, start=solution.point)
+
+
+@dataclass(frozen=True, eq=False)
+class _Refined:
+    """The last solution, with the iterations of all rounds, and the state it was found in."""
+
+    solution: NlpSolution
+    state: _Refinement
+    feasible: bool
+    """No row is violated between the collocation points."""
+
+
+def _refine(
+    state: _Refinement, aim: Aim, *, duration: tuple[float, float] | None = None, hopeless: float = np.inf
+) -> _Refined:
+    """Solve, find the violations, refine, until there are none.
+
+    duration: its bounds, where it is not the aim. hopeless: a duration beyond which a motion is of no use, for refinement
+    only makes it longer.
+    """
+    rounds = HEAT_ROUNDS if aim == "heat" else ROUNDS
+    iterations, feasible = 0, False
+    for k in range(1, rounds + 1):
+        solution = state.solve(aim, duration)
+        iterations += solution.iterations
+        state = replace(state, elements=solution.elements)
+        if not solution.solved or solution.times.sum() > hopeless:
+            break
+        violation = state.problem.row_maxima(solution.elements) - 1
+        feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
+        if feasible or k == rounds:
+            break
+        state = _next(state, solution, violation, k, may_cut=aim != "heat")
+    return _Refined(replace(solution, iterations=iterations), state, feasible)
+
+
+def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool) -> _Refinement:
+    """The refinement after round k, from the violations (n, r) of its solution: the first of these that applies.
+
+    1. Violated rows that were not active become active.
+    2. Elements with large violations are cut, in the first CUTS rounds and while they do not become too many.
+    3. The bounds of violated rows are lowered, by more from round to round.
+    """
+    worst = violation.max(axis=0)
+    missed = _chosen(state.problem.row_names, worst > TOLERANCE) - state.active
+    if missed:
+        return state.activated(solution, missed, astray=bool(worst.max() > ASTRAY))
+    coarse = violation.max(axis=1) > COARSE
+    more = (PARTS - 1) * np.count_nonzero(coarse)
+    room = MOST_ELEMENTS * len(state.guess.states) - len(state.elements)
+    if may_cut and k <= CUTS and 0 < more <= room:
+        return state.cut(solution, coarse)
+    return state.tightened(solution, min(1.4 ** max(k - 2, 0), 3.0) * backoff_of(violation))
+
+
+def backoff_of(violation: Array) -> Array:
+    """By how much to lower the bounds of rows, (n, r), that were found violated between the collocation points."""
+    own = np.where(violation > 0, BACKOFF * violation + TOLERANCE, 0.0)
+    # what is pressed down in one element comes up beside it
+    spread = np.minimum(own, LITTLE)
+    for _ in range(min(REACH, len(own) - 1)):
+        before, after = spread[:-1].copy(), spread[1:].copy()
+        np.maximum(spread[1:], NEIGHBOUR * before, out=spread[1:])
+        np.maximum(spread[:-1], NEIGHBOUR * after, out=spread[:-1])
+    return np.asarray(np.maximum(own, spread))
 
 
 def parabolic_peak(values: Array) -> Array:
@@ -32,178 +319,5 @@ def parabolic_peak(values: Array) -> Array:
     return np.maximum(values.max(axis=-1), vertex[..., 0])
 
 
-NEAR = 0.8
-"""A row that stays below this share of its limit in the guess is left out until it is found exceeded."""
-EXCESS = 5e-7
-"""Where a row exceeds its limit between collocation points by more than this share, its element is tightened."""
-ROUGH = 4e-3
-"""Where it does so by more than this, the element is cut instead."""
-ASTRAY = 1.0
-"""Where a row that was left out is exceeded by more than this, the answer is no guess: the first one is taken again."""
-PARTS = 3
-CUTS = 2
-"""Rounds that may cut elements; they start cold."""
-MOST_ELEMENTS = 3
-"""Times their first number."""
-BACKOFF = 2.0
-"""Tightening per excess found."""
-BESIDE, REACH = 0.4, 6
-"""Share of an element's tightening that its neighbours get, and so on from one to the next for so many elements."""
-LITTLE = 2e-3
-"""Tightening beyond which neighbours get no more: there the elements are too long, which is a matter of one element."""
-SHORTEST = 0.2
-"""Least time of a block, as a share of the guess's."""
-ROUNDS = 12
-HEAT_ROUNDS = 4
-"""The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
-HOPELESS = 1.01
-"""Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
-LONGER = 1e-3
-"""By how much the motion of least heat may be longer than the fastest."""
-
-
-class Task(Protocol):
-    """An optimal control problem in the form that `optimise` takes."""
-
-    @property
-    def shape(self) -> NlpStructure: ...
-
-    @property
-    def names(self) -> list[RowName]:
-        """All rows that its stage can have."""
-
-    @property
-    def always(self) -> frozenset[RowName]:
-        """Rows that a guess says nothing about."""
-
-    def stage(self, kept: frozenset[RowName], aim: Aim) -> ElementModel: ...
-
-    def question(self, elements: Array, backoff: Array) -> NlpData:
-        """The program's numbers near these elements; backoff (n, rows kept)."""
-
-    def largest(self, elements: Array) -> Array:
-        """Largest value of every row in every element, (n, all rows)."""
-
-    def refined(self, chosen: Array) -> Task:
-        """The same problem with the chosen elements (n,) cut into PARTS."""
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A guess: states (n, 4 m), times (b,), lengths of the elements (n,), in scaled time."""
-
-    states: Array
-    times: Array
-    lengths: Array
-
-    @classmethod
-    def at(cls, answer: NlpSolution) -> Start:
-        return cls(answer.elements[:, :-1], answer.times, answer.elements[:, -1])
-
-    @property
-    def elements(self) -> Array:
-        return np.column_stack([self.states, self.lengths])
-
-    def stretched(self, factor: float) -> Start:
-        """The same motion in `factor` times its time."""
-        m = self.states.shape[1] // 4
-        orders = np.repeat([0, 1, 2, 2], m)
-        return Start(self.states / factor**orders, self.times * factor, self.lengths * factor)
-
-
-def optimise(task: Task, start: Start, objective: Objective, duration: float | None = None) -> NlpSolution:
-    """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
-
-    duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
-    """
-    fastest, found = _rounds(task, start, "time", hopeless=None if duration is None else HOPELESS * duration)
-    total = float(fastest.times.sum())
-    if not fastest.solved or (objective == "time" and duration is None) or (duration is not None and duration < total):
-        return fastest
-    begin = Start.at(fastest)
-    if duration is None:
-        least, last = _rounds(found.task, begin, "heat", (0.0, (1 + LONGER) * total), found)
-        if not (least.solved and last.keeps):
-            return fastest
-    else:
-        slow, exactly = begin.stretched(duration / total), (duration, duration)
-        least, _ = _rounds(found.task, slow, "effort", exactly)
-        if not least.solved:  # then any motion that takes as long
-            least, _ = _rounds(found.task, slow, "time", exactly)
-    return replace(least, iterations=fastest.iterations + least.iterations)
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What an answer needed: the task on its mesh, the rows kept and by how much they were tightened."""
-
-    task: Task
-    kept: frozenset[RowName]
-    backoff: Array
-    keeps: bool
-    """Nothing is exceeded between the collocation points."""
-
-
-def _rounds(
-    task: Task,
-    start: Start,
-    aim: Aim,
-    time: tuple[float, float] | None = None,
-    found: _Found | None = None,
-    hopeless: float | None = None,
-) -> tuple[NlpSolution, _Found]:
-    """time: bounds of the duration, where it is not the aim; found: for a motion near this one.
-
-    hopeless: a duration beyond which a motion is of no use, for tightening only makes it longer.
-    """
-    names = task.names
-    elements = start.elements
-    if found is None:
-        near = task.largest(elements).max(axis=0, initial=0.0) > NEAR
-        kept = task.always | {name for name, is_near in zip(names, near, strict=True) if is_near}
-        backoff = np.zeros((len(elements), len(names)))
-    else:
-        kept, backoff = found.kept, found.backoff
-    begin = point_of(start.states, start.times)
-    most = MOST_ELEMENTS * len(elements)
-    iterations, keeps = 0, False
-    last = HEAT_ROUNDS if aim == "heat" else ROUNDS
-    for rounds in range(1, last + 1):
-        program = Transcription.of(task.shape, task.stage(kept, aim))
-        question = task.question(elements, backoff[:, [name in kept for name in names]])
-        answer = program.solve(question if time is None else question.within(time), begin)
-        iterations += answer.iterations
-        elements = answer.elements
-        if not answer.solved or (hopeless is not None and answer.times.sum() > hopeless):
-            break
-        excess = task.largest(elements) - 1
-        worst = excess.max(axis=0, initial=-1.0)
-        keeps = bool(worst.max(initial=-1.0) <= EXCESS)
-        if keeps or rounds == last:
-            break
-        missed = frozenset(name for name, value in zip(names, worst, strict=True) if value > EXCESS) - kept
-        rough = excess.max(axis=1) > ROUGH
-        if missed and worst.max() > ASTRAY and len(elements) == len(start.elements):
-            kept, begin, elements = kept | missed, point_of(start.states, start.times), start.elements
-        elif missed:
-            kept, begin = kept | missed, {"x0": answer.point["x0"]}
-        elif aim != "heat" and rough.any() and rounds <= CUTS and len(elements) + (PARTS - 1) * rough.sum() <= most:
-            task, elements = task.refined(rough), split(elements, rough, PARTS)
-            backoff = np.repeat(backoff, np.where(rough, PARTS, 1), axis=0)
-            begin = point_of(elements[:, :-1], answer.times)
-        else:
-            backoff = backoff + min(1.4 ** max(rounds - 2, 0), 3.0) * tightening(excess)
-            begin = answer.point
-    return replace(answer, iterations=iterations), _Found(task, kept, backoff, keeps)
-
-
-def tightening(excess: Array) -> Array:
-    """By how much to lower rows that were found exceeded between the collocation points."""
-    own = np.where(excess > 0, BACKOFF * excess + EXCESS, 0.0)
-    # what is pressed down in one element comes up beside it
-    spread = np.minimum(own, LITTLE)
-    for _ in range(min(REACH, len(own) - 1)):
-        before, after = spread[:-1].copy(), spread[1:].copy()
-        np.maximum(spread[1:], BESIDE * before, out=spread[1:])
-        np.maximum(spread[:-1], BESIDE * after, out=spread[:-1])
-    return np.asarray(np.maximum(own, spread))
+def _chosen(names: list[RowName], chosen: Array) -> frozenset[RowName]:
+    return frozenset(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)

@@ -1,29 +1,25 @@
-"""The optimal control problem of one straight phase: cubic pieces s(t) along a path.
+"""The optimal control problem of one straight phase: when to be where along a given path, s(t) in cubic elements.
 
-The guess is TOPP-RA's motion along the same path, and the mesh is aligned with its switching points. Between turning
-points every joint keeps its direction, so the friction law enters exactly (planning/rows.py).
-
-From s(t) along a path to joint polynomials.
+The guess is TOPP-RA's motion along the same path, and the mesh is aligned with its switching points. Between turning points
+every joint keeps its direction, so the friction law enters exactly. `joint_pieces` makes joint polynomials of s(t).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.codegen.functions import call
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.ocp.constraints import UNLIMITED, limit_table, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_jerk
+from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpSolution, NlpStructure
-from ssm_planner.planning.ocp.path_fit import LOCAL, fit, serves
-from ssm_planner.planning.ocp.refinement import PARTS, SHORTEST, Start, optimise, parabolic_peak
-from ssm_planner.planning.ocp.straight_element import StraightElement
-from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName, shared
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpStructure, cubics
+from ssm_planner.planning.ocp.refinement import SHORTEST, Guess, OcpProblem, optimise
+from ssm_planner.planning.ocp.straight_element import FIT, StraightElement, fit, fits_hold, limit_parameters
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.problem.problem import TASK, Objective, TaskLimits
@@ -32,15 +28,18 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array
 
 ELEMENTS = 72
+SUBDIVISION = 4
+"""Quintic pieces per element: the path between their ends is then followed to about 1e-9 rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathMotion:
-    """s(t) as elements (n, 5): s, ṡ, s̈ at the start, s̈ at the end, length; s, and s ∈ [0, 1]. message: Ipopt's word."""
+    """s(t) along a path, s ∈ [0, 1]. status: "solved", "infeasible" or "not converged"; message: the solver's word."""
 
     status: str
     message: str
     elements: Array
+    """s, ṡ, s̈ at the start, s̈ at the end and length of every element, (n, 5), s."""
     iterations: int
 
     @classmethod
@@ -57,6 +56,7 @@ class PathMotion:
 
     @property
     def duration(self) -> float:
+        """s."""
         return float(self.elements[:, 4].sum())
 
 
@@ -64,6 +64,7 @@ def solve_straight(
     robot: Robot,
     path: StraightPath,
     guess: Retiming,
+    *,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     tighten: Array | None = None,
     objective: Objective = "time",
@@ -80,133 +81,103 @@ def solve_straight(
     knots, signs = path.directions
     mesh = Mesh.along(guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None)
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
-    table = limit_table(robot) * (1.0 if tighten is None else tighten)
-    task = _StraightTask(robot, path, mesh, signs, table, scale, limits, (speeds[0] * scale, speeds[1] * scale))
-    start = Start(mesh.guess(guess), mesh.times, np.diff(mesh.instants) / mesh.instants[-1])
-    answer: NlpSolution = optimise(task, start, objective, None if duration is None else duration / scale)
-    elements = answer.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
-    return PathMotion(answer.status, answer.message, elements, answer.iterations)
+    sizes = mesh.interval_sizes
+    fastest = rate_ceiling(path, limits.rates) * scale
+    problem = _StraightProblem(
+        structure=NlpStructure(
+            moves=((True,),) * len(sizes),
+            segment_sizes=sizes,
+            block_sizes=sizes,
+            smooth=jerk,
+            velocity_limits=fastest < UNLIMITED,
+            joints=False,
+        ),
+        fractions=mesh.fractions,
+        times=mesh.times,
+        table=limit_table(robot) * (1.0 if tighten is None else tighten),
+        time_scale=scale,
+        directions=signs,
+        robot=robot,
+        path=path,
+        tip_speed=limits.tip_speed,
+        fastest=fastest,
+        speeds=(speeds[0] * scale, speeds[1] * scale),
+    )
+    begin = Guess(mesh.states(guess), mesh.times, np.diff(mesh.instants) / mesh.instants[-1])
+    solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
+    elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
+    return PathMotion(solution.status, solution.message, elements, solution.iterations)
 
 
-@dataclass(frozen=True, eq=False)
-class _StraightTask:
-    """A straight phase as solving.Task."""
-
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _StraightProblem(OcpProblem):
     robot: Robot
     path: StraightPath
-    mesh: Mesh
-    signs: Array
-    table: Array
-    scale: float
-    limits: TaskLimits
+    tip_speed: float | None
+    fastest: float
+    """Largest ṡ that the rates of the task coordinates allow, in scaled time."""
     speeds: tuple[float, float]
+    """ṡ at both ends, in scaled time."""
 
     @cached_property
-    def shape(self) -> NlpStructure:
-        limited = self._fastest < UNLIMITED
-        moves = ((True,),) * len(self.mesh.share)
-        return NlpStructure(
-            moves, self.mesh.share, self.mesh.blocks, limits_jerk(self.robot), hull=limited, joints=False
-        )
+    def complete_element(self) -> StraightElement:
+        """With the rows of what moves and has a limit."""
+        moving = np.abs(self.path.sample(np.linspace(0, 1, 33)).dq).max(axis=0) > 0
+        rows: set[RowName] = {("motor torque", i) for i in range(4)}
+        for i in np.flatnonzero(moving):
+            rows |= {("velocity", int(i)), ("acceleration", int(i))}
+            if self.robot.joints[i].jerk is not None:
+                rows.add(("jerk", int(i)))
+        if self.tip_speed is not None:
+            rows.add(("tip speed", None))
+        return self.element(frozenset(rows), "time")
 
     @cached_property
-    def names(self) -> list[RowName]:
-        return self._everything.names
-
-    @cached_property
-    def always(self) -> frozenset[RowName]:
+    def always_active(self) -> frozenset[RowName]:
         """Jerk: TOPP-RA's motion has none."""
-        return frozenset(name for name in self.names if name[0] == "jerk")
+        return frozenset(name for name in self.row_names if name[0] == "jerk")
 
-    def stage(self, kept: frozenset[RowName], aim: Aim) -> StraightElement:
-        return shared(StraightElement(self.robot, limits_jerk(self.robot), kept, aim))
+    def element(self, active: frozenset[RowName], aim: Aim) -> StraightElement:
+        return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=active, aim=aim))
 
-    def question(self, elements: Array, backoff: Array) -> NlpData:
+    def element_parameters(self, elements: Array) -> tuple[Array, ...]:
+        tip_speed = UNLIMITED if self.tip_speed is None else self.tip_speed
+        return self.sigma, self._fitted(elements), limit_parameters(self.table, tip_speed, self.time_scale)
+
+    def data(self, elements: Array, backoff: Array) -> NlpData:
         knots, _ = self.path.directions
-        n, intervals = len(elements), len(self.signs)
-        course = BoundaryConditions(
-            knots[:, None], np.ones((intervals, 1)), np.array(self.speeds[:1]), np.array(self.speeds[1:])
-        )
-        lower, upper, speed = course.bounds(self.shape, np.array([self._fastest]), np.array([np.inf]))
+        start, end = np.array(self.speeds[:1]), np.array(self.speeds[1:])
+        boundary = BoundaryConditions(knots[:, None], np.ones((len(self.directions), 1)), start, end)
+        lower, upper, velocity = boundary.bounds(self.structure, np.array([self.fastest]), np.array([np.inf]))
         return NlpData(
-            arguments=(self._sigma, self._local(elements), self._numbers),
-            fractions=self.mesh.fractions,
-            times=SHORTEST * self.mesh.times,
+            element_parameters=self.element_parameters(elements),
+            fractions=self.fractions,
+            least_times=SHORTEST * self.times,
             lower=lower,
             upper=upper,
-            speed=speed,
+            velocity=velocity,
             end=np.array([1.0, self.speeds[1]]),
             acceleration=np.ones(1),
             jerk=np.zeros(1),
-            allowed=np.ones((n, backoff.shape[1])) - backoff,
-            starting=self._starting,
+            path_bound=1.0 - backoff,
+            breakaway_bound=self.breakaway_bound(np.full(4, self.speeds[0] == 0.0)),
         )
-
-    def refined(self, chosen: Array) -> _StraightTask:
-        return replace(self, mesh=self.mesh.split(chosen, PARTS))
-
-    def largest(self, elements: Array) -> Array:
-        rows = call(
-            self._everything.between,
-            elements,
-            self._sigma,
-            self._local(elements),
-            np.tile(self._numbers, (len(elements), 1)),
-        )[0]
-        return parabolic_peak(rows.reshape(len(elements), len(DENSE), -1).transpose(0, 2, 1))
-
-    @cached_property
-    def _everything(self) -> StraightElement:
-        """All rows that can bind: what moves, and what has a limit."""
-        moving = np.abs(self.path.sample(np.linspace(0, 1, 33)).dq).max(axis=0) > 0
-        names: set[RowName] = {("motor torque", i) for i in range(4)}
-        for i in np.flatnonzero(moving):
-            names |= {("velocity", int(i)), ("acceleration", int(i))}
-            if self.robot.joints[i].jerk is not None:
-                names.add(("jerk", int(i)))
-        if self.limits.tip_speed is not None:
-            names.add(("tip speed", None))
-        return shared(StraightElement(self.robot, limits_jerk(self.robot), frozenset(names)))
-
-    @cached_property
-    def _sigma(self) -> Array:
-        return self.signs[self.mesh.interval]
-
-    @cached_property
-    def _numbers(self) -> Array:
-        tip_speed = UNLIMITED if self.limits.tip_speed is None else self.limits.tip_speed
-        return np.concatenate([self.table.ravel(), [tip_speed, self.scale]])
-
-    @cached_property
-    def _fastest(self) -> float:
-        """Largest ṡ that the rates of the task coordinates allow, in scaled time."""
-        return rate_ceiling(self.path, self.limits.rates) * self.scale
 
     @cached_property
     def _body(self) -> RigidBody:
         return RigidBody.from_robot(self.robot)
 
-    def _local(self, elements: Array) -> Array:
-        """The fits around these elements; renewed for those that have left theirs."""
-        low, high = elements[:, 0], np.append(elements[1:, 0], 1.0)
-        old = np.logical_not(serves(self._fits, low, high))
-        if old.any():
-            self._fits[old] = fit(self.path, self._body, low[old], high[old])
-        return self._fits
-
     @cached_property
     def _fits(self) -> Array:
-        return np.full((len(self.mesh.interval), LOCAL), np.nan)
+        return np.full((self.structure.elements, FIT.size), np.nan)
 
-    @cached_property
-    def _starting(self) -> Array:
-        """1 for the joints that start or turn back at the beginning of an interval."""
-        joints = self._everything.breakaway_joints
-        rows = []
-        for k, side in self.shape.starts:
-            turning = self._sigma[k] != self._sigma[k - 1] if k else np.full(4, self.speeds[0] == 0.0)
-            rows.append(np.where(turning & (self._sigma[side] != 0), 1.0, np.inf)[joints])
-        return np.array(rows)
+    def _fitted(self, elements: Array) -> Array:
+        """The fits of path and load around these elements, (n, FIT.size); renewed for elements that have left theirs."""
+        low, high = elements[:, 0], np.append(elements[1:, 0], 1.0)
+        left = np.logical_not(fits_hold(self._fits, low, high))
+        if left.any():
+            self._fits[left] = fit(self.path, self._body, low[left], high[left])
+        return self._fits
 
 
 def rate_ceiling(path: StraightPath, rates: Mapping[str, float]) -> float:
@@ -224,10 +195,6 @@ def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:
         return np.asarray((limit / np.abs(path.sample(s).dq)).min(axis=1))
 
 
-SUBDIVISION = 4
-"""Quintic pieces per element: the path between their ends is then followed to about 1e-9 rad."""
-
-
 def joint_pieces(
     path: StraightPath, motion: PathMotion, subdivision: int = SUBDIVISION, end_speed: float = 0.0
 ) -> tuple[Array, Array]:
@@ -235,23 +202,19 @@ def joint_pieces(
 
     end_speed: ṡ at the end, 1/s. Returns breaks (m + 1,) and coefficients (m, 6, 4).
     """
-    elements = motion.elements
+    lengths = motion.elements[:, 4:]
     share = np.arange(subdivision) / subdivision
-    starts = np.concatenate([[0.0], np.cumsum(elements[:, 4])])
-    breaks = np.append((starts[:-1, None] + elements[:, 4:] * share).ravel(), starts[-1])
-    ends = [_joint_state(path, elements, share + offset, end_speed) for offset in (0.0, 1.0 / subdivision)]
+    starts = np.concatenate([[0.0], np.cumsum(lengths)])
+    breaks = np.append((starts[:-1, None] + lengths * share).ravel(), starts[-1])
+    ends = [_joint_state(path, motion.elements, share + offset, end_speed) for offset in (0.0, 1.0 / subdivision)]
     return breaks, hermite(breaks, ends[0], ends[1])
 
 
 def _joint_state(path: StraightPath, elements: Array, share: Array, end_speed: float) -> tuple[Array, Array, Array]:
     """q, q̇, q̈ at the given shares of every element, (n · shares, 4) each."""
-    s0, v0, a0, a1, h = (column[:, None] for column in elements.T)
-    t = share * h
-    rise = a1 - a0
-    s = np.clip(s0 + t * (v0 + t * (a0 / 2 + share * rise / 6)), 0.0, 1.0).ravel()
-    speed = (v0 + t * (a0 + share * rise / 2)).ravel()[:, None]
-    acceleration = (a0 + share * rise).ravel()[:, None]
+    s, speed, acceleration = (value.ravel() for value in cubics(elements).at(share))
+    s = np.clip(s, 0.0, 1.0)
     if share[-1] == 1.0:  # without the solver's rounding
         s[-1], speed[-1] = 1.0, end_speed
-    at = path.sample(s)
+    at, speed, acceleration = path.sample(s), speed[:, None], acceleration[:, None]
     return at.q, at.dq * speed, at.ddq * speed**2 + at.dq * acceleration

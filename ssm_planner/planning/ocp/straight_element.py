@@ -1,153 +1,151 @@
-"""One element of a straight phase as CasADi Functions: the limits at its collocation points, from s(t) alone.
+"""One element of a straight phase: the limits of s(t) along a path that is fitted by polynomials near the element.
 
-Time is scaled: t = scale · t̂. An element is (s, ṡ, s̈ at its start, s̈ at its end, length) in scaled time; it is a
-stage of planning/program.py with one coordinate.
+The coordinate is the path parameter s ∈ [0, 1]; the state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time, where ṡ_b stands for ṡ in
+the velocity rows. The joints follow the path q(s), with primes for derivatives by s:
+
+    q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,   τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
+
+q', A, B, C and |dp/ds| of the tip are smooth: over the short stretch of one element a polynomial through Chebyshev points
+gives them to many digits, so that the optimisation evaluates no kinematics. A fit is renewed where a solution has left it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from types import SimpleNamespace
 
 import casadi as ca
+import numpy as np
 
-from ssm_planner.planning.ocp.compiled import cache_key
-from ssm_planner.planning.ocp.constraints import (
-    Bounds,
-    Instant,
-    PathConstraint,
-    effort,
-    heat,
-    kinematic_rows,
-    torque_rows,
-)
-from ssm_planner.planning.ocp.element import COLLOCATION
-from ssm_planner.planning.ocp.path_fit import LOCAL, PathFit
-from ssm_planner.planning.ocp.transcription import DENSE, Aim, RowName
-from ssm_planner.problem.robot import Robot
+from ssm_planner.codegen.functions import Layout
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, kinematic_rows, robot_key, torque_rows
+from ssm_planner.planning.ocp.element import ElementModel, Parameter
+from ssm_planner.planning.retiming.constraints import PathLoad
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.typing import Array
 
-NUMBERS = 16 + 1 + 1
-"""Length of the parameter vector: limits (velocity, acceleration, jerk, torque by joint), tip speed, scale."""
+DEGREE = 6
+"""Of the polynomials."""
+NARROWEST = 0.004
+"""Smallest half width of a fit in s: room for the optimisation to move an element."""
+WIDER = 2.0
+"""By how much a fit may be wider than a new one would be."""
+CURVES = Layout(dq=4, inertia=4, velocity=4, gravity=4, tip=1)
+"""What is fitted: q', A, B and C of the joints, |dp/ds|."""
+FIT = Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * CURVES.size)
+"""A fit on [centre ± half_width] in s: coefficients of ξ^0, ξ^1, … with ξ = (s − centre) / half_width, each as CURVES."""
+PARAMETERS = Layout(velocity=4, acceleration=4, jerk=4, torque=4, tip_speed=1, time_scale=1)
+"""Limits of the joints, of their motors and of the tip; length of a scaled second, s."""
 
 
-@dataclass(frozen=True, eq=False)
-class StraightElement:
-    """Functions of one robot; path, load, limits and directions are parameters. `kept` names the rows that are wanted.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StraightElement(ElementModel):
+    """Path constraints of one robot along any path: p = (σ (4,), FIT, PARAMETERS). jerk: whether it has rows."""
 
-    All take (element (5), sigma (4), local (LOCAL), numbers (NUMBERS)).
-    """
-
-    robot: Robot
     jerk: bool
-    kept: frozenset[RowName] | None = None
-    """None: all."""
-    aim: Aim = "time"
 
-    size = 5
-    arguments = ((4, True), (LOCAL, True), (NUMBERS, False))
-
-    @cached_property
-    def key(self) -> tuple[Any, ...]:
-        return "straight", cache_key(self.robot), self.jerk, self.kept, self.aim
+    coordinates = 1
+    state_size = 5
+    positions = 1
+    parameters = (Parameter(4, True), Parameter(FIT.size, True), Parameter(PARAMETERS.size, False))
 
     @cached_property
-    def names(self) -> list[RowName]:
-        """Limit and joint of every row, in order."""
-        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
-        return [(row.name, row.joint) for row in self._rows(state, *parameters)]
+    def key(self) -> tuple[Hashable, ...]:
+        return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
-    def states(self, z: ca.SX) -> list[ca.SX]:
-        """`element_state` at the collocation points."""
-        return [element_state(z, c) for c in COLLOCATION]
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        cubic = self.cubic(z)
+        s, speed, acceleration = cubic.at(c)
+        return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
 
-    @cached_property
-    def point(self) -> ca.Function:
-        """Rows ≤ 1 at one `element_state`."""
-        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
-        rows = self._rows(state, *parameters)
-        values = [row.value for row in rows]
-        return ca.Function("point", [state, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
+    def collocation_states(self, z: ca.SX) -> list[ca.SX]:
+        """With the Bernstein coefficients of ṡ as ṡ_b: while they keep a bound, so does ṡ everywhere between."""
+        start, middle, end = super().collocation_states(z)
+        middle[4] = self.cubic(z).middle_velocity
+        return [start, middle, end]
 
-    @cached_property
-    def cost(self) -> ca.Function | None:
-        """Heat or effort at one `element_state`, where that is the aim."""
-        if self.aim == "time":
-            return None
-        state, (_, *parameters) = ca.SX.sym("state", 5), self._inputs()
-        at, _ = self._instant(state, *parameters)
-        slow, _ = self._instant(ca.vertcat(state[0], ca.SX.zeros(4)), *parameters)
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        at, bounds = self.instant(x, *p)
         joints = self.robot.joints
-        value = heat(at, joints) if self.aim == "heat" else effort(at, slow, joints)
-        return ca.Function("cost", [state, *parameters], [value])
+        return [*kinematic_rows(at, bounds, joints, self.jerk), *torque_rows(at, bounds, joints)]
 
-    @cached_property
-    def between(self) -> ca.Function:
-        """The same rows at the points DENSE, one after the other."""
-        x, *parameters = self._inputs()
-        values = []
-        for c in DENSE:
-            state = element_state(x, c)
-            state[4] = state[1]
-            values.append(self.point(state, *parameters))
-        return ca.Function("between", [x, *parameters], [ca.vertcat(ca.SX(0, 1), *values)])
-
-    @cached_property
-    def breakaway(self) -> ca.Function:
-        """Torque rows at the element's start with the static friction coefficient."""
-        x, *parameters = self._inputs()
-        at, bounds = self._instant(element_state(x, 0.0), *parameters)
-        rows = torque_rows(at, bounds, self.robot.joints, breakaway=True)
-        return ca.Function("breakaway", [x, *parameters], [ca.vertcat(*(row.value for row in rows))])
-
-    @cached_property
-    def breakaway_joints(self) -> list[int]:
-        """Joint of every breakaway row."""
-        return breakaway_joints(self.robot)
-
-    def _rows(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> list[PathConstraint]:
-        """The named limits at one instant of the path."""
-        at, bounds = self._instant(state, sigma, local, numbers)
-        joints = self.robot.joints
-        rows = [*kinematic_rows(at, bounds, joints, self.jerk), *torque_rows(at, bounds, joints)]
-        return [row for row in rows if self.kept is None or (row.name, row.joint) in self.kept]
-
-    def _inputs(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        sizes = {"x": 5, "sigma": 4, "local": LOCAL, "numbers": NUMBERS}
-        x, sigma, local, numbers = (ca.SX.sym(name, size) for name, size in sizes.items())
-        return x, sigma, local, numbers
-
-    def _instant(self, state: ca.SX, sigma: ca.SX, local: ca.SX, numbers: ca.SX) -> tuple[Instant, Bounds]:
-        scale = numbers[17]
-        speed, acceleration, jerk = state[1] / scale, state[2] / scale**2, state[3] / scale**3
-        dq, ddq, dddq, (inertia, velocity, gravity), tip = PathFit(local).at(state[0], self.jerk)
+    def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
+        sigma, fit_parameters, numbers = p
+        limits = PARAMETERS.unpack(numbers)
+        scale = limits.time_scale
+        speed, acceleration, jerk, bound_speed = x[1] / scale, x[2] / scale**2, x[3] / scale**3, x[4] / scale
+        path, ddq, dddq = path_derivatives(fit_parameters, x[0], self.jerk)
         at = Instant(
-            qd=dq * speed,
-            qd_hull=dq * state[4] / scale,
-            qdd=ddq * speed**2 + dq * acceleration,
-            qddd=dddq * speed**3 + 3 * ddq * speed * acceleration + dq * jerk,
-            tau_rigid=inertia * acceleration + velocity * speed**2 + gravity,
-            tip_speed=tip * state[4] / scale,
+            qd=path.dq * speed,
+            qd_hull=path.dq * bound_speed,
+            qdd=ddq * speed**2 + path.dq * acceleration,
+            qddd=dddq * speed**3 + 3 * ddq * speed * acceleration + path.dq * jerk,
+            tau_rigid=path.inertia * acceleration + path.velocity * speed**2 + path.gravity,
+            tip_speed=path.tip * bound_speed,
             sigma=sigma,
         )
-        velocity, acceleration, jerk_limit, torque = (numbers[4 * k : 4 * k + 4] for k in range(4))
-        return at, Bounds(velocity, acceleration, jerk_limit, torque, tip_speed=numbers[16])
+        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.tip_speed)
 
 
-def breakaway_joints(robot: Robot) -> list[int]:
-    """Joint of every row of `torque_rows` with static friction."""
-    driven = (i for i, joint in enumerate(robot.joints) if joint.drive is not None and joint.motor is not None)
-    return [i for i in driven for _ in range(3)]
+def path_derivatives(parameters: ca.SX, s: ca.SX, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
+    """From a fit (FIT): CURVES at s, q'' (4,) and q''' (4,), which is zero unless jerk."""
+    fit_ = FIT.unpack(parameters)
+    xi = (s - fit_.centre) / fit_.half_width
+    coefficients = ca.reshape(fit_.coefficients, CURVES.size, DEGREE + 1)
+    slope = _derivative(coefficients[CURVES.slices["dq"], :])
+    second = _horner(slope, xi) / fit_.half_width
+    third = _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
+    return CURVES.unpack(_horner(coefficients, xi)), second, third
 
 
-def element_state(x: ca.SX, c: float) -> ca.SX:
-    """s, its three derivatives, and the hull of ṡ at the share c of an element's length; s̈ is linear, s cubic.
+def fit(path: StraightPath, body: RigidBody, low: Array, high: Array) -> Array:
+    """Fits (n, FIT.size) of elements that cover [low, high] (n,) in s.
 
-    ṡ is a quadratic with the Bernstein coefficients ṡ(0), ṡ(0) + h s̈(0)/2, ṡ(1): while these three keep a bound, so does
-    ṡ everywhere between. They stand in for ṡ in the velocity rows at the start, the middle and the end.
+    They reach beyond the element by half its width, but stay on the path.
     """
-    s, speed, start, end, h = (x[i] for i in range(5))
-    t, rise = c * h, end - start
-    here = speed + t * (start + c * rise / 2)
-    hull = speed + h * start / 2 if c == 0.5 else here
-    return ca.vertcat(s + t * (speed + t * (start / 2 + c * rise / 6)), here, start + c * rise, rise / h, hull)
+    half_width = np.maximum(high - low, NARROWEST)
+    centre = np.clip((low + high) / 2, half_width, 1 - half_width)
+    chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
+    samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
+    load = PathLoad.along(body, samples)
+    tip = np.linalg.norm(path.tip_slope(samples), axis=1, keepdims=True)
+    curves = np.hstack([samples.dq, load.inertia, load.velocity, load.gravity, tip])
+    # node j of element n has the values Σ_d ξ_j^d a_nd
+    inverse = np.linalg.inv(np.vander(chebyshev, increasing=True))
+    coefficients = np.einsum("dj,njk->ndk", inverse, curves.reshape(len(low), DEGREE + 1, CURVES.size))
+    return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
+
+
+def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
+    """Whether fits (n, FIT.size) hold on [low, high] (n,), and are not much wider than they need to be."""
+    fits = FIT.unpack(parameters)
+    centre, half_width = fits.centre[:, 0], fits.half_width[:, 0]
+    inside = (low >= centre - half_width) & (high <= centre + half_width)
+    return np.asarray(inside & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
+
+
+def limit_parameters(table: Array, tip_speed: float, time_scale: float) -> Array:
+    """PARAMETERS from the limits (4, 4) of `limit_table`."""
+    velocity, acceleration, jerk, torque = table
+    return PARAMETERS.pack(
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        torque=torque,
+        tip_speed=tip_speed,
+        time_scale=time_scale,
+    )
+
+
+def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
+    value = coefficients[:, -1]
+    for k in range(coefficients.size2() - 2, -1, -1):
+        value = value * xi + coefficients[:, k]
+    return value
+
+
+def _derivative(coefficients: ca.SX) -> ca.SX:
+    return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))

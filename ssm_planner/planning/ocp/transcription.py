@@ -1,206 +1,319 @@
-"""The nonlinear program behind every optimised motion: coordinates as cubic pieces on a mesh of elements.
+"""The nonlinear program behind every optimised motion: direct transcription on a mesh of cubic elements.
 
-    variables   u, u̇, ü at the start and ü at the end of every element; the time T_k of every block
-    objective   w_t Σ T_k + w_c ∫ cost dt (heat or effort of the motors); besides a trace of ∫ ü² of joints, and of unevenness
-                of the mesh, which decide what is otherwise undecided
-    dynamics    u and u̇ continuous (ü too where jerk is limited)
-    limits      rows ≤ 1 of the stage at the collocation points of every element; static friction where a joint starts;
-                of the coordinates themselves: the Bernstein coefficients of u̇, and the slope of ü
-
-A segment lies between two borders at which u is given: waypoints, or the points where a joint turns back. A straight
-motion has one coordinate, its path parameter s; a free motion has its moving joints.
+A straight motion has one coordinate, the path parameter s; a free one its moving joints. `Transcription.build` states the
+program from top to bottom; only the element model differs between the two.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeVar, cast
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ssm_planner.planning.ocp import element
-from ssm_planner.planning.ocp.compiled import stages
-from ssm_planner.planning.ocp.derivatives import Mesh, assemble, ipopt
-from ssm_planner.planning.ocp.element import COLLOCATION, ElementFunctions
-from ssm_planner.planning.ocp.nlp import NlpData, NlpSolution, NlpStructure
+from ssm_planner.planning.ocp.compiled import function_store
+from ssm_planner.planning.ocp.element import COLLOCATION, ElementFunctions, ElementModel
+from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
+from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
 
 SMOOTHING = 3e-6
-"""Weight of ∫ (ü/limit)² of joints."""
+"""Weight of ∫ (ü/limit)² dt of joints: decides how those move that do not bind."""
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 ITERATIONS, HEAT_ITERATIONS = 300, 80
 """At most; the least heat is given up sooner, for the fastest motion is at hand."""
-KEPT_PROGRAMS = 12
-KEPT_STAGES = 32
-KEPT_ANSWERS = 64
-RowName = tuple[str, int | None]
-Aim = Literal["time", "heat", "effort"]
-DENSE = tuple(k / 8 for k in range(9))
-"""Where the planner looks for limits exceeded between the collocation points."""
+IPOPT: dict[str, Any] = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-8,
+    "mu_init": 1e-4,
+    "bound_push": 1e-2,
+    "bound_frac": 1e-2,
+    "mumps_pivot_order": 0,  # AMD; by itself MUMPS takes METIS on fine meshes, for which each iteration takes longer
+}
+WARM: dict[str, Any] = {
+    **IPOPT,
+    "mu_init": 1e-7,
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-9,
+    "warm_start_bound_frac": 1e-9,
+    "warm_start_slack_bound_push": 1e-9,
+    "warm_start_slack_bound_frac": 1e-9,
+    "warm_start_mult_bound_push": 1e-9,
+}
+"""From the solution of the same problem with a few bounds moved."""
+PARAMETERS = ("fractions", "end", "jerk", "acceleration", "weights", "least_times")
+"""Fields of NlpData that are parameters of the program, after those of its element model."""
 
 
-class ElementModel(element.ElementModel, Protocol):
-    """One element of a motion as CasADi Functions."""
+@dataclass(frozen=True)
+class Transcription:
+    """Ipopt for one structure and element model; every number of NlpData is a parameter or a bound."""
 
-    @property
-    def key(self) -> tuple[Any, ...]:
-        """Two stages with the same key have the same functions."""
+    structure: NlpStructure
+    element: ElementModel
+    cold: ca.Function = field(compare=False)
+    warm: ca.Function = field(compare=False)
+    """Solvers without and with multipliers to start from."""
+    sizes: dict[str, int] = field(compare=False)
+    """Rows of each group of constraints but the path constraints, in their order."""
 
-    @property
-    def aim(self) -> Aim: ...
+    @classmethod
+    def of(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
+        """The program, built once for each structure and element model; again when the element has been compiled."""
+        return _built(structure, element, function_store.functions(element))
 
-    @property
-    def names(self) -> list[RowName]:
-        """Limit and joint of every row."""
+    @classmethod
+    def build(cls, structure: NlpStructure, element: ElementModel, functions: ElementFunctions) -> Transcription:
+        """The program with n elements k, m coordinates and b blocks; [chosen] where a coordinate moves or is limited.
 
-    @property
-    def breakaway(self) -> ca.Function:
-        """(z, *arguments) → rows ≤ 1 at the element's start with static friction."""
+        min   w_t Σ T + w_c Σ L(z_k) + SMOOTHING ∫ (ü/limit)² dt + EVEN var(T / T_least)
+        s.t.  u, u̇ continuous (ü too where jerk is limited), u̇ and u⃛ within bounds, G(z_k) ≤ 1 − backoff
+        """
+        n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
+        moving = structure.moving
 
-    @property
-    def breakaway_joints(self) -> Sequence[int]:
-        """Joint of every breakaway row."""
+        # variables: u, u̇, ü at the start and ü at the end of every element, (4 m, n); time T of every block
+        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
+        u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
+
+        # parameters: p of the element model, (size, n) or (size, 1), and PARAMETERS
+        element_parameters = [
+            ca.MX.sym(f"p{i}", size, n if per_element else 1)
+            for i, (size, per_element) in enumerate(element.parameters)
+        ]
+        fractions, end, weights = ca.MX.sym("fractions", 1, n), ca.MX.sym("end", m, 2), ca.MX.sym("weights", 2)
+        jerk, acceleration, least = ca.MX.sym("jerk", m), ca.MX.sym("acceleration", m), ca.MX.sym("least_times", b)
+        parameters = {
+            "fractions": fractions.T,
+            "end": ca.vec(end),
+            "jerk": jerk,
+            "acceleration": acceleration,
+            "weights": weights,
+            "least_times": least,
+        }
+
+        # elements: h_k = fraction_k T_block(k);  z = [u; u̇; ü; ü; h], (4 m + 1, n)
+        h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes)))
+        wide = ca.repmat(h, m, 1)
+        cubic, z = Cubic(u, v, a0, a1, wide), ca.vertcat(x, h)
+
+        # objective: time; ∫ (ü/limit)² dt = Σ h (a0² + a0 a1 + a1²) / 3 up to the factor; variance of the blocks' times
+        duration = ca.sum1(times)
+        r0, r1 = (a / ca.repmat(acceleration, 1, n) for a in (a0, a1))
+        smoothing = ca.sum2(ca.sum1(wide * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
+        pace = times / least
+        variance = ca.sumsqr(pace - ca.sum1(pace) / b) / b
+        objective = weights[0] * duration + SMOOTHING * smoothing + EVEN * variance
+
+        # dynamics: the end of an element is the start of the next;  u_k(h) = u_k+1, u̇_k(h) = u̇_k+1, ü_k(h) = ü_k+1
+        end_u, end_v = cubic.end
+        dynamics = [
+            _where(end_u - ca.horzcat(u[:, 1:], end[:, 0]), moving),
+            _where(end_v - ca.horzcat(v[:, 1:], end[:, 1]), moving),
+        ]
+        if structure.smooth:
+            dynamics.append(_where(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
+
+        # limits of the coordinates: the middle Bernstein coefficient of u̇ (the outer ones are variables); |a1 − a0| ≤ jerk h
+        velocity = _where(cubic.middle_velocity, moving & structure.velocity_limits)
+        jerk_limited = moving & (structure.joints and structure.smooth)
+        most = ca.repmat(jerk, 1, n) * wide
+        jerks = ca.vertcat(_where(a1 - a0 - most, jerk_limited), _where(a0 - a1 - most, jerk_limited))
+
+        # boundary conditions: bounds of the variables (BoundaryConditions) and `end`; static friction where a joint starts
+        breakaways = [
+            element.breakaway(z[:, k], element_parameters[0][:, side], *(_of(p, k) for p in element_parameters[1:]))
+            for k, side in structure.breakaways
+        ]
+
+        constraints = {
+            "dynamics": ca.vertcat(*dynamics),
+            "velocity": velocity,
+            "jerk": jerks,
+            "breakaway": ca.vertcat(*breakaways),
+            "duration": duration,
+        }
+        # path constraints G(z_k) and cost L(z_k) of every element, with derivatives
+        program = _Program(
+            x=ca.vertcat(ca.vec(x), times),
+            p=ca.vertcat(*(ca.vec(p) for p in element_parameters), *(parameters[name] for name in PARAMETERS)),
+            objective=objective,
+            constraints=ca.vertcat(*constraints.values()),
+            cost_weight=weights[1],
+            z=z,
+            element_parameters=tuple(element_parameters),
+            functions=functions,
+        )
+        cold, warm = program.solvers(HEAT_ITERATIONS if element.aim == "heat" else max(ITERATIONS, 2 * n))
+        return cls(structure, element, cold, warm, {name: rows.numel() for name, rows in constraints.items()})
+
+    def solve(self, data: NlpData, start: InitialPoint) -> NlpSolution:
+        """Ipopt's solution from a guess, or warm from an earlier solution's point."""
+        n, m = self.structure.elements, self.structure.coordinates
+        found = _solved(self, self._inputs(data, start))
+        x = found.point.x
+        states, times = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
+        elements = np.column_stack([states, times[self.structure.block] * data.fractions])
+        return NlpSolution(found.message, self.structure, elements, times, found.iterations, found.point)
+
+    def _inputs(self, data: NlpData, start: InitialPoint) -> _SolverInputs:
+        limited = self.structure.moving & self.structure.velocity_limits
+        bounds = {
+            "dynamics": (0.0, 0.0),
+            "velocity": tuple(velocity[limited] for velocity in data.velocity),
+            "jerk": (-np.inf, 0.0),
+            "breakaway": (-np.inf, data.breakaway_bound.ravel()),
+            "duration": data.duration,
+        }
+        path_bound = np.tile(data.path_bound, (1, len(COLLOCATION))).ravel()
+        lower, upper = (
+            [np.broadcast_to(bounds[name][side], size) for name, size in self.sizes.items()] for side in (0, 1)
+        )
+        parameters = [*data.element_parameters, *(getattr(data, name) for name in PARAMETERS)]
+        inputs = {
+            "x0": start.x,
+            "p": np.concatenate([np.ravel(parameter) for parameter in parameters]),
+            "lbx": np.append(data.lower.ravel(), data.least_times),
+            "ubx": np.append(data.upper.ravel(), np.full(len(data.least_times), np.inf)),
+            "lbg": np.concatenate([*lower, np.full(path_bound.size, -np.inf)]),
+            "ubg": np.concatenate([*upper, path_bound]),
+        }
+        if start.multipliers is not None:
+            inputs["lam_x0"], inputs["lam_g0"] = start.multipliers
+        return _SolverInputs(inputs)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Program:
+    """min f(x) = objective + w Σ L(z_k)  subject to bounds on  g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant.
+
+    One Jacobian and one Hessian of the element, as expanded expressions, serve every element: this is several times faster
+    than differentiating the mapped element, and gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k):
+
+        ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k
+        ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S
+    """
+
+    x: ca.MX
+    p: ca.MX
+    objective: ca.MX
+    constraints: ca.MX
+    cost_weight: ca.MX
+    z: ca.MX
+    """(4 m + 1, n)."""
+    element_parameters: tuple[ca.MX, ...]
+    """One column per element, or a single one for all."""
+    functions: ElementFunctions
+
+    def solvers(self, iterations: int) -> tuple[ca.Function, ca.Function]:
+        """Ipopt for cold and for warm starts."""
+        x, p, functions, n = self.x, self.p, self.functions, self.z.size2()
+        of_x = ca.jacobian(ca.vec(self.z), x)
+        jacobians = _block_diagonal(self._map(functions.jacobian), functions.jacobian.sparsity_out(0), n)
+        g = ca.vertcat(self.constraints, ca.vec(self._map(functions.rows)))
+        jac_g = ca.vertcat(ca.jacobian(self.constraints, x), jacobians @ of_x)
+
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+        lam_constraints, lam_rows = lam_g[: self.constraints.numel()], lam_g[self.constraints.numel() :]
+        multipliers = ca.reshape(lam_rows, -1, n)
+        f, same_f, grad_f = self.objective, self.objective, ca.gradient(self.objective, x)
+        if functions.cost is not None and functions.gradient is not None:
+            f += self.cost_weight * ca.sum2(self._map(functions.cost))
+            costs, slopes = self._map(functions.gradient)
+            same_f += self.cost_weight * ca.sum2(costs)
+            grad_f += self.cost_weight * (of_x.T @ ca.vec(slopes))
+            multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * self.cost_weight, 1, n))
+        hessians = _block_diagonal(self._map(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n)
+        hess = ca.hessian(lam_f * self.objective + ca.dot(lam_constraints, self.constraints), x)[0]
+        hess += of_x.T @ hessians @ of_x
+
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            "no_nlp_grad": True,  # for the multipliers of p, which nobody asks for
+            "calc_lam_p": False,
+            "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
+            "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
+            "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
+        }
+        nlp: Any = {"x": x, "p": p, "f": f, "g": g}
+        cold, warm = (
+            ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": {**ipopt_options, "max_iter": iterations}})
+            for ipopt_options in (IPOPT, WARM)
+        )
+        return cold, warm
+
+    def _map(self, function: ca.Function, *more: ca.MX) -> Any:
+        """The function's values at all elements side by side."""
+        single = [i + 1 for i, parameter in enumerate(self.element_parameters) if parameter.size2() == 1]
+        mapped = function.map(function.name(), "serial", self.z.size2(), single, [])
+        return mapped(self.z, *self.element_parameters, *more)
+
+
+class _SolverInputs:
+    """Arguments of a solver; equal where every number is."""
+
+    def __init__(self, arguments: dict[str, Array]) -> None:
+        self.arguments = arguments
+
+    @cached_property
+    def _content(self) -> tuple[tuple[str, ...], bytes]:
+        numbers = b"".join(np.asarray(value, dtype=float).tobytes() for value in self.arguments.values())
+        return tuple(self.arguments), hashlib.sha256(numbers).digest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _SolverInputs) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
 
 @dataclass(frozen=True, eq=False)
-class Transcription:
-    """Ipopt on one shape and stage, all numbers being parameters."""
-
-    shape: NlpStructure
-    stage: ElementModel
-    cold: ca.Function
-    warm: ca.Function
-    equal: int
-    hull: int
-    slope: int
-    start: int
-    """Rows: equations, velocity hull, slope of the acceleration, breakaway; then the total time, then the elements'."""
-
-    @classmethod
-    def of(cls, shape: NlpStructure, stage: ElementModel) -> Transcription:
-        """The program, built once for each shape and key of a stage; again when the stage has been compiled."""
-        functions, compiled = stages.functions(stage, stage.key)
-        key = (shape, stage.key, compiled)
-        found: Transcription = _recent(_programs, key, lambda: cls._build(shape, stage, functions), KEPT_PROGRAMS)
-        return found
-
-    @classmethod
-    def _build(cls, shape: NlpStructure, stage: ElementModel, functions: ElementFunctions) -> Transcription:
-        n, m = shape.elements, shape.coordinates
-        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", len(shape.blocks))
-        arguments = [ca.MX.sym(f"argument{i}", size, n if own else 1) for i, (size, own) in enumerate(stage.arguments)]
-        fractions, end, weights = ca.MX.sym("fractions", 1, n), ca.MX.sym("end", m, 2), ca.MX.sym("weights", 2)
-        jerk, unit, least = ca.MX.sym("jerk", m), ca.MX.sym("unit", m), ca.MX.sym("least", len(shape.blocks))
-        h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, k) for i, k in enumerate(shape.blocks)))
-        wide = ca.repmat(h, m, 1)
-        u, v, a0, a1 = (x[k * m : (k + 1) * m, :] for k in range(4))
-        moving = shape.moving
-        next_u, next_v = ca.horzcat(u[:, 1:], end[:, 0]), ca.horzcat(v[:, 1:], end[:, 1])
-        equal = [
-            _where(u + wide * v + wide**2 * (a0 / 3 + a1 / 6) - next_u, moving),
-            _where(v + wide * (a0 + a1) / 2 - next_v, moving),
-        ]
-        if shape.smooth:
-            equal.append(_where(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
-        hull = _where(v + wide * a0 / 2, moving & shape.hull)
-        room = ca.repmat(jerk, 1, n) * wide
-        sloped = moving & (shape.joints and shape.smooth)
-        slopes = ca.vertcat(_where(a1 - a0 - room, sloped), _where(a0 - a1 - room, sloped))
-        z = ca.vertcat(x, h)
-        starts = [
-            stage.breakaway(z[:, k], arguments[0][:, side], *(_column(argument, k) for argument in arguments[1:]))
-            for k, side in shape.starts
-        ]
-        equations, starting = ca.vertcat(*equal), ca.vertcat(*starts)
-        b0, b1 = (a / ca.repmat(unit, 1, n) for a in (a0, a1))
-        energy = ca.sum2(ca.sum1(wide * (b0**2 + b0 * b1 + b1**2))) if shape.joints else ca.MX(0)
-        total = ca.sum1(times)
-        pace = times / least
-        uneven = ca.sumsqr(pace - ca.sum1(pace) / pace.numel()) / pace.numel()
-        cold, warm = assemble(
-            ca.vertcat(ca.vec(x), times),
-            ca.vertcat(*(ca.vec(a) for a in arguments), fractions.T, ca.vec(end), jerk, unit, weights, least),
-            weights[0] * total + SMOOTHING * energy + EVEN * uneven,
-            ca.vertcat(equations, hull, slopes, starting, total),
-            functions,
-            Mesh(z, tuple(arguments)),
-            weights[1],
-            HEAT_ITERATIONS if stage.aim == "heat" else max(ITERATIONS, 2 * n),
-        )
-        sizes = (part.numel() for part in (equations, hull, slopes, starting))
-        return cls(shape, stage, cold, warm, *sizes)
-
-    def solve(self, question: NlpData, point: dict[str, Any]) -> NlpSolution:
-        """Ipopt's answer from a guess (`point_of`), or warm from an earlier answer's point."""
-        shape = self.shape
-        fast = [speed[shape.moving & shape.hull] for speed in question.speed]
-        allowed = np.tile(question.allowed, (1, len(COLLOCATION))).ravel()
-        free = np.full(self.slope + self.start, -np.inf), np.full(allowed.size, -np.inf)
-        low = (np.zeros(self.equal), fast[0], free[0], question.time[:1], free[1])
-        high = (
-            *(np.zeros(self.equal), fast[1], np.zeros(self.slope)),
-            *(question.starting.ravel(), question.time[1:], allowed),
-        )
-        arguments = (a.ravel() for a in question.arguments)
-        numbers = {
-            **point,
-            "p": np.concatenate([*arguments, *question.parameters]),
-            "lbx": np.append(question.lower.ravel(), question.times),
-            "ubx": np.append(question.upper.ravel(), np.full(len(shape.blocks), np.inf)),
-            "lbg": np.concatenate(low),
-            "ubg": np.concatenate(high),
-        }
-        digest = hashlib.sha256(b"".join(np.asarray(value).tobytes() for value in numbers.values())).digest()
-        # trials of relaxations and second attempts ask most of their questions again
-        key = shape, self.stage.key, tuple(numbers), digest
-        found: NlpSolution = _recent(_answers, key, lambda: self._solve(question, numbers), KEPT_ANSWERS)
-        return found
-
-    def _solve(self, question: NlpData, numbers: dict[str, Any]) -> NlpSolution:
-        shape, n, m = self.shape, self.shape.elements, self.shape.coordinates
-        answer, stats = ipopt(self.warm if "lam_g0" in numbers else self.cold, **numbers)
-        stages.spent(self.stage.key, sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f")))
-        x = answer["x"].full().ravel()
-        states, found = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
-        elements = np.column_stack([states, found[shape.block] * question.fractions])
-        again = {"x0": answer["x"], "lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
-        return NlpSolution(str(stats["return_status"]), shape, elements, found, int(stats["iter_count"]), again)
+class _Solved:
+    message: str
+    iterations: int
+    point: InitialPoint
 
 
-def point_of(states: Array, times: Array) -> dict[str, Any]:
-    """Where to start from: states (n, 4 m) and times (b,)."""
-    return {"x0": np.append(states.ravel(), times)}
+@lru_cache(maxsize=64)
+def _solved(transcription: Transcription, inputs: _SolverInputs) -> _Solved:
+    """Trials of relaxations and second attempts solve most of their programs again."""
+    warm = "lam_g0" in inputs.arguments
+    result, stats = ipopt(transcription.warm if warm else transcription.cold, **inputs.arguments)
+    seconds = sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f"))
+    function_store.note_time(transcription.element, seconds)
+    x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
+    return _Solved(str(stats["return_status"]), int(stats["iter_count"]), InitialPoint(x, (lam_x, lam_g)))
 
 
-_programs: OrderedDict[tuple[NlpStructure, tuple[Any, ...], bool], Transcription] = OrderedDict()
-_stages: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-_answers: OrderedDict[tuple[Any, ...], NlpSolution] = OrderedDict()
-S = TypeVar("S", bound=ElementModel)
-
-
-def shared(stage: S) -> S:
-    """The stage with the same key that was used last, so that its Functions are built once."""
-    return cast(S, _recent(_stages, stage.key, lambda: stage, KEPT_STAGES))
-
-
-def forget_answers() -> None:
+def forget_solutions() -> None:
     """Solve again what has been solved already: for measuring how long it takes."""
-    _answers.clear()
+    _solved.cache_clear()
 
 
-def _recent(store: OrderedDict[Any, Any], key: Any, make: Callable[[], Any], most: int) -> Any:
-    """What the store holds for a key, made where it holds nothing; the store keeps what was used most recently."""
-    if key not in store:
-        store[key] = make()
-        while len(store) > most:
-            store.popitem(last=False)
-    store.move_to_end(key)
-    return store[key]
+@lru_cache(maxsize=12)
+def _built(structure: NlpStructure, element: ElementModel, functions: ElementFunctions) -> Transcription:
+    return Transcription.build(structure, element, functions)
+
+
+def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Call a solver; its result and statistics. Raises KeyboardInterrupt where the user interrupted it."""
+    result = solver(**arguments)
+    stats = solver.stats()
+    if stats["return_status"] == "NonIpopt_Exception_Thrown":  # all that Ipopt tells of Ctrl-C
+        raise KeyboardInterrupt
+    return result, stats
+
+
+def _block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
+    """diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side, keeping their sparsity."""
+    pattern = ca.diagcat(*[block] * count)
+    return ca.MX(pattern, ca.vec(columns).nz[:]) if pattern.nnz() else ca.MX(*pattern.shape)
 
 
 def _where(values: ca.MX, chosen: Any) -> ca.MX:
@@ -208,5 +321,6 @@ def _where(values: ca.MX, chosen: Any) -> ca.MX:
     return ca.vec(values)[np.flatnonzero(chosen).tolist()]
 
 
-def _column(argument: ca.MX, k: int) -> ca.MX:
-    return argument if argument.size2() == 1 else argument[:, k]
+def _of(parameter: ca.MX, k: int) -> ca.MX:
+    """Its column of element k."""
+    return parameter if parameter.size2() == 1 else parameter[:, k]
