@@ -8,18 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from ssm_planner.pipeline.folder import write_folder
-from ssm_planner.pipeline.relaxation import tried
+from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.tightening import Strictness
 from ssm_planner.planning.planner import Planned, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.sizing.size import size_motion
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
-from ssm_planner.verification.sampled_extremes import CONTINUOUS
 
 ATTEMPTS = 4
 
@@ -45,7 +45,7 @@ def plan(
         sizing = size_motion(planned.trajectory, problem.robot)
     if reason is not None:
         progress("looking for what would do")
-        cure = tried(problem, reason, _duration_or_reason)
+        cure = search(problem, reason, _duration_or_reason)
         reason = reason if cure is None else replace(reason, relaxation=cure.text)
     seconds = time.perf_counter() - begin
     return Plan(problem, planned.status, planned.trajectory, planned.phases, certificate, sizing, reason, seconds)
@@ -53,19 +53,19 @@ def plan(
 
 def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:
     """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
-    strict: Strictness | None = Strictness.of(problem)
+    strict: Strictness | None = Strictness(problem)
     first: Outcome | None = None
     attempt = 1
     while True:
         assert strict is not None
-        planned = plan_motion(strict.problem, strict.factors, progress)
+        planned = plan_motion(replace(strict.problem, robot=problem.robot), strict.problem.robot, progress)
         if planned.trajectory is None:
             return _blamed(first, (planned, None, planned.reason))
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits)
         strict = strict.more(certificate)
-        outcome = planned, certificate, None if certificate.passed else _exceeded(certificate)
+        outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
         if certificate.passed:
             return outcome
         if attempt == ATTEMPTS or strict is None:
@@ -80,7 +80,7 @@ def _blamed(first: Outcome | None, last: Outcome) -> Outcome:
     Where a motor gets too hot over the whole motion, smaller peaks may not help, and what stands in the way of a motion
     with these is no limit of the problem.
     """
-    if first is not None and first[2] is not None and first[2].constraint == CONTINUOUS:
+    if first is not None and first[2] is not None and isinstance(first[2].limit, ContinuousTorque):
         return first
     return last
 
@@ -88,7 +88,7 @@ def _blamed(first: Outcome | None, last: Outcome) -> Outcome:
 def _duration_or_reason(problem: Problem) -> float | Reason:
     planned, _, reason = _attempt(problem, lambda _: None, lambda _: None)
     if reason is not None or planned.trajectory is None:
-        return reason or Reason("solver", None, None, None, None, None, "no motion found")
+        return reason or Reason(None, None, None, None, "no motion found")
     return planned.trajectory.duration
 
 
@@ -111,26 +111,29 @@ def plan_to_folder(
     return result, write_folder(result, folder, drawer)
 
 
-def _exceeded(certificate: Certificate) -> Reason:
+def _exceeded(problem: Problem, certificate: Certificate) -> Reason:
     """The worst violation that the check found and tightening did not cure."""
     worst = certificate.worst
+    jumps = (Jump(joint.name, worst.limit, derivative=k) for joint in problem.robot.joints for k in range(3))
+    limits: tuple[Limit, ...] = (*problem.all_limits, *jumps)
+    limit = next((each for each in limits if each.key == (worst.name, worst.joint)), None)
     joint = "" if worst.joint is None else f" of joint {worst.joint}"
     text = (
         f"the independent check found {worst.name}{joint} exceeded: {worst.worst:.6g} {worst.unit} against "
         f"{worst.limit:.6g} {worst.unit} at t = {worst.time:.4f} s; the motion is not written"
     )
     required, available = worst.worst, worst.limit
-    if worst.name == "self-locking":
+    if isinstance(limit, SelfLocking):
         required, available = worst.limit, worst.worst
         text = (
             f"the drive{joint} does not hold by itself: its friction coefficient may be as low as {available:.4g}, "
             f"self-locking needs {required:.4g}; the load would drive it back"
         )
     where: str | None = f"t = {worst.time:.4f} s"
-    if worst.name == CONTINUOUS:
+    if isinstance(limit, ContinuousTorque):
         where = None
         text = (
             f"the motor{joint} would run at an RMS torque of {1e3 * required:.6g} mN·m, it may do "
             f"{1e3 * available:.6g} mN·m for all time; the motion is not written"
         )
-    return Reason(worst.name, worst.joint, where, required, available, None, text)
+    return Reason(limit, where, required, available, text)

@@ -11,6 +11,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.limits import Direction, JointAcceleration, JointVelocity
 from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Joint
 from ssm_planner.typing import Array
@@ -67,13 +68,13 @@ def _too_fast(problem: Problem, phase: Phase, key: str, speed: Array, step: Arra
                 f"joint {joint.name} would move at {scale * abs(speed[i]):.4g} {unit}/s, its limit is "
                 f"{scale * joint.velocity:.4g} {unit}/s ({place})"
             )
-            return Reason("velocity", joint.name, place, float(abs(speed[i])), joint.velocity, None, text)
+            return Reason(joint.limit(JointVelocity), place, float(abs(speed[i])), joint.velocity, text)
         if phase.path is None and speed[i] * np.sign(step[i]) <= 0 and speed[i] != 0:
             text = (
                 f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
                 "add a point where it turns, or leave this rate out"
             )
-            return Reason("direction", joint.name, place, float(np.sign(step[i])), float(np.sign(speed[i])), None, text)
+            return Reason(Direction(joint.name), place, float(np.sign(step[i])), float(np.sign(speed[i])), text)
     return None
 
 
@@ -98,4 +99,4 @@ def _no_room(phase: Phase, joint: Joint, way: float, speeds: tuple[float, float]
         f"joint {joint.name} has {scale * way:.4g} {unit} to go from {begin:.4g} to {end:.4g} {unit}/s: that takes "
         f"{scale * needed:.4g} {unit}/s², its limit is {scale * joint.acceleration:.4g} {unit}/s² ({phase.motion.name})"
     )
-    return Reason("acceleration", joint.name, phase.motion.name, needed, joint.acceleration, None, text)
+    return Reason(joint.limit(JointAcceleration), phase.motion.name, needed, joint.acceleration, text)

@@ -13,6 +13,7 @@ from ssm_planner.planning.feasibility import by_eye
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath
+from ssm_planner.problem.limits import Duration, MotorTorque
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
@@ -29,7 +30,7 @@ def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> 
         text = f"{blocked.message}; no way around it was found ({message})"
         return replace(blocked, message=text)
     text = f"{phase.motion.name}: no motion found ({message})"
-    return Reason("solver", None, phase.motion.name, None, None, None, text)
+    return Reason(None, phase.motion.name, None, None, text)
 
 
 def too_weak(problem: Problem, phase: Phase, path: JointPath, looks: int = 0) -> Reason | None:
@@ -64,7 +65,7 @@ def too_weak(problem: Problem, phase: Phase, path: JointPath, looks: int = 0) ->
                 f"motor of joint {joint.name} is too weak to move at all: against gravity and friction it needs "
                 f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"
             )
-            weakest = ratio, Reason("motor torque", joint.name, place, float(needed[k]), available, None, text)
+            weakest = ratio, Reason(joint.limit(MotorTorque), place, float(needed[k]), available, text)
     return None if weakest is None else weakest[1]
 
 
@@ -76,10 +77,10 @@ def _starting(signs: Array) -> list[int]:
 def too_short(name: str, asked: float, needed: float) -> Reason:
     """A duration asked for that is shorter than the fastest motion."""
     text = f"{name} takes at least {needed:.6g} s within the limits; {asked:.6g} s were asked for"
-    return Reason("duration", None, name, needed, asked, None, text)
+    return Reason(Duration(asked, name), name, needed, asked, text)
 
 
 def all_timed(asked: float, fixed: float) -> Reason:
     """A duration of the whole, where every motion has one of its own and they add up to another."""
     text = f"the motions have durations of their own, {fixed:.6g} s in all; {asked:.6g} s were asked for the whole"
-    return Reason("duration", None, "the whole motion", fixed, asked, None, text)
+    return Reason(Duration(asked, exact=True), "the whole motion", fixed, asked, text)

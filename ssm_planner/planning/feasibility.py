@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.kinematics.eye import RETINA, eye_limits
+from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.limits import JointPosition, RetinaClearance
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
@@ -54,7 +55,7 @@ def _range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
             f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
             f"{limit * scale:.6g} {unit} ({where})"
         )
-        return Reason("position", joint.name, where, value, limit, None, text)
+        return Reason(joint.limit(JointPosition), where, value, limit, text)
     return None
 
 
@@ -62,13 +63,15 @@ def by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Re
     """The retina or the lens, where it forbids one of these joints (n, 4): the worst place."""
     if problem.eye is None:
         return None
-    for name, (value, least) in eye_limits(NUMPY, problem.eye, tip_position(mechanism, q).T).items():
+    values = eye_limits(NUMPY, problem.eye, tip_position(mechanism, q).T)
+    for each in problem.eye.limits:
+        value, least = values[each.name]
         k = int(np.argmin(value))
         found = float(value[k])
         if found >= least - SLACK:
             continue
         where = place(phase, k, len(q))
-        if name == RETINA:
+        if isinstance(each, RetinaClearance):
             text = (
                 f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"
             )
@@ -76,5 +79,5 @@ def by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Re
             text = (
                 f"the shaft would touch the lens: {found:.4g} of its size from its centre, at least {least:.4g} is free"
             )
-        return Reason(name, None, where, least, found, None, f"{text} ({where})")
+        return Reason(each, where, least, found, f"{text} ({where})")
     return None

@@ -12,7 +12,7 @@ from ssm_planner.planning.boundary_rates import with_speeds
 from ssm_planner.planning.diagnosis import all_timed, no_motion, too_short, too_weak
 from ssm_planner.planning.feasibility import misplaced
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
-from ssm_planner.planning.ocp.constraints import tightened
+from ssm_planner.planning.ocp.constraints import kept_off
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
@@ -20,6 +20,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath, SplinePath
 from ssm_planner.planning.retiming.retime import retime
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite, hold, join
 from ssm_planner.typing import Array
 
@@ -57,25 +58,26 @@ class Planned:
 
 
 def plan_motion(
-    problem: Problem, tighten: Array | None = None, progress: Callable[[str], None] = lambda _: None
+    problem: Problem, strict: Robot | None = None, progress: Callable[[str], None] = lambda _: None
 ) -> Planned:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
-    tighten (4, 4): factors ≤ 1 on velocity, acceleration, jerk and torque limits (rows) by joint (columns).
+    strict: the problem's robot with stricter limits, which the motion is to keep; None: its own.
     """
+    strict = strict or problem.robot
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phases, reason = phases_of(problem, mechanism)
     if reason is None and problem.duration is not None:
-        phases, reason = _timed(problem, mechanism, phases, problem.duration, tighten, progress)
+        phases, reason = _timed(problem, mechanism, phases, problem.duration, strict, progress)
     if reason is not None:
         return Planned("infeasible", None, (), reason)
     planned: list[PlannedPhase] = []
     parts = []
     for k, phase in enumerate(phases, 1):
         progress(phase.motion.name if len(phases) == 1 else f"{phase.motion.name} ({k} of {len(phases)})")
-        outcome = _PLANNERS[phase.motion.kind](problem, mechanism, phase, tighten)
+        outcome = _PLANNERS[phase.motion.kind](problem, mechanism, phase, strict)
         if isinstance(outcome, Reason):
-            status = "infeasible" if outcome.constraint != "solver" else "not converged"
+            status = "infeasible" if outcome.limit is not None else "not converged"
             return Planned(status, None, tuple(planned), outcome)
         done, breaks, coefficients = _cross_checked(problem, mechanism, outcome)
         planned.append(done)
@@ -88,7 +90,7 @@ def _timed(
     mechanism: Mechanism,
     phases: tuple[Phase, ...],
     duration: float,
-    tighten: Array | None,
+    strict: Robot,
     progress: Callable[[str], None],
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """The phases with durations that add up to the one asked for: what has none of its own is slowed down in proportion."""
@@ -99,7 +101,7 @@ def _timed(
         if phase.motion.duration is not None:
             least.append(0.0)
             continue
-        outcome = _PLANNERS[phase.motion.kind](fastest, mechanism, phase, tighten)
+        outcome = _PLANNERS[phase.motion.kind](fastest, mechanism, phase, strict)
         if isinstance(outcome, Reason):
             return phases, outcome
         least.append(outcome[0].duration)
@@ -120,20 +122,17 @@ Outcome = tuple[PlannedPhase, Array, Array]
 """A planned phase and its pieces: breaks from 0, coefficients."""
 
 
-def _dwell(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Array | None) -> Outcome | Reason:
+def _dwell(problem: Problem, mechanism: Mechanism, phase: Phase, strict: Robot) -> Outcome | Reason:
     duration = float(phase.motion.duration or 0.0)
     return PlannedPhase(phase, duration, duration, duration, 0), np.array([0.0, duration]), hold(phase.first)
 
 
-def _straight(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Array | None) -> Outcome | Reason:
+def _straight(problem: Problem, mechanism: Mechanism, phase: Phase, strict: Robot) -> Outcome | Reason:
     path, limits, asked = phase.straight, problem.task_limits, phase.motion.duration
     speeds = path.speed_at(0.0, phase.first_speed), path.speed_at(1.0, phase.last_speed)
     least = _bound(problem, phase, at_rest=not any(speeds))
     alone = problem.planner == "toppra"
-    robot = problem.robot
-    if alone:
-        factors = np.ones((4, len(robot.joints))) if tighten is None else tighten
-        robot = tightened(robot, factors * (1 - BETWEEN))
+    robot = kept_off(strict, BETWEEN) if alone else problem.robot
     retiming = retime(path, robot, limits=limits, speeds=speeds)
     if not retiming.solved:
         return no_motion(problem, phase, path, retiming.message)
@@ -150,7 +149,7 @@ def _straight(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Arr
         path,
         guess,
         limits=limits,
-        tighten=tighten,
+        strict=strict,
         objective=problem.objective,
         duration=asked,
         speeds=speeds,
@@ -167,13 +166,13 @@ def _straight(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Arr
     )
 
 
-def _free(problem: Problem, mechanism: Mechanism, phase: Phase, tighten: Array | None) -> Outcome | Reason:
+def _free(problem: Problem, mechanism: Mechanism, phase: Phase, strict: Robot) -> Outcome | Reason:
     asked, speeds = phase.motion.duration, (phase.first_speed, phase.last_speed)
     direct = PolylinePath(mechanism, phase.points)
     reason = too_weak(problem, phase, direct)
     if reason is not None:
         return reason
-    result = solve_free(problem, mechanism, phase.points, tighten=tighten, duration=asked, speeds=speeds)
+    result = solve_free(problem, mechanism, phase.points, strict=strict, duration=asked, speeds=speeds)
     duration = float(result.breaks[-1])
     if not result.solved:
         return no_motion(problem, phase, direct, result.message)
@@ -202,7 +201,7 @@ def _bound(problem: Problem, phase: Phase, *, at_rest: bool) -> float:
     return max(lower_bound(problem.robot, phase.points, at_rest=at_rest), rates)
 
 
-_PLANNERS: dict[str, Callable[[Problem, Mechanism, Phase, Array | None], Outcome | Reason]] = {
+_PLANNERS: dict[str, Callable[[Problem, Mechanism, Phase, Robot], Outcome | Reason]] = {
     "dwell": _dwell,
     "straight": _straight,
     "free": _free,

@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
+
+from ssm_planner.problem.limits import Limit
 
 
 @dataclass(frozen=True)
 class Reason:
-    """SI units; joint and where are None where the whole motion is concerned."""
+    """What stands in the way of a motion; SI units."""
 
-    constraint: str
-    joint: str | None
+    limit: Limit | None
+    """None where no limit is known to: the solver found no motion."""
     where: str | None
+    """None where the whole motion is concerned."""
     required: float | None
     available: float | None
-    relaxation: str | None
     message: str
+    relaxation: str | None = None
+
+    @property
+    def constraint(self) -> str:
+        return "solver" if self.limit is None else self.limit.name
+
+    @property
+    def joint(self) -> str | None:
+        return None if self.limit is None else self.limit.joint
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        return {
+            "constraint": self.constraint,
+            "joint": self.joint,
+            "where": self.where,
+            "required": self.required,
+            "available": self.available,
+            "relaxation": self.relaxation,
+            "message": self.message,
+        }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
@@ -22,6 +22,8 @@ TO_MOVE = 5e-3
 P = TypeVar("P")
 """A Problem; limits stand below it in this room."""
 L = TypeVar("L", bound="Limit")
+S = TypeVar("S", bound="Symmetric")
+B = TypeVar("B", bound="Between")
 
 
 @dataclass(frozen=True)
@@ -32,26 +34,24 @@ class Limit(ABC):
 
     1. Derive a frozen dataclass from `Limit`, or from one of the families `JointLimit` and `SpeedLimit`, whose members
        the planner, the check, plan.json and the page take as they come.
-    2. Set `quantity` (the name by which results speak of it), `order`, and `unit`; give `low` and `high`.
+    2. Set `name` (by which results speak of it), `order` and `unit`; give `low` and `high`.
     3. Say in `on` where a problem holds it, and in `relaxed` and `tightened` how its bound moves. `tightened` may never
        allow what the limit forbids; `relaxed(value)` allows `value` and all that the limit allows.
     4. Refuse in `__post_init__` what cannot be: ProblemError naming the field, its value and what is allowed.
     """
 
-    quantity: ClassVar[str]
-    """What is limited, in words."""
     order: ClassVar[int] = 0
     """Highest time derivative of the joints' positions that the value depends on."""
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """By which results speak of this limit; unique together with `joint`."""
-        return self.quantity
 
     @property
     def joint(self) -> str | None:
-        """The joint that is limited, None where it is the tool."""
-        return None
+        """The joint that is limited, which its limits hold as `of`; None where it is the tool."""
+        return getattr(self, "of", None)
 
     @property
     def unit(self) -> str:
@@ -116,27 +116,13 @@ class Limit(ABC):
         raise ProblemError(f"{self.name} cannot be set")
 
 
-@dataclass(frozen=True)
-class JointLimit(Limit):
-    """|value| ≤ largest, of one joint or its motor."""
+class Symmetric(Limit):
+    """|value| ≤ largest."""
 
-    of: str
-    """Name of the joint."""
     largest: float
-    prismatic: bool = False
-    """The joint slides: m instead of rad."""
 
     def __post_init__(self) -> None:
         _positive(self, "largest", self.largest)
-
-    @property
-    def joint(self) -> str:
-        return self.of
-
-    @property
-    def unit(self) -> str:
-        base = "m" if self.prismatic else "rad"
-        return base + ("", "/s", "/s²", "/s³")[self.order]
 
     @property
     def low(self) -> float:
@@ -149,37 +135,28 @@ class JointLimit(Limit):
     def bound(self, value: float) -> float:
         return self.largest
 
-    def tightened(self: L, worst: float, bound: float) -> L | None:
-        return _scaled(self, worst, bound)
+    def tightened(self: S, worst: float, bound: float) -> S | None:
+        # (bound / worst)^TIGHTENING is never 0, however large the excess
+        return _replaced(self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING)
 
-    def relaxed(self: L, value: float) -> L | None:
-        return _enlarged(self, value)
-
-    @property
-    def words(self) -> str:
-        return f"{self.quantity} limit of joint {self.of} of"
+    def relaxed(self: S, value: float) -> S | None:
+        return _replaced(self, largest=max(self.largest, abs(value)))
 
 
-@dataclass(frozen=True)
-class JointPosition(Limit):
-    """Range of a joint."""
+class Between(Limit):
+    """lower ≤ value ≤ upper."""
 
-    quantity = "position"
-    of: str
     lower: float
     upper: float
-    prismatic: bool = False
 
     def __post_init__(self) -> None:
-        _ordered(self, self.lower, self.upper)
-
-    @property
-    def joint(self) -> str:
-        return self.of
-
-    @property
-    def unit(self) -> str:
-        return "m" if self.prismatic else "rad"
+        if not self.lower < self.upper:
+            raise ProblemError(
+                "the lower bound is not below the upper one",
+                key=f"{type(self).__name__}.lower",
+                value=self.lower,
+                allowed=f"below {self.upper:g}",
+            )
 
     @property
     def low(self) -> float:
@@ -189,8 +166,42 @@ class JointPosition(Limit):
     def high(self) -> float:
         return self.upper
 
-    def relaxed(self, value: float) -> JointPosition:
-        return replace(self, lower=min(self.lower, value), upper=max(self.upper, value))
+    def relaxed(self: B, value: float) -> B | None:
+        return _replaced(self, lower=min(self.lower, value), upper=max(self.upper, value))
+
+
+@dataclass(frozen=True)
+class JointLimit(Symmetric):
+    """|value| ≤ largest, of one joint or its motor."""
+
+    of: str
+    """Name of the joint."""
+    largest: float
+    prismatic: bool = False
+    """The joint slides: m instead of rad."""
+
+    @property
+    def unit(self) -> str:
+        return ("m" if self.prismatic else "rad") + ("", "/s", "/s²", "/s³")[self.order]
+
+    @property
+    def words(self) -> str:
+        return f"{self.name} limit of joint {self.of} of"
+
+
+@dataclass(frozen=True)
+class JointPosition(Between):
+    """Range of a joint."""
+
+    name = "position"
+    of: str
+    lower: float
+    upper: float
+    prismatic: bool = False
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.prismatic else "rad"
 
     @property
     def words(self) -> str:
@@ -202,7 +213,7 @@ class JointPosition(Limit):
 
 @dataclass(frozen=True)
 class JointVelocity(JointLimit):
-    quantity = "velocity"
+    name = "velocity"
     order = 1
 
     def trials(self) -> tuple[float, ...]:
@@ -214,7 +225,7 @@ class JointVelocity(JointLimit):
 
 @dataclass(frozen=True)
 class JointAcceleration(JointLimit):
-    quantity = "acceleration"
+    name = "acceleration"
     order = 2
 
     def enough(self, needed: float) -> float:
@@ -226,7 +237,7 @@ class JointAcceleration(JointLimit):
 
 @dataclass(frozen=True)
 class JointJerk(JointLimit):
-    quantity = "jerk"
+    name = "jerk"
     order = 3
 
     def on(self, problem: P) -> P:
@@ -235,12 +246,9 @@ class JointJerk(JointLimit):
 
 @dataclass(frozen=True)
 class MotorSpeed(JointLimit):
-    quantity = "motor speed"
+    name = "motor speed"
     order = 1
-
-    @property
-    def unit(self) -> str:
-        return "rad/s"
+    unit = "rad/s"
 
     @property
     def words(self) -> str:
@@ -254,12 +262,9 @@ class MotorSpeed(JointLimit):
 class MotorTorque(JointLimit):
     """Of the shaft, at every instant, breaking away included."""
 
-    quantity = "motor torque"
+    name = "motor torque"
     order = 2
-
-    @property
-    def unit(self) -> str:
-        return "N·m"
+    unit = "N·m"
 
     @property
     def words(self) -> str:
@@ -279,16 +284,10 @@ class MotorTorque(JointLimit):
 class ContinuousTorque(JointLimit):
     """Of the root mean square of the motor torque over a motion."""
 
-    quantity = "continuous torque"
+    name = "continuous torque"
     order = 2
-
-    @property
-    def unit(self) -> str:
-        return "N·m"
-
-    @property
-    def low(self) -> float:
-        return 0.0
+    unit = "N·m"
+    low = 0.0
 
     @property
     def half_width(self) -> float:
@@ -298,7 +297,7 @@ class ContinuousTorque(JointLimit):
     def words(self) -> str:
         return f"continuous torque of joint {self.of} of"
 
-    def tightened(self: L, worst: float, bound: float) -> L | None:
+    def tightened(self: S, worst: float, bound: float) -> S | None:
         return None
 
     def on(self, problem: P) -> P:
@@ -309,28 +308,18 @@ class ContinuousTorque(JointLimit):
 class NutContact(Limit):
     """Both halves of a preloaded nut bear on the screw: the force between them stays positive."""
 
-    quantity = "nut contact"
+    name = "nut contact"
     order = 2
     of: str
-
-    @property
-    def joint(self) -> str:
-        return self.of
-
-    @property
-    def unit(self) -> str:
-        return "N"
-
-    @property
-    def low(self) -> float:
-        return 0.0
+    unit = "N"
+    low = 0.0
 
 
 @dataclass(frozen=True)
 class SelfLocking(Limit):
     """The drive holds without torque: its friction coefficient is never below what its lead angle asks for."""
 
-    quantity = "self-locking"
+    name = "self-locking"
     of: str
     friction: float
     """Lowest plausible coefficient; what it has to be at least follows from the geometry (dynamics/transmission.py)."""
@@ -338,13 +327,7 @@ class SelfLocking(Limit):
     def __post_init__(self) -> None:
         _positive(self, "friction", self.friction)
 
-    @property
-    def joint(self) -> str:
-        return self.of
-
-    @property
-    def unit(self) -> str:
-        return "μ"
+    unit = "μ"
 
     def bound(self, value: float) -> float:
         return self.friction
@@ -367,7 +350,7 @@ class SelfLocking(Limit):
 
 
 @dataclass(frozen=True)
-class TaskRange(Limit):
+class TaskRange(Between):
     """Range of one task coordinate."""
 
     coordinate: str
@@ -376,8 +359,8 @@ class TaskRange(Limit):
     upper: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _coordinate(self, self.coordinate)
-        _ordered(self, self.lower, self.upper)
 
     @property
     def name(self) -> str:
@@ -386,14 +369,6 @@ class TaskRange(Limit):
     @property
     def unit(self) -> str:
         return "m" if self.coordinate == "depth" else "rad"
-
-    @property
-    def low(self) -> float:
-        return self.lower
-
-    @property
-    def high(self) -> float:
-        return self.upper
 
     @property
     def coupled(self) -> bool:
@@ -407,9 +382,6 @@ class TaskRange(Limit):
         if worst > bound:
             return replace(self, upper=self.upper - inwards)
         return replace(self, lower=self.lower + inwards)
-
-    def relaxed(self, value: float) -> TaskRange:
-        return replace(self, lower=min(self.lower, value), upper=max(self.upper, value))
 
     def trials(self) -> tuple[float, ...]:
         width = self.upper - self.lower
@@ -427,40 +399,17 @@ class TaskRange(Limit):
 
 
 @dataclass(frozen=True)
-class SpeedLimit(Limit):
+class SpeedLimit(Symmetric):
     """|v| ≤ largest, v being linear in the joints' rates: kinematics/tool_speeds.py says how.
 
-    A subclass needs `quantity`, `field` and, where it is not m/s, `unit`.
+    A subclass needs `name`, `field` and, where it is not m/s, `unit`.
     """
 
     order = 1
     field: ClassVar[str]
     """Its key in a problem file and in plan.json."""
     largest: float
-
-    def __post_init__(self) -> None:
-        _positive(self, "largest", self.largest)
-
-    @property
-    def unit(self) -> str:
-        return "m/s"
-
-    @property
-    def low(self) -> float:
-        return -self.largest
-
-    @property
-    def high(self) -> float:
-        return self.largest
-
-    def bound(self, value: float) -> float:
-        return self.largest
-
-    def tightened(self: L, worst: float, bound: float) -> L | None:
-        return _scaled(self, worst, bound)
-
-    def relaxed(self: L, value: float) -> L | None:
-        return _enlarged(self, value)
+    unit = "m/s"
 
     def trials(self) -> tuple[float, ...]:
         return (2 * self.largest,)
@@ -470,7 +419,7 @@ class SpeedLimit(Limit):
 
 
 @dataclass(frozen=True)
-class TaskRate(Limit):
+class TaskRate(Symmetric):
     """|rate| of one task coordinate."""
 
     order = 1
@@ -479,8 +428,8 @@ class TaskRate(Limit):
     largest: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _coordinate(self, self.coordinate)
-        _positive(self, "largest", self.largest)
 
     @property
     def name(self) -> str:
@@ -495,23 +444,6 @@ class TaskRate(Limit):
     def unit(self) -> str:
         return "m/s" if self.coordinate == "depth" else "rad/s"
 
-    @property
-    def low(self) -> float:
-        return -self.largest
-
-    @property
-    def high(self) -> float:
-        return self.largest
-
-    def bound(self, value: float) -> float:
-        return self.largest
-
-    def tightened(self: L, worst: float, bound: float) -> L | None:
-        return _scaled(self, worst, bound)
-
-    def relaxed(self: L, value: float) -> L | None:
-        return _enlarged(self, value)
-
     def on(self, problem: P) -> P:
         return _with_own(problem, self)
 
@@ -520,7 +452,7 @@ class TaskRate(Limit):
 class TipSpeed(SpeedLimit):
     """Of the tool's tip through space."""
 
-    quantity = "tip speed"
+    name = "tip speed"
     field = "tip_speed"
 
 
@@ -528,14 +460,11 @@ class TipSpeed(SpeedLimit):
 class RetinaClearance(Limit):
     """Distance of the tip from the retina."""
 
-    quantity = "retina clearance"
+    name = "retina clearance"
     clearance: float
     radius: float
     """Of the retina."""
-
-    @property
-    def unit(self) -> str:
-        return "m"
+    unit = "m"
 
     @property
     def low(self) -> float:
@@ -568,7 +497,7 @@ class RetinaClearance(Limit):
 class LensClearance(Limit):
     """The lens enlarged to just touch the shaft's axis, in sizes of the lens: 1 + shaft radius / its smallest semi-axis."""
 
-    quantity = "lens clearance"
+    name = "lens clearance"
     shaft_radius: float
     thickness: float
     """Smallest semi-axis of the lens, m."""
@@ -605,26 +534,34 @@ class LensClearance(Limit):
 class Duration(Limit):
     """The duration asked for, of one motion or of all together: what a motion takes at least must not be longer."""
 
-    quantity = "duration"
+    name = "duration"
     largest: float
     motion: str | None = None
     """Name of the motion; None: all together."""
     asked: float | None = None
-    """What the problem asks for of that motion; `largest` where that is not said."""
+    """What the problem asks for of that motion; None: `largest`."""
+    exact: bool = False
+    """The motions have durations of their own: only their sum does."""
 
     def __post_init__(self) -> None:
         _positive(self, "largest", self.largest)
 
-    @property
-    def unit(self) -> str:
-        return "s"
+    unit = "s"
 
     @property
     def high(self) -> float:
         return self.largest
 
+    def bound(self, value: float) -> float:
+        return self.largest
+
     def relaxed(self, value: float) -> Duration:
-        return replace(self, largest=max(self.largest, value), asked=self.asked or self.largest)
+        longer = value if self.exact else max(self.largest, value)
+        return replace(self, largest=longer, asked=self.asked or self.largest)
+
+    def enough(self, needed: float) -> float:
+        # with nothing to spare the least effort is the fastest motion, and hard to find
+        return needed if self.exact else 1.002 * needed
 
     @property
     def words(self) -> str:
@@ -634,15 +571,43 @@ class Duration(Limit):
         whole: Any = problem
         if whole.duration is not None:
             return _replaced(problem, duration=self.largest)
-        asked = self.largest if self.asked is None else self.asked
+        asked = self.asked or self.largest
         short = [m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion]
         if not any(short):
             raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
-        timed = (
-            replace(m, duration=self.largest) if is_short else m
-            for m, is_short in zip(whole.motion, short, strict=True)
-        )
+        timed = (replace(m, duration=self.largest) if k else m for m, k in zip(whole.motion, short, strict=True))
         return _replaced(problem, motion=tuple(timed))
+
+
+@dataclass(frozen=True)
+class Direction(Limit):
+    """Between two points a free motion keeps the direction of each joint."""
+
+    name = "direction"
+    order = 1
+    of: str
+
+
+@dataclass(frozen=True)
+class Jump(JointLimit):
+    """Largest step of a joint's position, velocity or acceleration where two pieces of a trajectory meet."""
+
+    derivative: int = 0
+    """0, 1 or 2."""
+
+    def tightened(self: S, worst: float, bound: float) -> S | None:
+        return None
+
+    def relaxed(self: S, value: float) -> S | None:
+        return None
+
+    @property
+    def name(self) -> str:
+        return f"{(JointPosition, JointVelocity, JointAcceleration)[self.derivative].name} jump"
+
+    @property
+    def unit(self) -> str:
+        return ("m" if self.prismatic else "rad") + ("", "/s", "/s²")[self.derivative]
 
 
 class Limited:
@@ -684,15 +649,6 @@ def task_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     return found
 
 
-def _scaled(limit: Any, worst: float, bound: float) -> Any:
-    """With a smaller `largest`, never 0: (bound / worst)^TIGHTENING times it."""
-    return replace(limit, largest=limit.largest * min(abs(bound / worst), 1.0) ** TIGHTENING)
-
-
-def _enlarged(limit: Any, value: float) -> Any:
-    return replace(limit, largest=max(limit.largest, abs(value)))
-
-
 def _text(value: float, unit: str) -> str:
     name, scale = shown(unit)
     return f"{scale * value:.6g} {name}".rstrip()
@@ -701,16 +657,6 @@ def _text(value: float, unit: str) -> str:
 def _positive(limit: Limit, field: str, value: float) -> None:
     if not value > 0:
         raise ProblemError("not a limit", key=f"{type(limit).__name__}.{field}", value=value, allowed="above 0")
-
-
-def _ordered(limit: Limit, low: float, high: float) -> None:
-    if not low < high:
-        raise ProblemError(
-            "the lower bound is not below the upper one",
-            key=f"{type(limit).__name__}.lower",
-            value=[low, high],
-            allowed="lower < upper",
-        )
 
 
 def _coordinate(limit: Limit, name: str) -> None:

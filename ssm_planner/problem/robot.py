@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.motor import Motor
 from ssm_planner.typing import Array, Range
+
+L = TypeVar("L", bound=Limit)
 
 JOINTS = ("roll", "tilt", "spin", "insertion")
 """Names by which limits and results speak of joints 1 to 4."""
@@ -98,6 +100,13 @@ class Joint:
             friction = drive.friction
             found.append(SelfLocking(name, friction.mu if friction.mu_lowest is None else friction.mu_lowest))
         return tuple(found)
+
+    def limit(self, kind: type[L]) -> L:
+        """The limit of one kind. Raises KeyError where there is none."""
+        for limit in self.limits:
+            if isinstance(limit, kind):
+                return limit
+        raise KeyError(kind.__name__)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,11 @@ import pytest
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline import run
-from ssm_planner.pipeline.relaxation import Cure, tried
+from ssm_planner.pipeline.relaxation import Cure, search
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TaskRange
+from ssm_planner.problem.limits import MotorTorque, TaskRange
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
 from ssm_planner.problem.robot import Robot, frozen
 
@@ -164,7 +164,7 @@ def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
     cures: list[Cure | None] = []
 
     def recording(*arguments: Any) -> Cure | None:
-        cures.append(tried(*arguments))
+        cures.append(search(*arguments))
         return cures[-1]
 
     def found(name: str) -> Outcome:
@@ -175,7 +175,7 @@ def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
         return outcomes[name]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "tried", recording)
+        patch.setattr(run, "search", recording)
         yield found
 
 
@@ -208,7 +208,7 @@ def test_its_relaxation_does_and_five_per_cent_less_does_not(unplanned: Unplanne
     assert f"takes {cure.outcome:.4g} s" in cure.text
     less = cure.relaxation.present + 0.95 * (cure.value - cure.relaxation.present)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "tried", lambda *_: None)
+        patch.setattr(run, "search", lambda *_: None)
         again = plan(cure.relaxation.problem(less))
     assert not again.passed
     assert again.reason is not None
@@ -251,22 +251,22 @@ def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(tilt_i
     assert "-139.778 deg to -79.778 deg" in str(caught.value)
 
 
-def test_patience_bounds_what_is_tried(tilt_insert: Problem) -> None:
+def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
     """Without patience one value of the limit that the reason names is tried, and none where it names none."""
     asked: list[Problem] = []
 
     def never(problem: Problem) -> Reason:
         asked.append(problem)
-        return Reason("solver", None, None, None, None, None, "no")
+        return Reason(None, None, None, None, "no")
 
-    nameless = Reason("solver", None, "insert", None, None, None, "no motion found")
-    assert tried(tilt_insert, nameless, never, patience=0.0) is None
+    nameless = Reason(None, "insert", None, None, "no motion found")
+    assert search(tilt_insert, nameless, never, patience=0.0) is None
     assert not asked
-    named = Reason("motor torque", "roll", "insert", 0.2, 0.1, None, "too weak")
-    found = tried(tilt_insert, named, never, patience=0.0)
+    named = Reason(tilt_insert.robot.joints[0].limit(MotorTorque), "insert", 0.2, 0.1, "too weak")
+    found = search(tilt_insert, named, never, patience=0.0)
     assert found is not None
     assert not found.works
     assert len(asked) == 1
-    assert tried(tilt_insert, nameless, never) is None
+    assert search(tilt_insert, nameless, never) is None
     # torque and velocity of every joint that has them, both sides of three ranges, by a tenth and by the whole
     assert len(asked) == 1 + 2 * (3 + 4 + 6)

@@ -33,20 +33,17 @@ def limit_table(robot: Robot) -> Array:
     return table
 
 
-def tightened(robot: Robot, factors: Array | None) -> Robot:
-    """The robot with factors (4, 4) on velocity, acceleration, jerk and motor-torque limits (rows) of its joints."""
-    if factors is None:
-        return robot
+def kept_off(robot: Robot, share: float) -> Robot:
+    """The robot with velocity, acceleration and motor torque of its joints limited to a share below what they are."""
     joints = []
-    for joint, (velocity, acceleration, jerk, torque) in zip(robot.joints, factors.T, strict=True):
+    for joint in robot.joints:
         motor = joint.motor
         joints.append(
             replace(
                 joint,
-                velocity=joint.velocity * velocity,
-                acceleration=joint.acceleration * acceleration,
-                jerk=None if joint.jerk is None else joint.jerk * jerk,
-                motor=None if motor is None else replace(motor, max_torque=motor.max_torque * torque),
+                velocity=joint.velocity * (1 - share),
+                acceleration=joint.acceleration * (1 - share),
+                motor=None if motor is None else replace(motor, max_torque=motor.max_torque * (1 - share)),
             )
         )
     first, second, third, fourth = joints

@@ -26,6 +26,7 @@ from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpSolutio
 from ssm_planner.planning.ocp.refinement import SHORTEST, Guess, OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, Indices
 
 ELEMENTS = 40
@@ -67,17 +68,17 @@ def solve_free(
     mechanism: Mechanism,
     points: Array,
     *,
-    tighten: Array | None = None,
+    strict: Robot | None = None,
     duration: float | None = None,
     speeds: tuple[Array, Array] | None = None,
     count: int = ELEMENTS,
 ) -> FreeResult:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
-    tighten (4, 4): as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
+    strict: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     """
     robot = problem.robot
-    table = limit_table(robot) * (1.0 if tighten is None else tighten)
+    table = limit_table(strict or robot)
     if "depth" in problem.rates:
         table[0, 3] = min(table[0, 3], problem.rates["depth"])
     way = np.diff(points, axis=0)

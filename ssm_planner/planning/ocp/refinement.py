@@ -64,7 +64,7 @@ class OcpProblem(ABC):
     times: Array
     """Time of every block in the guess, (b,), in scaled time."""
     table: Array
-    """`limit_table`, tightened, (4, 4)."""
+    """`limit_table` of the limits to keep, (4, 4)."""
     time_scale: float
     """Length of a scaled second, s."""
     directions: Array

@@ -66,7 +66,7 @@ def solve_straight(
     guess: Retiming,
     *,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
-    tighten: Array | None = None,
+    strict: Robot | None = None,
     objective: Objective = "time",
     duration: float | None = None,
     speeds: tuple[float, float] = (0.0, 0.0),
@@ -74,7 +74,7 @@ def solve_straight(
 ) -> PathMotion:
     """Motion along the path, from TOPP-RA's motion as guess.
 
-    tighten (4, 4): factors on the velocity, acceleration, jerk and torque limits (rows) of the joints (columns).
+    strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
     duration: asked for, s; speeds: ṡ at both ends, 1/s.
     """
     jerk = limits_jerk(robot)
@@ -94,7 +94,7 @@ def solve_straight(
         ),
         fractions=mesh.fractions,
         times=mesh.times,
-        table=limit_table(robot) * (1.0 if tighten is None else tighten),
+        table=limit_table(strict or robot),
         time_scale=scale,
         directions=signs,
         robot=robot,
