@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.plan_json import PlanFile, read_plan
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
-from ssm_planner.plans import Plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -40,8 +39,8 @@ def check(
     if isinstance(motion, Trajectory):
         robot = _given(robot, "a trajectory")
         return checking.check(motion, robot, limits or TaskLimits(robot.limits))
-    trajectory, own, ranges = _parts(motion)
-    return checking.check(trajectory, robot or own, limits or ranges)
+    plan = motion if isinstance(motion, Plan) else load_plan(motion)
+    return checking.check(plan.motion, robot or plan.robot, limits or plan.limits)
 
 
 def size(
@@ -56,23 +55,13 @@ def size(
     payload: point mass at the tip, kg. conditions: fields of Conditions, SI: ambient, supply_voltage, current_limit, pause,
     confidence, draws, spread. Raises TrajectoryError or ProblemError.
     """
-    trajectory, robot, _ = _parts(plan)
+    motion = plan if isinstance(plan, Plan) else load_plan(plan)
     candidates = {
         joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in listed]
         for joint, listed in (motors or {}).items()
     }
-    duty = DutyCycle.of_trajectory(trajectory, robot, str(plan) if isinstance(plan, (str, Path)) else plan.problem.name)
+    duty = DutyCycle.of_trajectory(motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan))
     return sizing.size(duty, candidates, Conditions(**conditions), payload)
-
-
-def _parts(plan: Plan | PlanFile | str | Path) -> tuple[Trajectory, Robot, TaskLimits]:
-    if isinstance(plan, (str, Path)):
-        plan = read_plan(plan)
-    if isinstance(plan, PlanFile):
-        return plan.trajectory, plan.robot, plan.limits
-    if plan.trajectory is None:
-        raise TrajectoryError(f"{plan.problem.name}: this plan holds no trajectory (status: {plan.status})")
-    return plan.trajectory, plan.problem.robot, plan.problem.task_limits
 
 
 def _given(robot: Robot | None, motion: str | Path) -> Robot:

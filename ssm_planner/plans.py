@@ -1,36 +1,132 @@
-"""The outcome of planning, as later stages take it."""
+"""Plan: the outcome of planning, as every later stage takes it, to and from plan.json."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import hashlib
+import json
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from ssm_planner.planning.planner import PlannedPhase
-from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.atomic import replacing
+from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
+from ssm_planner.problem.problem import Problem, TaskLimits
+from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem.serialization import from_plain, plain, problem_from_plain
 from ssm_planner.sizing.requirements import MotorRequirement
-from ssm_planner.sizing.size import Sizing
+from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
+
+if TYPE_CHECKING:  # the check reads plans, and never loads the planner
+    from ssm_planner.planning.planner import PlannedPhase
+    from ssm_planner.planning.reason import Reason
+
+FORMAT = "ssm_planner plan"
+VERSION = 1
+FILE = "plan.json"
+UNITS = {
+    "time": "s",
+    "q": ["rad", "rad", "rad", "m"],
+    "coefficients": "q(t) = sum_k coefficients[piece][k][joint] * (t - breaks_s[piece])^k, in rad/s^k and m/s^k",
+    "torque": "N*m on the motor side",
+    "motor speed": "rad/s",
+    "everything else": "SI, radians",
+}
+
+
+def software() -> dict[str, str]:
+    """Versions of what makes a plan, by name."""
+    versions = {"python": platform.python_version()}
+    for name in ("ssm-planner", "casadi", "numpy", "scipy", "toppra"):
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "unknown"
+    return versions
+
+
+@dataclass(frozen=True)
+class PhaseSummary:
+    """One phase of a plan: what it moves, how long it takes, and what it is measured against; s, rad, m."""
+
+    name: str
+    duration: float
+    toppra_duration: float | None
+    """TOPP-RA's for the same path and limits; None where it finds none, or where a duration was asked for."""
+    lower_bound: float
+    """A duration that no motion within the same limits can beat."""
+    task_start: tuple[float, ...]
+    """Roll, tilt, spin, depth."""
+    task_end: tuple[float, ...]
+    branch: int | None
+    """Of the inverse kinematics, ±1; None for a phase without a path of its own."""
+    iterations: int
+    """Of the solver."""
+
+    @classmethod
+    def of(cls, planned: PlannedPhase) -> PhaseSummary:
+        """What a plan keeps of a planned phase."""
+        phase = planned.phase
+        return cls(
+            name=phase.motion.name,
+            duration=planned.duration,
+            toppra_duration=planned.toppra_duration,
+            lower_bound=planned.lower_bound,
+            task_start=tuple(phase.start.tolist()),
+            task_end=tuple(phase.end.tolist()),
+            branch=phase.branch,
+            iterations=planned.iterations,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A planned motion with its certificate, or the reason why there is none.
+    """A planned motion with its certificate, or the reason why there is none; SI units, radians.
 
-    status: "solved", "infeasible" or "not converged". trajectory, certificate and sizing are None unless solved.
+    What is not stored follows from the trajectory, the robot and the certificate, and is computed when it is first asked for.
     """
 
     problem: Problem
     status: str
+    """"solved", "infeasible" or "not converged"."""
     trajectory: Trajectory | None
-    phases: tuple[PlannedPhase, ...]
-    certificate: Certificate | None
-    sizing: Sizing | None
-    """Of the robot's own motors and gears, the motion repeated without pause at 25 °C."""
-    reason: Reason | None
-    solve_time: float
+    """None unless solved."""
+    phases: tuple[PhaseSummary, ...] = ()
+    certificate: Certificate | None = None
+    """Of the independent check; None unless solved."""
+    reason: Reason | None = None
+    """Why there is no certified motion."""
+    solve_time: float | None = None
+    """s; not stored: None for a plan that was loaded."""
+    software: Mapping[str, str] = field(default_factory=software)
+    """Versions of what made the plan."""
+    file: Path | None = field(default=None, init=False)
+    """plan.json that it was loaded from; None for a plan that was made or changed in Python."""
+    file_sha256: str | None = field(default=None, init=False)
+    """Of the bytes of that file."""
+
+    @property
+    def robot(self) -> Robot:
+        """The problem's robot."""
+        return self.problem.robot
+
+    @property
+    def limits(self) -> TaskLimits:
+        """The problem's limits of the task."""
+        return self.problem.task_limits
+
+    @property
+    def motion(self) -> Trajectory:
+        """The trajectory of a plan that must have one. Raises TrajectoryError where there is none."""
+        if self.trajectory is None:
+            where = self.problem.name if self.file is None else self.file
+            raise TrajectoryError(f"{where}: this plan holds no trajectory (status: {self.status})")
+        return self.trajectory
 
     @property
     def passed(self) -> bool:
@@ -39,23 +135,22 @@ class Plan:
 
     @property
     def duration(self) -> float | None:
+        """s; None without a trajectory."""
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
-    def requirements(self) -> tuple[MotorRequirement, ...]:
-        """What the motion requires of the motor of every driven joint."""
-        return () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
-
-    @property
     def toppra_duration(self) -> float | None:
+        """TOPP-RA's for the same paths and limits, s; None unless known for every phase."""
         durations = [phase.toppra_duration for phase in self.phases]
         known = [duration for duration in durations if duration is not None]
-        return float(sum(known)) if self.trajectory is not None and len(known) == len(durations) else None
+        whole = self.trajectory is not None and 0 < len(known) == len(durations)
+        return float(sum(known)) if whole else None
 
     @property
     def lower_bound(self) -> float | None:
-        """A duration that no motion along the same path within the same limits can beat."""
-        return None if self.trajectory is None else float(sum(phase.lower_bound for phase in self.phases))
+        """A duration that no motion along the same path within the same limits can beat, s."""
+        whole = self.trajectory is not None and self.phases
+        return float(sum(phase.lower_bound for phase in self.phases)) if whole else None
 
     @property
     def gap(self) -> float | None:
@@ -63,6 +158,16 @@ class Plan:
         if self.duration is None or not self.lower_bound:
             return None
         return (self.duration - self.lower_bound) / self.lower_bound
+
+    @cached_property
+    def sizing(self) -> Sizing | None:
+        """The robot's own motors and gears judged by the motion repeated without pause at 25 °C."""
+        return None if self.trajectory is None else size_motion(self.trajectory, self.robot)
+
+    @property
+    def requirements(self) -> tuple[MotorRequirement, ...]:
+        """What the motion requires of the motor of every driven joint."""
+        return () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -76,14 +181,23 @@ class Plan:
                 notes.append(
                     f"joint {requirement.joint}: motor {motor.name} has placeholder figures ({', '.join(motor.placeholders)})"
                 )
-            notes += _extrapolation(self.problem, requirement)
+            notes += _extrapolation(self.robot, requirement)
         if self.certificate is not None:
             notes += [f"not checked: {what}" for what in self.certificate.unchecked]
         return tuple(notes)
 
+    @property
+    def path(self) -> Path:
+        """plan.json that it was loaded from, else where the command would write it."""
+        return self.file or Path("results") / self.problem.name / FILE
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of the plan.json that it was loaded from, else of what would be written; hexadecimal."""
+        return self.file_sha256 or hashlib.sha256(self.to_json().encode()).hexdigest()
+
     def summary(self) -> dict[str, Any]:
         """The object that `plan --json` prints; SI units, radians."""
-        limits = [] if self.certificate is None else [limit.to_dict() for limit in self.certificate.limits]
         return {
             "status": self.status,
             "duration": self.duration,
@@ -94,14 +208,157 @@ class Plan:
             "solve_time": self.solve_time,
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
-            "limits": limits,
+            "limits": [] if self.certificate is None else [limit.to_dict() for limit in self.certificate.limits],
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
         }
 
+    def to_dict(self) -> dict[str, Any]:
+        """What plan.json holds: JSON types, SI units, radians. The same plan gives the same text whenever it is made."""
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "units": UNITS,
+            "software": dict(self.software),
+            **self.summary(),
+            "solve_time": None,
+            "problem": plain(self.problem),
+            "phases": [plain(asdict(phase)) for phase in self.phases],
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
+            "trajectory": None if self.trajectory is None else self.trajectory.to_dict(),
+        }
 
-def _extrapolation(problem: Problem, requirement: MotorRequirement) -> list[str]:
-    drive = problem.robot.joints[JOINTS.index(requirement.joint)].drive
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """`to_dict`, for pages."""
+        return self.to_dict()
+
+    def to_json(self) -> str:
+        """The text of plan.json."""
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, data: bytes, file: Path) -> Plan:
+        """Read what `to_json` gave, or what earlier versions of this program wrote; file: named in messages.
+
+        Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError.
+        """
+        document = _document(data, file)
+        problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
+        if document.get("trajectory") is None:
+            raise TrajectoryError(f"{file}: this plan holds no trajectory (status: {document.get('status')})")
+        try:
+            stated = document.get("certificate")
+            plan = cls(
+                problem=problem,
+                status=str(document.get("status")),
+                trajectory=Trajectory.from_dict(_mapping(document, "trajectory", file)),
+                phases=_phases(document.get("phases") or [], file),
+                certificate=None if stated is None else Certificate.from_dict(stated),
+                software=document.get("software") or {},
+            )
+        except TrajectoryError as error:
+            raise TrajectoryError(f"{file}: {error}") from error
+        object.__setattr__(plan, "file", file)
+        object.__setattr__(plan, "file_sha256", hashlib.sha256(data).hexdigest())
+        return plan
+
+    def write(self, path: Path) -> Path:
+        """Write plan.json alone. Raises ExportError."""
+        with replacing(path) as temporary:
+            temporary.write_text(self.to_json(), encoding="utf-8")
+        return path
+
+    def save(self, folder: str | Path) -> dict[str, Path]:
+        """Write the result folder that `ssm-planner plan` writes: plan.json, report.html, trajectory.csv, figures.
+
+        Returns the paths by name. Raises ExportError, also for a plan that did not pass its check: no unchecked motion
+        leaves the program.
+        """
+        if not self.passed:
+            raise ExportError(
+                f"{self.problem.name}: the plan has no passed certificate (status: {self.status}): not written"
+            )
+        return _folder_writer(self, Path(folder))
+
+
+FolderWriter = Callable[[Plan, Path], dict[str, Path]]
+Writer = TypeVar("Writer", bound=Callable[..., dict[str, Path]])
+
+
+def _no_folder_writer(plan: Plan, folder: Path) -> dict[str, Path]:
+    raise RuntimeError("ssm_planner.pipeline.folder, which writes result folders, has not been imported")
+
+
+_folder_writer: FolderWriter = _no_folder_writer
+
+
+def use_folder_writer(write: Writer) -> Writer:
+    """Name the function behind `Plan.save`: it stands above this module, because it knows pages and figures."""
+    global _folder_writer
+    _folder_writer = write
+    return write
+
+
+def load_plan(path: str | Path) -> Plan:
+    """The plan in a plan.json, or in the result folder that holds one.
+
+    Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError.
+    """
+    path = Path(path)
+    file = path / FILE if path.is_dir() else path
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise TrajectoryError(f"{file}: cannot be read: {error.strerror or error}") from error
+    return Plan.from_json(data, file)
+
+
+def _document(data: bytes, path: Path) -> dict[str, Any]:
+    """The mapping in a plan.json of this version. Raises TrajectoryError."""
+
+    def refuse(constant: str) -> NoReturn:
+        raise TrajectoryError(f"{path}: holds {constant}; a plan holds only finite numbers")
+
+    try:
+        document = json.loads(data.decode("utf-8"), parse_constant=refuse)
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(f"{path}: not a text file: not a plan.json") from error
+    except json.JSONDecodeError as error:
+        cut = error.pos >= len(data.decode("utf-8").rstrip())
+        what = "ends in the middle: truncated" if cut and data.strip() else "not JSON"
+        raise TrajectoryError(f"{path}:{error.lineno}: {what} ({error.msg})") from error
+    except RecursionError as error:
+        raise TrajectoryError(f"{path}: nested too deeply for a plan.json") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
+    if document.get("version") != VERSION:
+        raise TrajectoryError(
+            f"{path}: plan.json of version {document.get('version')!r}; this program reads version {VERSION}"
+        )
+    return document
+
+
+def _mapping(data: dict[str, Any], key: str, path: Path) -> dict[str, Any]:
+    value = data.get(key)
+    if not isinstance(value, dict):
+        raise TrajectoryError(f"{path}: {key} is missing or is no mapping: not a whole plan.json")
+    return value
+
+
+def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
+    if not isinstance(data, list):
+        raise TrajectoryError("phases is no list: not a whole plan.json")
+    try:
+        return tuple(from_plain(PhaseSummary, phase, f"phases[{i}]") for i, phase in enumerate(data))
+    except ProblemError as error:
+        error.file = str(path)
+        raise
+
+
+def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
+    """Whether the friction of a joint's drive is used beyond the speeds at which it was identified."""
+    drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:
         return []
     known = drive.friction.identified_speed

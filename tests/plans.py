@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.formats.plan_json import FORMAT, VERSION, PlanFile, read_plan
+from ssm_planner.plans import FORMAT, VERSION, Plan, load_plan
 from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
-from ssm_planner.problem.problem import Eye, TaskLimits
+from ssm_planner.problem.problem import Eye, Motion, Problem, Target, TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import limits_to_plain, plain
+from ssm_planner.problem.serialization import plain
 from ssm_planner.trajectory import Span, Trajectory, hermite
 from ssm_planner.typing import Range
 from ssm_planner.verification.check import check
@@ -86,11 +86,13 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
 
 def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:
     """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
+    first, last = (Target(joints=tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist())
+    problem = Problem(path.stem, robot, first, (Motion("free", "free", last),), limits.limits, eye=limits.eye)
     document = {
         "format": FORMAT,
         "version": VERSION,
         "status": "solved",
-        "problem": plain({"name": path.stem, "robot": robot}) | limits_to_plain(limits),
+        "problem": plain(problem),
         "certificate": check(trajectory, robot, limits).to_dict(),
         "trajectory": trajectory.to_dict(),
         **changes,
@@ -99,5 +101,5 @@ def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLim
     return path
 
 
-def read_back(path: Path, robot: Robot, trajectory: Trajectory, **more: Any) -> PlanFile:
-    return read_plan(write_plan(path, robot, trajectory, **more))
+def read_back(path: Path, robot: Robot, trajectory: Trajectory, **more: Any) -> Plan:
+    return load_plan(write_plan(path, robot, trajectory, **more))

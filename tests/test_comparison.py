@@ -17,7 +17,7 @@ from ssm_planner.comparison import align, compare
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
-from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -28,7 +28,7 @@ COUNTS = 4096
 
 
 @pytest.fixture(scope="module")
-def plan(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> PlanFile:
+def plan(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Plan:
     return read_back(tmp_path_factory.mktemp("plan") / "plan.json", robot, trapezoids(robot, share=0.9))
 
 
@@ -61,7 +61,7 @@ class Executed:
         return path
 
 
-def executed(plan: PlanFile, name: str, delay: float = 0.3, direction: int = 1, noise: float = 0.0) -> Executed:
+def executed(plan: Plan, name: str, delay: float = 0.3, direction: int = 1, noise: float = 0.0) -> Executed:
     """The plan as carried out after a delay, sampled every 2 ms, with noise as a share of the largest value."""
     i = [joint.name for joint in plan.robot.joints].index(name)
     joint = plan.robot.joints[i]
@@ -79,7 +79,7 @@ def executed(plan: PlanFile, name: str, delay: float = 0.3, direction: int = 1, 
 
 
 @pytest.mark.parametrize("name", ["roll", "tilt", "insertion"])
-def test_a_faithful_execution(plan: PlanFile, tmp_path: Path, name: str) -> None:
+def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
     path = executed(plan, name, delay=0.31, noise=0.005).write(tmp_path / f"{name}.csv", position=True)
     measured = read_measured(path, plan.robot, name, COUNTS)
     found = compare(plan.trajectory, plan.robot, plan.certificate, measured)
@@ -96,7 +96,7 @@ def test_a_faithful_execution(plan: PlanFile, tmp_path: Path, name: str) -> None
         assert limit.margin == pytest.approx(planned[limit.name], abs=0.03)
 
 
-def test_the_errors_are_those_that_were_put_in(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> None:
     """NRMSD of a constant torque error e is e / (max − min of the measured)."""
     recorded = executed(plan, "roll", delay=0.0)
     inside = recorded.time <= plan.trajectory.duration
@@ -110,7 +110,7 @@ def test_the_errors_are_those_that_were_put_in(plan: PlanFile, tmp_path: Path) -
     assert torque.nrmsd == pytest.approx(torque.rms / np.ptp(measured.tau), rel=1e-12)
 
 
-def test_the_motor_s_direction_comes_from_the_robot_file(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "tilt", direction=-1).write(tmp_path / "tilt.csv", position=True)
     joint = dataclasses.replace(plan.robot.joints[1], motor_direction=-1)
     robot = dataclasses.replace(plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:]))
@@ -120,20 +120,20 @@ def test_the_motor_s_direction_comes_from_the_robot_file(plan: PlanFile, tmp_pat
         compare(plan.trajectory, plan.robot, plan.certificate, read_measured(path, plan.robot, "tilt", COUNTS))
 
 
-def test_another_joint_s_recording_is_refused(plan: PlanFile, tmp_path: Path) -> None:
+def test_another_joint_s_recording_is_refused(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "insertion").write(tmp_path / "x.csv")
     with pytest.raises(RecordingError, match="its speed is not the planned one of joint roll"):
         compare(plan.trajectory, plan.robot, plan.certificate, read_measured(path, plan.robot, "roll"))
 
 
-def test_without_a_position_channel_the_speed_is_integrated(plan: PlanFile, tmp_path: Path) -> None:
+def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv")
     found = compare(plan.trajectory, plan.robot, plan.certificate, read_measured(path, plan.robot, "roll"))
     assert found.differences["position"].nrmsd < 0.01
     assert any("integral" in note for note in found.notes)
 
 
-def test_part_of_the_motion(plan: PlanFile, tmp_path: Path) -> None:
+def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
     recorded = executed(plan, "roll", delay=0.2)
     some = (recorded.time > 0.35) & (recorded.time < 1.2)
     part = Executed(*(x[some] for x in dataclasses.astuple(recorded)))
@@ -144,9 +144,7 @@ def test_part_of_the_motion(plan: PlanFile, tmp_path: Path) -> None:
     assert found.differences["speed"].nrmsd < 0.01
 
 
-def test_a_limit_that_was_exceeded_in_reality(
-    plan: PlanFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_limit_that_was_exceeded_in_reality(plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Torque up to 130 % of the largest for some samples: found, named, and exit status 1."""
     good = executed(plan, "insertion").write(tmp_path / "insertion.csv")
     recorded = executed(plan, "roll")
@@ -183,7 +181,7 @@ def test_which_joint_a_file_is_of(robot: Robot) -> None:
             assign(bad, robot)
 
 
-def test_joints_without_a_drive_and_counts_that_are_not_known(plan: PlanFile, tmp_path: Path) -> None:
+def test_joints_without_a_drive_and_counts_that_are_not_known(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
     with pytest.raises(RecordingError, match="has no drive"):
         read_measured(path, plan.robot, "spin")
@@ -210,7 +208,7 @@ def test_a_motor_that_should_stand_and_does() -> None:
     assert align(t, np.zeros(100), t, np.ones(100)).correlation == 0.0
 
 
-def test_a_real_recording_of_another_machine_is_not_taken_for_this_motion(plan: PlanFile) -> None:
+def test_a_real_recording_of_another_machine_is_not_taken_for_this_motion(plan: Plan) -> None:
     """Start, rest and return of a worm drive on its rig: read, and refused by its speed."""
     folder = Path(__file__).parents[2] / "shared/recordings/drive3_worm/start_stop"
     if not folder.is_dir():
@@ -222,7 +220,7 @@ def test_a_real_recording_of_another_machine_is_not_taken_for_this_motion(plan: 
             compare(plan.trajectory, plan.robot, plan.certificate, measured)
 
 
-def test_a_channel_that_does_not_change_has_no_nrmsd(plan: PlanFile, tmp_path: Path) -> None:
+def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path) -> None:
     measured = read_measured(executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll")
     constant = dataclasses.replace(measured, tau=np.zeros_like(measured.tau))
     found = compare(plan.trajectory, plan.robot, None, constant)

@@ -70,11 +70,11 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
     robot = load_robot(robot_file) if robot_file is not None else None if problem is None else problem.robot
     limits = None if problem is None else problem.task_limits
     if path.suffix.lower() == ".json":
-        from ssm_planner.formats.plan_json import read_plan
         from ssm_planner.formats.points import Reading
+        from ssm_planner.plans import load_plan
 
-        plan = read_plan(path)
-        reading = Reading(plan.trajectory, "quintic polynomial pieces", None)
+        plan = load_plan(path)
+        reading = Reading(plan.motion, "quintic polynomial pieces", None)
         return reading, robot or plan.robot, limits or plan.limits
     if robot is None:
         raise TrajectoryError(

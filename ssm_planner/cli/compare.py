@@ -94,14 +94,14 @@ def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
     from ssm_planner.comparison import compare
-    from ssm_planner.formats.plan_json import read_plan
+    from ssm_planner.plans import load_plan
 
-    plan = read_plan(options.plan)
+    plan = load_plan(options.plan)
     axes = []
     for joint, path in assign(options.recordings, plan.robot):
         progress(f"comparing joint {joint}")
         measured = read_measured(path, plan.robot, joint, options.counts_per_turn)
-        axes.append(compare(plan.trajectory, plan.robot, plan.certificate, measured))
+        axes.append(compare(plan.motion, plan.robot, plan.certificate, measured))
     progress("done")
     held = all(axis.held for axis in axes)
     if options.json:

@@ -25,26 +25,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ssm_planner.formats.plan_json import read_plan
+    from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.compare import write_comparison
     from ssm_planner.reporting.html.report import write_report
 
-    plan = _plan_in(options.plan)
+    plan = load_plan(options.plan)
     if options.other is None:
-        files = {"report": write_report(plan, options.output or plan.with_name("report.html"))}
+        files = {"report": write_report(plan, options.output or plan.path.with_name("report.html"))}
     else:
-        out = options.output or plan.with_name("comparison.html")
-        files = {"comparison": write_comparison(plan, _plan_in(options.other), out)}
+        out = options.output or plan.path.with_name("comparison.html")
+        files = {"comparison": write_comparison(plan, load_plan(options.other), out)}
     if options.figures is not None:
         from ssm_planner.reporting.figures.process import write_figures_of_file
 
-        files |= write_figures_of_file(read_plan(plan), options.figures)
+        files |= write_figures_of_file(plan, options.figures)
     if options.json:
         print_json({"files": {name: str(path) for name, path in files.items()}})
     else:
         print("\n".join(f"{name}: {path}" for name, path in files.items()))
     return OK
-
-
-def _plan_in(path: Path) -> Path:
-    return path / "plan.json" if path.is_dir() else path

@@ -99,10 +99,10 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
         return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
         raise TrajectoryError(f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot")
-    from ssm_planner.formats.plan_json import read_plan
+    from ssm_planner.plans import load_plan
 
-    found = read_plan(path)
-    return DutyCycle.of_trajectory(found.trajectory, found.robot, str(path))
+    found = load_plan(path)
+    return DutyCycle.of_trajectory(found.motion, found.robot, str(path))
 
 
 def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:

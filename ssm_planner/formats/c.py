@@ -17,10 +17,10 @@ from ssm_planner.codegen.vectorised import dense
 from ssm_planner.dynamics.motors import directions_law, motor_law
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.manifest import robot_hash
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.certificate import Certificate
 
@@ -40,7 +40,7 @@ class CFunction:
     function: ca.Function
 
 
-def export_c(plan: PlanFile, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
+def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
     """Write ssm_robot.h and ssm_robot.c into a folder; returns what the manifest says of them."""
     header, source = c_code(
         plan.robot, [f"Exported with {plan.path.name}, SHA-256 {plan.sha256}.", *_mark(suffix)], suffix

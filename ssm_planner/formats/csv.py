@@ -18,12 +18,12 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_setup import INT32, axes_of, fits
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TASK
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples, Trajectory
@@ -87,7 +87,7 @@ def write_csv(
 
 
 def export_csv(
-    plan: PlanFile,
+    plan: Plan,
     certificate: Certificate,
     folder: Path,
     suffix: str,
@@ -124,7 +124,7 @@ def export_csv(
 
 
 def _rows(
-    plan: PlanFile, certificate: Certificate, rate: float | None, columns: Sequence[str]
+    plan: Plan, certificate: Certificate, rate: float | None, columns: Sequence[str]
 ) -> tuple[list[str], Array, str]:
     """(header, rows, what they are)."""
     if rate is None:
@@ -132,17 +132,17 @@ def _rows(
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
         at_end = points.samples.t == points.samples.t[-1]
         return *table(points.samples, plan.robot, columns or default, at_end), points.note
-    header, rows = trajectory_table(plan.trajectory, plan.robot, rate, columns or DEFAULT)
+    header, rows = trajectory_table(plan.motion, plan.robot, rate, columns or DEFAULT)
     return header, rows, f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion"
 
 
 def _write_counts(
-    plan: PlanFile, folder: Path, suffix: str, rate: float, counts_per_turn: int | Mapping[str, int] | None
+    plan: Plan, folder: Path, suffix: str, rate: float, counts_per_turn: int | Mapping[str, int] | None
 ) -> str:
     """Target positions in increments, a file for each driven joint; the last row holds the target."""
     axes = axes_of(plan.robot, counts_per_turn)
-    t = np.arange(int(np.ceil(plan.trajectory.duration * rate - 1e-9)) + 1) / rate
-    samples = at_times(plan, plan.trajectory.breaks[0] + t)
+    t = np.arange(int(np.ceil(plan.motion.duration * rate - 1e-9)) + 1) / rate
+    samples = at_times(plan, plan.motion.breaks[0] + t)
     for i, joint in enumerate(plan.robot.joints):
         if joint.name in axes:
             counts = axes[joint.name].increments(samples.q[:, i])
@@ -152,7 +152,7 @@ def _write_counts(
     return f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz"
 
 
-def _as_read(path: Path, plan: PlanFile, with_positions: bool) -> list[str]:
+def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
     """What a check of the rows alone says, joined as a controller would join them."""
     if not with_positions:
         return []

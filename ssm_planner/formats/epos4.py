@@ -16,9 +16,9 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_setup import INT16, INT32, MODES, Axis, axes_of, fits, setup_objects
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
@@ -32,7 +32,7 @@ Stream = dict[str, Array]
 
 
 def export_epos4(
-    plan: PlanFile,
+    plan: Plan,
     certificate: Certificate,
     folder: Path,
     suffix: str,
@@ -50,7 +50,7 @@ def export_epos4(
         raise ExportError(f"mode {mode!r} (allowed: {', '.join(MODES)})")
     period = period_ms(rate)
     axes = axes_of(plan.robot, counts_per_turn)
-    count = int(np.ceil(plan.trajectory.duration * 1000 / period - 1e-9)) + 1
+    count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t: Array = np.arange(count, dtype=float) * (period / 1000)
     motion = _motion(plan, t)
     listed: dict[str, Any] = {}
@@ -101,10 +101,10 @@ def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict
     }
 
 
-def _motion(plan: PlanFile, t: Array) -> dict[str, Array]:
+def _motion(plan: Plan, t: Array) -> dict[str, Array]:
     """q and the motors' speed and torque (n, 4) at times t after the start; at the end the drives hold."""
-    samples = at_times(plan, plan.trajectory.breaks[0] + t)
-    ended = (t >= plan.trajectory.duration * (1 - 1e-12))[:, None]
+    samples = at_times(plan, plan.motion.breaks[0] + t)
+    ended = (t >= plan.motion.duration * (1 - 1e-12))[:, None]
     samples.qd[ended[:, 0]], samples.qdd[ended[:, 0]] = 0.0, 0.0
     direction, breakaway = directions(plan.robot, samples, 1)
     direction, starting = np.where(ended, 0.0, direction), breakaway.astype(bool) & ~ended
@@ -143,10 +143,10 @@ def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-def _notes(plan: PlanFile, axes: dict[str, Axis], t: Array) -> list[str]:
+def _notes(plan: Plan, axes: dict[str, Axis], t: Array) -> list[str]:
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     for i, joint in enumerate(plan.robot.joints):
-        travel = float(np.ptp(plan.trajectory.sample(plan.trajectory.breaks).q[:, i]))
+        travel = float(np.ptp(plan.motion.sample(plan.motion.breaks).q[:, i]))
         if joint.name not in axes and travel > 0:
             unit = "rad" if joint.kind == "revolute" else "m"
             notes.append(
@@ -157,7 +157,7 @@ def _notes(plan: PlanFile, axes: dict[str, Axis], t: Array) -> list[str]:
     return notes
 
 
-def _rounding_notes(plan: PlanFile, listed: dict[str, Any]) -> list[str]:
+def _rounding_notes(plan: Plan, listed: dict[str, Any]) -> list[str]:
     notes = []
     for joint in plan.robot.joints:
         effects = listed[joint.name].get("rounding")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -12,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from ssm_planner.atomic import staging
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.manifest import write_manifest
-from ssm_planner.formats.plan_json import PlanFile, plan_document, plan_from_bytes, read_plan
 from ssm_planner.formats.read import MANIFEST
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
@@ -26,7 +25,7 @@ UNVERIFIED = "_unverified"
 
 
 def export(
-    plan: PlanFile | Plan | str | Path, to: str, path: str | Path | None = None, *, force: bool = False, **options: Any
+    plan: Plan | str | Path, to: str, path: str | Path | None = None, *, force: bool = False, **options: Any
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Write a plan in one of FORMATS into the folder `path` (default: `<to>` beside the plan); (files, manifest).
 
@@ -35,7 +34,7 @@ def export(
     """
     if to not in FORMATS:
         raise ExportError(f"{to!r} is not a form of export (allowed: {', '.join(FORMATS)})")
-    source = _plan_file(plan)
+    source = plan if isinstance(plan, Plan) else load_plan(plan)
     certificate, passed = verified(source, force)
     suffix = "" if passed else UNVERIFIED
     write = _writer(to, options)
@@ -47,9 +46,9 @@ def export(
     return {**files, "manifest": folder / MANIFEST}, manifest
 
 
-def verified(plan: PlanFile, force: bool) -> tuple[Certificate, bool]:
+def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
     """(certificate found anew, whether it and the one in the file passed). Raises ExportError where not, unless forced."""
-    found = check(plan.trajectory, plan.robot, plan.limits)
+    found = check(plan.motion, plan.robot, plan.limits)
     stated = plan.certificate
     if found.passed and stated is not None and stated.passed:
         return found, True
@@ -75,12 +74,3 @@ def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:
                 f"{name} means nothing to an export to {to} (allowed: {', '.join(taken) or 'no options'})"
             )
     return write
-
-
-def _plan_file(plan: PlanFile | Plan | str | Path) -> PlanFile:
-    if isinstance(plan, PlanFile):
-        return plan
-    if isinstance(plan, (str, Path)):
-        return read_plan(plan)
-    text = json.dumps(plan_document(plan), indent=1, allow_nan=False) + "\n"
-    return plan_from_bytes(text.encode(), Path("results") / plan.problem.name / "plan.json")

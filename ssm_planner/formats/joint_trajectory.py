@@ -11,16 +11,16 @@ import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import SplinePoints
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 TICKS = 10**9
 
 
-def trajectory_message(plan: PlanFile, points: SplinePoints, effort: bool) -> Message:
+def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Message:
     """The points as a JointTrajectory; effort: rigid-body efforts at the joints, N·m and N."""
     s = points.samples
     empty: list[Sequence[float]] = [[] for _ in s.t]

@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.formats.plan_json import PlanFile, software
 from ssm_planner.formats.read import EXPORT, MANIFEST
+from ssm_planner.plans import Plan, software
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
 from ssm_planner.verification.certificate import Certificate
@@ -17,7 +17,7 @@ VERSION = 1
 
 
 def write_manifest(
-    folder: Path, kind: str, plan: PlanFile, certificate: Certificate, verified: bool, details: dict[str, Any]
+    folder: Path, kind: str, plan: Plan, certificate: Certificate, verified: bool, details: dict[str, Any]
 ) -> dict[str, Any]:
     """Write manifest.json beside the files it lists; details: what the kind of export has to say."""
     manifest = {
@@ -30,7 +30,7 @@ def write_manifest(
             if verified
             else {"warning": "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"}
         ),
-        "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.trajectory.duration},
+        "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.motion.duration},
         "robot": {"name": plan.robot.name, "sha256": robot_hash(plan.robot)},
         "software": software(),
         **details,

@@ -19,8 +19,8 @@ from ssm_planner.formats.joint_trajectory import (
     split_time,
     trajectory_message,
 )
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.spline_points import spline_points
+from ssm_planner.plans import Plan
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
@@ -34,7 +34,7 @@ PUBLISH = (
 
 
 def export_ros2(
-    plan: PlanFile,
+    plan: Plan,
     certificate: Certificate,
     folder: Path,
     suffix: str,

@@ -16,16 +16,16 @@ from ssm_planner.formats.joint_trajectory import (
     read_message,
     split_time,
 )
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.formats.urdf import LINKS, TOOL, urdf
 from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 
-def write_bag(folder: Path, plan: PlanFile, message: Message, rate: float) -> None:
+def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
     """Write a rosbag2 folder; times count from 0. Raises ExportError where the package rosbags is missing."""
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -52,8 +52,8 @@ def write_bag(folder: Path, plan: PlanFile, message: Message, rate: float) -> No
             topic("/joint_states", "sensor_msgs/msg/JointState"),
             topic("/tf", "tf2_msgs/msg/TFMessage"),
         )
-        s = at_times(plan, plan.trajectory.breaks[0] + state_times(plan.trajectory.duration, rate))
-        for k, t in enumerate(s.t - plan.trajectory.breaks[0]):
+        s = at_times(plan, plan.motion.breaks[0] + state_times(plan.motion.duration, rate))
+        for k, t in enumerate(s.t - plan.motion.breaks[0]):
             put(states, t, messages.state(t, message.names, s.q[k], s.qd[k]))
             put(transforms, t, messages.transforms(t, link_poses(plan.robot, s.q[k])))
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.points import Points, join_points
+from ssm_planner.plans import Plan
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
@@ -51,7 +51,7 @@ class SplinePoints:
         return text
 
 
-def spline_points(plan: PlanFile, certificate: Certificate, tick: float | None = 1e-9) -> SplinePoints:
+def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-9) -> SplinePoints:
     """Points of a plan for a controller that joins them by cubics or quintics.
 
     certificate: of the plan; where it did not pass, the points are those of the plan as it is. tick: resolution of
@@ -79,17 +79,17 @@ def spline_points(plan: PlanFile, certificate: Certificate, tick: float | None =
     )
 
 
-def at_times(plan: PlanFile, t: Array, stretch: float = 1.0) -> Samples:
+def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     """The plan run slower by a factor, at times t (n,) of the slower motion; beyond its end it rests there."""
-    begin, end = plan.trajectory.breaks[0], plan.trajectory.breaks[-1]
-    s = plan.trajectory.sample(np.minimum(begin + (t - begin) / stretch, end))
-    moving = (s.t < end)[:, None] | (t <= begin + plan.trajectory.duration * stretch)[:, None]
+    begin, end = plan.motion.breaks[0], plan.motion.breaks[-1]
+    s = plan.motion.sample(np.minimum(begin + (t - begin) / stretch, end))
+    moving = (s.t < end)[:, None] | (t <= begin + plan.motion.duration * stretch)[:, None]
     qd, qdd, qddd = (x * moving / stretch**k for k, x in enumerate((s.qd, s.qdd, s.qddd), start=1))
     return Samples(t, s.q, qd, qdd, qddd)
 
 
-def _trial(plan: PlanFile, parts: int, with_acceleration: bool, stretch: float, tick: float | None) -> SplinePoints:
-    breaks = plan.trajectory.breaks
+def _trial(plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick: float | None) -> SplinePoints:
+    breaks = plan.motion.breaks
     shares = np.arange(parts) / parts
     t = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
     t = (t - breaks[0]) * stretch
@@ -105,9 +105,9 @@ def _trial(plan: PlanFile, parts: int, with_acceleration: bool, stretch: float, 
     return SplinePoints(s, with_acceleration, stretch, certificate)
 
 
-def _acceleration_jump(plan: PlanFile) -> float:
-    inner = plan.trajectory.breaks[1:-1]
-    jump = plan.trajectory.sample(inner, "right").qdd - plan.trajectory.sample(inner, "left").qdd
+def _acceleration_jump(plan: Plan) -> float:
+    inner = plan.motion.breaks[1:-1]
+    jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
     return float(np.max(np.abs(jump) / [joint.acceleration for joint in plan.robot.joints], initial=0.0))
 
 

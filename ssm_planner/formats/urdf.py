@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import inertia_about_com
 from ssm_planner.dynamics.transmission import motor_torque_rows
-from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Body, Joint, Robot
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
@@ -31,7 +31,7 @@ ABSENT = (
 )
 
 
-def export_urdf(plan: PlanFile, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
+def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
     """Write robot.urdf into a folder; returns what the manifest says of it."""
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the plan it was exported with has no passed certificate."

@@ -12,11 +12,10 @@ from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.tightening import Strictness
 from ssm_planner.planning.planner import Planned, plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.plans import Plan
+from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.process import FigureProcess
-from ssm_planner.sizing.size import size_motion
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
@@ -31,7 +30,7 @@ Outcome = tuple[Planned, Certificate | None, Reason | None]
 def plan(
     problem: Problem, progress: Progress = lambda _: None, found: Callable[[Trajectory], None] = lambda _: None
 ) -> Plan:
-    """Plan a problem, check the plan by code that did not make it, and say what it requires of the motors.
+    """Plan a problem, check the plan by code that did not make it.
 
     Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
     planned again. found: called with each motion before it is checked. Never raises for an infeasible problem: the plan
@@ -39,16 +38,19 @@ def plan(
     """
     begin = time.perf_counter()
     planned, certificate, reason = _attempt(problem, progress, found)
-    sizing = None
-    if planned.trajectory is not None:
-        progress("motor requirements")
-        sizing = size_motion(planned.trajectory, problem.robot)
     if reason is not None:
         progress("looking for what would do")
         cure = search(problem, reason, _duration_or_reason)
         reason = reason if cure is None else replace(reason, relaxation=cure.text)
-    seconds = time.perf_counter() - begin
-    return Plan(problem, planned.status, planned.trajectory, planned.phases, certificate, sizing, reason, seconds)
+    return Plan(
+        problem=problem,
+        status=planned.status,
+        trajectory=planned.trajectory,
+        phases=tuple(PhaseSummary.of(phase) for phase in planned.phases),
+        certificate=certificate,
+        reason=reason,
+        solve_time=time.perf_counter() - begin,
+    )
 
 
 def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:

@@ -1,4 +1,4 @@
-"""Resolved values as JSON types and back: what plan.json holds of a problem, and robot and limits rebuilt from it."""
+"""Resolved values as JSON types and back: what plan.json holds of a problem, and the problem rebuilt from it."""
 
 from __future__ import annotations
 
@@ -66,13 +66,30 @@ def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     return {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
 
 
+def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Problem:
+    """The problem that `plain` made JSON types of, bit for bit; arrays read-only.
+
+    file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
+    """
+    task = task_limits_from_plain(data, file)
+    robot = robot_from_plain(data.get("robot", {}), file)
+    given = {"robot": robot, "limits": task.limits, "eye": task.eye}
+    try:
+        rest = {key: item for key, item in data.items() if key not in {*given, *limits_to_plain(task)}}
+        problem: Problem = from_plain(Problem, rest, "problem", given)
+    except ProblemError as error:
+        error.file = file
+        raise
+    return problem
+
+
 def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
     """The robot that `plain` made JSON types of, bit for bit; arrays read-only.
 
     file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
     """
     try:
-        robot: Robot = _dataclass(Robot, data, "robot")
+        robot: Robot = from_plain(Robot, data, "robot")
     except ProblemError as error:
         error.file = file
         raise
@@ -129,7 +146,11 @@ def _by_task(data: Any, hint: Any, where: str) -> dict[str, Any]:
     return found
 
 
-def _dataclass(cls: Any, data: object, where: str) -> Any:
+def from_plain(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = None) -> Any:
+    """A dataclass that `plain` made JSON types of. Raises ProblemError.
+
+    where: its place, for messages. given: values of fields that are not to be read from data.
+    """
     if not isinstance(data, Mapping):
         raise _wrong(where, data, f"a mapping with the keys of {cls.__name__}")
     hints = typing.get_type_hints(cls)
@@ -137,8 +158,10 @@ def _dataclass(cls: Any, data: object, where: str) -> Any:
     for key in data:
         if key not in fields:
             raise ProblemError("unknown key", key=f"{where}.{key}", allowed=", ".join(fields))
-    values = {}
+    values = dict(given or {})
     for name, field in fields.items():
+        if name in values:
+            continue
         place = f"{where}.{name}"
         if name not in data:
             if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
@@ -169,7 +192,7 @@ def _value(hint: Any, data: Any, where: str) -> Any:
             raise _wrong(where, data, "a mapping")
         return {str(key): _value(parts[1], item, f"{where}.{key}") for key, item in data.items()}
     if dataclasses.is_dataclass(hint):
-        return _dataclass(hint, data, where)
+        return from_plain(hint, data, where)
     return _scalar(hint, data, where)
 
 

@@ -47,7 +47,7 @@ def summary_lines(plan: Plan) -> list[str]:
         return lines
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
     phases = [
-        (phase.phase.motion.name, f"{phase.duration:.4f}", _seconds(phase.toppra_duration), f"{phase.lower_bound:.4f}")
+        (phase.name, f"{phase.duration:.4f}", _seconds(phase.toppra_duration), f"{phase.lower_bound:.4f}")
         for phase in plan.phases
     ]
     total = ("total", f"{plan.duration:.4f}", _seconds(plan.toppra_duration), f"{plan.lower_bound:.4f}")

@@ -97,7 +97,6 @@ class Jobs:
 
     def _outcome(self, job: Job, text: str | None) -> tuple[str, str | None]:
         job.progress("loading the planner")
-        from ssm_planner.formats.plan_json import read_plan, write_plan
         from ssm_planner.loading.load import load_problem
         from ssm_planner.pipeline.run import plan
         from ssm_planner.reporting.html.report import report_page
@@ -119,7 +118,7 @@ class Jobs:
             if result.trajectory is None:
                 return (result.reason.message if result.reason else result.status), None
             job.progress("writing the report")
-            page = report_page(read_plan(write_plan(folder / "plan.json", result)))
+            page = report_page(result)
         verdict = "passed" if result.passed else "failed"
         return f"planned: {result.duration:.4f} s, independent check {verdict}", page
 

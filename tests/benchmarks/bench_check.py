@@ -22,8 +22,8 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from seeded import EXCESS, KINDS, seeded
 
-from ssm_planner.formats.plan_json import read_plan
 from ssm_planner.loading.load import load_robot
+from ssm_planner.plans import load_plan
 from ssm_planner.verification.check import check
 
 ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
@@ -37,7 +37,7 @@ HEADER = ",".join(
 
 def plan_time(repeats: int = 7) -> tuple[float, float]:
     """(first, best) time of the check of the shipped plan, s."""
-    plan = read_plan(ROOT / "results/tilt_insert/plan.json")
+    plan = load_plan(ROOT / "results/tilt_insert/plan.json")
     times = []
     for _ in range(repeats):
         begin = time.perf_counter()

@@ -22,8 +22,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "sizing"))
 from sizing_cases import COMPLETE, with_covariance
 
-from ssm_planner.formats.plan_json import read_plan
 from ssm_planner.loading.load import load_motor
+from ssm_planner.plans import load_plan
 from ssm_planner.sizing.demand import linear_band, monte_carlo
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.friction_spread import spread_of
@@ -58,7 +58,7 @@ def repeated(model: ThermalModel, cycle: Cycle) -> tuple[float, float]:
 
 
 def main() -> int:
-    plan = read_plan(sys.argv[1] if len(sys.argv) > 1 else ROOT / "results/tilt_insert/plan.json")
+    plan = load_plan(sys.argv[1] if len(sys.argv) > 1 else ROOT / "results/tilt_insert/plan.json")
     duty = DutyCycle.of_trajectory(plan.trajectory, plan.robot)
     loads = [replace(load, drive=with_covariance(load.drive)) for load in duty.loads()]
     rows: list[tuple[str, float, float, str]] = []

@@ -88,9 +88,10 @@ def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
 @pytest.fixture(scope="session")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the shipped plan."""
+    from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.report import write_report
 
-    return write_report(PLAN, tmp_path_factory.mktemp("report") / "report.html")
+    return write_report(load_plan(PLAN), tmp_path_factory.mktemp("report") / "report.html")
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.formats.plan_json import read_plan
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.plans import load_plan
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
 from ssm_planner.reporting.text import motors_verdict
@@ -48,7 +48,7 @@ def test_opens_in_time(visit: Open, report: Path) -> None:
 
 def test_shown_joints_are_the_plans(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
-    plan = read_plan(PLAN)
+    plan = load_plan(PLAN)
     shown = np.array([180 / np.pi, 180 / np.pi, 180 / np.pi, 1e3])
     for share in (0.0, 0.31, 0.77, 1.0):
         page.evaluate(f"SSM.player.set({share} * (SSM.player.times.length - 1))")
@@ -60,7 +60,7 @@ def test_shown_joints_are_the_plans(visit: Open, report: Path) -> None:
 
 def test_drawn_tip_is_where_forward_kinematics_says(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
-    plan = read_plan(PLAN)
+    plan = load_plan(PLAN)
     mechanism = Mechanism.from_geometry(plan.robot.geometry)
     for share in (0.2, 0.9, 1.0):
         page.evaluate(f"SSM.player.set({share} * (SSM.player.times.length - 1))")
@@ -78,7 +78,7 @@ def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
     page.locator("#player input[type=range]").fill(str(page.evaluate("SSM.player.times.length - 1")))
     page.wait_for_timeout(200)
     assert canvas.screenshot() != before
-    assert clock(page) == pytest.approx(read_plan(PLAN).trajectory.duration, abs=6e-4)
+    assert clock(page) == pytest.approx(load_plan(PLAN).trajectory.duration, abs=6e-4)
 
 
 def test_scrubs_smoothly_or_says_why_not(visit: Open, report: Path) -> None:
@@ -105,7 +105,7 @@ def test_hovering_a_plot_moves_the_scrubber(visit: Open, report: Path) -> None:
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
-    assert clock(page) == pytest.approx(read_plan(PLAN).trajectory.duration / 2, abs=0.05)
+    assert clock(page) == pytest.approx(load_plan(PLAN).trajectory.duration / 2, abs=0.05)
 
 
 def test_keyboard_plays_and_scrubs(visit: Open, report: Path) -> None:
@@ -146,8 +146,8 @@ def test_active_limits_follow_the_scrubber(visit: Open, report: Path) -> None:
 
 def test_names_are_text(visit: Open, slower: Path, tmp_path: Path) -> None:
     for page_file in (
-        write_report(slower, tmp_path / "report.html"),
-        write_comparison(PLAN, slower, tmp_path / "comparison.html"),
+        write_report(load_plan(slower), tmp_path / "report.html"),
+        write_comparison(load_plan(PLAN), load_plan(slower), tmp_path / "comparison.html"),
     ):
         opened = visit(page_file.as_uri())
         opened.page.wait_for_timeout(100)
@@ -161,8 +161,8 @@ def test_names_are_text(visit: Open, slower: Path, tmp_path: Path) -> None:
 def test_fits_reads_and_is_reachable(
     visit: Open, report: Path, in_eye: Path, slower: Path, tmp_path: Path, width: int
 ) -> None:
-    comparison = write_comparison(PLAN, slower, tmp_path / "comparison.html")
-    for page_file in (report, comparison, write_report(in_eye, tmp_path / "in_eye.html")):
+    comparison = write_comparison(load_plan(PLAN), load_plan(slower), tmp_path / "comparison.html")
+    for page_file in (report, comparison, write_report(load_plan(in_eye), tmp_path / "in_eye.html")):
         page = visit(page_file.as_uri(), width=width).page
         page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
         for y in range(0, page.evaluate("document.body.scrollHeight"), 1500):
@@ -174,12 +174,12 @@ def test_fits_reads_and_is_reachable(
 
 
 def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> None:
-    opened = visit(write_comparison(PLAN, slower, tmp_path / "comparison.html").as_uri())
+    opened = visit(write_comparison(load_plan(PLAN), load_plan(slower), tmp_path / "comparison.html").as_uri())
     page = opened.page
     page.evaluate("SSM.player.set(0.5 * SSM.player.times.length)")
     t = page.evaluate("SSM.player.times[SSM.player.index]")
     for side, path in (("A", PLAN), ("B", slower)):
-        q = read_plan(path).trajectory.sample(np.array([t])).q[0]
+        q = load_plan(path).trajectory.sample(np.array([t])).q[0]
         assert number(page.inner_text(f'[data-channel="{side} q1"]')) == pytest.approx(np.rad2deg(q[1]), abs=0.00051)
     assert "+25.00 %" in page.inner_text("header")
     assert page.evaluate("SSM.scene.robots.length") == 2
@@ -189,11 +189,11 @@ def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> Non
 def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, report: Path, in_eye: Path, tmp_path: Path) -> None:
     """Lens and retina as large, where and turned as the plan says, on both pages; without an eye no view of one."""
     assert visit(report.as_uri()).page.get_by_role("button", name="eye", exact=True).count() == 0
-    eye = read_plan(in_eye).limits.eye
+    eye = load_plan(in_eye).limits.eye
     for page_file, robot in (
-        (write_report(in_eye, tmp_path / "report.html"), 0),
-        (write_comparison(in_eye, in_eye, tmp_path / "both.html"), 0),
-        (write_comparison(PLAN, in_eye, tmp_path / "second.html"), 1),
+        (write_report(load_plan(in_eye), tmp_path / "report.html"), 0),
+        (write_comparison(load_plan(in_eye), load_plan(in_eye), tmp_path / "both.html"), 0),
+        (write_comparison(load_plan(PLAN), load_plan(in_eye), tmp_path / "second.html"), 1),
     ):
         opened = visit(page_file.as_uri())
         page, canvas = opened.page, opened.page.locator("#scene canvas")
@@ -244,13 +244,13 @@ def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) 
 
 def test_whether_the_motors_suffice_is_said_above_and_shown_below(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
-    _, verdict, reason = motors_verdict(read_plan(PLAN).sizing)
+    _, verdict, reason = motors_verdict(load_plan(PLAN).sizing.to_dict())
     assert f"{verdict} {reason}" in page.inner_text("header .verdict")
     tables = page.locator("#sizing table")
     shown = [
         tables.nth(0).locator("tr").nth(i).inner_text().split("\t") for i in range(tables.nth(0).locator("tr").count())
     ]
-    for column, motor in enumerate(read_plan(PLAN).sizing["motors"], start=1):
+    for column, motor in enumerate(load_plan(PLAN).sizing.to_dict()["motors"], start=1):
         cells = {row[0]: row[column] for row in shown}
         assert cells["joint"] == motor["joint"]
         for name in ("torque", "speed"):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.formats.plan_json import PlanFile
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -20,18 +20,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def plan(folder: Path, robot: Robot) -> PlanFile:
+def plan(folder: Path, robot: Robot) -> Plan:
     """A plan whose acceleration jumps, as that of time-optimal plans does."""
     return read_back(folder / "plan.json", robot, trapezoids(robot), limits=LIMITS)
 
 
 @pytest.fixture(scope="session")
-def smooth_plan(folder: Path, robot: Robot) -> PlanFile:
+def smooth_plan(folder: Path, robot: Robot) -> Plan:
     """A plan without jumps of acceleration."""
     return read_back(folder / "smooth.json", robot, smooth(robot), limits=LIMITS)
 
 
 @pytest.fixture(scope="session")
-def bad_plan(folder: Path, robot: Robot) -> PlanFile:
+def bad_plan(folder: Path, robot: Robot) -> Plan:
     """A plan that exceeds its limits by 1 %, as its certificate says."""
     return read_back(folder / "bad.json", robot, trapezoids(robot, share=1.01), limits=LIMITS)

@@ -19,11 +19,11 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.c import c_code
 from ssm_planner.formats.export import export
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples
 
@@ -192,7 +192,7 @@ int main(void)
     assert best <= 5e-6
 
 
-def test_the_exported_files_compile_also_when_marked(plan: PlanFile, bad_plan: PlanFile, tmp_path: Path) -> None:
+def test_the_exported_files_compile_also_when_marked(plan: Plan, bad_plan: Plan, tmp_path: Path) -> None:
     for source, suffix, force in ((plan, "", False), (bad_plan, "_unverified", True)):
         folder = tmp_path / f"c{suffix}"
         export(source, "c", folder, force=force)

@@ -8,9 +8,9 @@ import pytest
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.csv import trajectory_table, write_csv
 from ssm_planner.formats.export import export
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.plans import Plan
 
 
 def table(path: Path) -> dict[str, np.ndarray]:
@@ -19,7 +19,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("rate", [1000.0, 300.0, 7.0, 1e5 / 3])
-def test_rows_at_a_rate_are_the_plan(plan: PlanFile, tmp_path: Path, rate: float) -> None:
+def test_rows_at_a_rate_are_the_plan(plan: Plan, tmp_path: Path, rate: float) -> None:
     """Also at rates that do not divide the duration: the last row is the end."""
     export(plan, "csv", tmp_path, rate=rate, columns=["q", "qd"])
     rows = table(tmp_path / "trajectory.csv")
@@ -32,7 +32,7 @@ def test_rows_at_a_rate_are_the_plan(plan: PlanFile, tmp_path: Path, rate: float
         assert np.array_equal(rows[f"qd{i + 1}_{unit}_per_s"], samples.qd[:, i])
 
 
-def test_chosen_columns(plan: PlanFile, tmp_path: Path) -> None:
+def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
     export(plan, "csv", tmp_path, rate=100.0, columns=["q", "qddd", "torque", "task"])
     rows = table(tmp_path / "trajectory.csv")
     assert list(rows) == [
@@ -46,7 +46,7 @@ def test_chosen_columns(plan: PlanFile, tmp_path: Path) -> None:
     assert rows["task_tilt_rad"] == pytest.approx(task[:, 1], abs=1e-15)
 
 
-def test_columns_and_rates_that_are_not_known(plan: PlanFile, tmp_path: Path) -> None:
+def test_columns_and_rates_that_are_not_known(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"columns colour are not known \(allowed: q, qd"):
         export(plan, "csv", tmp_path / "x", columns=["q", "colour"])
     for rate in (0.0, -5.0, 1e9, float("nan")):
@@ -54,7 +54,7 @@ def test_columns_and_rates_that_are_not_known(plan: PlanFile, tmp_path: Path) ->
             export(plan, "csv", tmp_path / "x", rate=rate)
 
 
-def test_a_fixed_rate_says_what_it_costs(plan: PlanFile, smooth_plan: PlanFile, tmp_path: Path) -> None:
+def test_a_fixed_rate_says_what_it_costs(plan: Plan, smooth_plan: Plan, tmp_path: Path) -> None:
     """Acceleration that jumps between rows: the rows joined again exceed the limit, and the manifest says so."""
     _, manifest = export(plan, "csv", tmp_path / "a", rate=170.0)
     assert any("exceed the acceleration limit" in note for note in manifest["notes"])
@@ -64,7 +64,7 @@ def test_a_fixed_rate_says_what_it_costs(plan: PlanFile, smooth_plan: PlanFile, 
     assert any("keep every limit" in note for note in manifest["notes"])
 
 
-def test_the_table_beside_the_plan(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     """The form that the result folder has: 1 kHz, states and motors."""
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
     header, rows = trajectory_table(plan.trajectory, plan.robot)
@@ -72,7 +72,7 @@ def test_the_table_beside_the_plan(plan: PlanFile, tmp_path: Path) -> None:
     assert len(rows) == int(plan.trajectory.duration * 1000) + 2
 
 
-def test_the_counts_that_plain_clients_read(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     """One file for each driven joint, whole increments, the end held to the next whole period."""
     files, manifest = export(plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096)
     assert set(files) == {f"{name}_time_position.csv" for name in ("roll", "tilt", "insertion")} | {"manifest"}

@@ -17,8 +17,8 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4 import period_ms
 from ssm_planner.formats.export import export
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.read import read_trajectory
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -42,7 +42,7 @@ def objects(folder: Path, joint: str) -> dict[tuple[int, int], int]:
     return {(int(row["object"][:6], 16), int(row["object"][7:], 16)): int(row["value"], 0) for row in rows}
 
 
-def test_positions_are_the_plan_s_to_half_an_increment(plan: PlanFile, tmp_path: Path) -> None:
+def test_positions_are_the_plan_s_to_half_an_increment(plan: Plan, tmp_path: Path) -> None:
     for rate in (1000.0, 250.0, 100.0):
         _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=rate)
         for i, joint in enumerate(plan.robot.joints):
@@ -62,14 +62,14 @@ def test_positions_are_the_plan_s_to_half_an_increment(plan: PlanFile, tmp_path:
             assert effects["acceleration"] <= 2 * rate**2 / per_unit * (1 + 1e-9)
 
 
-def test_the_published_scale(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_published_scale(plan: Plan, tmp_path: Path) -> None:
     """78 227.8 increments per rad of joints 1 and 2 and 3 359.58 per mm of joint 4, with 1024-count encoders."""
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     scales = [manifest["axes"][name]["increments_per_unit"] for name in DRIVEN]
     assert scales == pytest.approx([78227.8, 78227.8, 3359.58e3], rel=1e-6)
 
 
-def test_offsets_are_the_motors_speed_and_torque(plan: PlanFile, tmp_path: Path) -> None:
+def test_offsets_are_the_motors_speed_and_torque(plan: Plan, tmp_path: Path) -> None:
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     for i, joint in enumerate(plan.robot.joints):
         if joint.drive is None:
@@ -87,7 +87,7 @@ def test_offsets_are_the_motors_speed_and_torque(plan: PlanFile, tmp_path: Path)
         assert rows["torque_offset_permille"][-1] == 0
 
 
-def test_rounding_does_not_add_up(plan: PlanFile, tmp_path: Path) -> None:
+def test_rounding_does_not_add_up(plan: Plan, tmp_path: Path) -> None:
     """Velocities integrate to the travel, positions are rounded one by one: no drift in either."""
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     rows = stream(tmp_path, "roll")
@@ -96,9 +96,11 @@ def test_rounding_does_not_add_up(plan: PlanFile, tmp_path: Path) -> None:
     assert turns == pytest.approx(travel, rel=1e-4)
 
 
-def test_the_direction_of_the_motor(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_direction_of_the_motor(plan: Plan, tmp_path: Path) -> None:
     joints = tuple(dataclasses.replace(joint, motor_direction=-1) for joint in plan.robot.joints)
-    reversed_plan = dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=joints))
+    reversed_plan = dataclasses.replace(
+        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
+    )
     export(plan, "epos4", tmp_path / "a", counts_per_turn=COUNTS)
     export(reversed_plan, "epos4", tmp_path / "b", counts_per_turn=COUNTS)
     for name in DRIVEN:
@@ -112,7 +114,7 @@ def test_the_direction_of_the_motor(plan: PlanFile, tmp_path: Path) -> None:
     assert back.trajectory.coefficients[0, 0] == pytest.approx(plan.trajectory.coefficients[0, 0], abs=1e-5)
 
 
-def test_encoder_counts_from_the_motor_file(plan: PlanFile, tmp_path: Path) -> None:
+def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(
         ExportError, match=r"maxon_ecx_torque_22_xl\.yaml: encoder_counts is missing .*--counts-per-turn"
     ):
@@ -125,12 +127,14 @@ def test_encoder_counts_from_the_motor_file(plan: PlanFile, tmp_path: Path) -> N
         )
         for joint in plan.robot.joints
     )
-    equipped = dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=joints))
+    equipped = dataclasses.replace(
+        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
+    )
     _, manifest = export(equipped, "epos4", tmp_path)
     assert manifest["axes"]["roll"]["increments_per_motor_turn"] == COUNTS
 
 
-def test_modes_of_velocity_and_torque(plan: PlanFile, tmp_path: Path) -> None:
+def test_modes_of_velocity_and_torque(plan: Plan, tmp_path: Path) -> None:
     for mode, code, columns in (
         ("csv", 9, {"time_s", "target_velocity_mrpm", "torque_offset_permille"}),
         ("cst", 10, {"time_s", "target_torque_permille"}),
@@ -144,7 +148,7 @@ def test_modes_of_velocity_and_torque(plan: PlanFile, tmp_path: Path) -> None:
         export(plan, "epos4", tmp_path / "x", counts_per_turn=COUNTS, mode="ppm")
 
 
-def test_the_form_that_plain_clients_read(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_form_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     lines = (tmp_path / "roll_time_position.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "time,position"
@@ -162,13 +166,18 @@ def test_rates_that_are_not(rate: float) -> None:
         period_ms(rate)
 
 
-def changed(plan: PlanFile, **motor: float) -> PlanFile:
+def changed(plan: Plan, **motor: float) -> Plan:
     joint = plan.robot.joints[0]
     joint = dataclasses.replace(joint, motor=dataclasses.replace(joint.motor, **motor))
-    return dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=(joint, *plan.robot.joints[1:])))
+    return dataclasses.replace(
+        plan,
+        problem=dataclasses.replace(
+            plan.problem, robot=dataclasses.replace(plan.robot, joints=(joint, *plan.robot.joints[1:]))
+        ),
+    )
 
 
-def test_numbers_that_do_not_fit_their_objects(plan: PlanFile, tmp_path: Path) -> None:
+def test_numbers_that_do_not_fit_their_objects(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"joint roll: torque of .* per mille of rated torque \(INT16\) does not fit"):
         # no motor with such a nominal torque passes the check
         export(changed(plan, nominal_torque=1e-6), "epos4", tmp_path / "x", force=True, counts_per_turn=COUNTS)
@@ -177,7 +186,7 @@ def test_numbers_that_do_not_fit_their_objects(plan: PlanFile, tmp_path: Path) -
     assert not list(tmp_path.iterdir())
 
 
-def test_limits_inside_the_drive_leave_room_for_the_stream(plan: PlanFile, tmp_path: Path) -> None:
+def test_limits_inside_the_drive_leave_room_for_the_stream(plan: Plan, tmp_path: Path) -> None:
     for rate in (1000.0, 100.0):
         export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=rate)
         for name in DRIVEN:
@@ -192,7 +201,7 @@ def test_limits_inside_the_drive_leave_room_for_the_stream(plan: PlanFile, tmp_p
             assert values[0x60C2, 2] == -3
 
 
-def test_a_joint_without_drive_is_named(plan: PlanFile, tmp_path: Path) -> None:
+def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     assert any("joint spin has no drive and is not streamed" in note for note in manifest["notes"])
     assert any("placeholder" in note for note in manifest["notes"])
@@ -266,7 +275,7 @@ def rated_torques(robot: Robot) -> dict[str, float]:
     return {joint.name: joint.motor.nominal_torque for joint in robot.joints if joint.motor is not None}
 
 
-def test_simulated_drives_receive_the_plan(plan: PlanFile, tmp_path: Path) -> None:
+def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
     """Enabled in CSP by the canopen library's own client and streamed in real time: every drive has got the plan."""
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
     with bench(tmp_path, "played", rated_torques(plan.robot)) as (drives, clients):
@@ -288,7 +297,7 @@ def test_simulated_drives_receive_the_plan(plan: PlanFile, tmp_path: Path) -> No
             assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
 
 
-def test_a_mismatched_period_is_refused_and_seen(plan: PlanFile, tmp_path: Path) -> None:
+def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
     """Set up for 10 ms and sent every 4 ms: the drive goes to fault, and the client sees it."""
     from simulated_drive import PERIOD_FAULT
 
@@ -300,7 +309,7 @@ def test_a_mismatched_period_is_refused_and_seen(plan: PlanFile, tmp_path: Path)
         assert settled(lambda: any(log.code == PERIOD_FAULT for node in clients.values() for log in node.emcy.log))
 
 
-def test_a_limit_overrun_is_refused_and_seen(plan: PlanFile, tmp_path: Path) -> None:
+def test_a_limit_overrun_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
     """A target beyond the software position limit: fault, and nothing of it is carried out."""
     from simulated_drive import LIMIT_FAULT
 
@@ -318,7 +327,7 @@ def test_a_limit_overrun_is_refused_and_seen(plan: PlanFile, tmp_path: Path) -> 
         assert max(target for target, *_ in drives["insertion"].received) <= limit
 
 
-def test_the_manifest_names_the_stream_of_every_axis(plan: PlanFile, tmp_path: Path, robot: Robot) -> None:
+def test_the_manifest_names_the_stream_of_every_axis(plan: Plan, tmp_path: Path, robot: Robot) -> None:
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
     assert set(manifest["axes"]) == {joint.name for joint in robot.joints}

@@ -18,8 +18,8 @@ from ssm_planner.cli import check as check_command
 from ssm_planner.cli import export as export_command
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.export import FORMATS, export
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.read import read_trajectory
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
 
@@ -34,7 +34,7 @@ def run(module, words: list[str]) -> int:
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_every_export_carries_a_manifest(plan: PlanFile, tmp_path: Path, to: str) -> None:
+def test_every_export_carries_a_manifest(plan: Plan, tmp_path: Path, to: str) -> None:
     files, manifest = export(plan, to, tmp_path / to, **OPTIONS.get(to, {}))
     on_disk = json.loads((tmp_path / to / "manifest.json").read_text(encoding="utf-8"))
     assert on_disk == json.loads(json.dumps(manifest))
@@ -53,7 +53,7 @@ def test_every_export_carries_a_manifest(plan: PlanFile, tmp_path: Path, to: str
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_a_plan_without_a_passed_certificate_is_not_exported(bad_plan: PlanFile, tmp_path: Path, to: str) -> None:
+def test_a_plan_without_a_passed_certificate_is_not_exported(bad_plan: Plan, tmp_path: Path, to: str) -> None:
     with pytest.raises(ExportError, match=r"does not pass the check: .* by 1"):
         export(bad_plan, to, tmp_path / to, **OPTIONS.get(to, {}))
     assert not list(tmp_path.iterdir())
@@ -66,7 +66,7 @@ def test_a_plan_without_a_passed_certificate_is_not_exported(bad_plan: PlanFile,
     assert all("UNVERIFIED" in text for text in texts if "rosbag2_bagfile_information" not in text)
 
 
-def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(bad_plan: PlanFile, tmp_path: Path) -> None:
+def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(bad_plan: Plan, tmp_path: Path) -> None:
     """The plan is checked anew, whatever its file says."""
     document = json.loads(bad_plan.path.read_text(encoding="utf-8"))
     document["certificate"]["passed"] = True
@@ -78,7 +78,7 @@ def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(bad_plan: P
         export(path, "csv", tmp_path / "csv")
 
 
-def test_a_plan_that_was_never_checked_is_not_exported(plan: PlanFile, tmp_path: Path) -> None:
+def test_a_plan_that_was_never_checked_is_not_exported(plan: Plan, tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     path.write_text(json.dumps({**plan.document, "certificate": None}), encoding="utf-8")
     with pytest.raises(ExportError, match="has no certificate"):
@@ -87,7 +87,7 @@ def test_a_plan_that_was_never_checked_is_not_exported(plan: PlanFile, tmp_path:
     assert manifest["verified"] is False
 
 
-def test_unknown_formats_and_options(plan: PlanFile, tmp_path: Path) -> None:
+def test_unknown_formats_and_options(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"not a form of export .*csv, epos4"):
         export(plan, "dxf", tmp_path / "x")
     with pytest.raises(ExportError, match="mode means nothing to an export to csv"):
@@ -99,7 +99,7 @@ def test_unknown_formats_and_options(plan: PlanFile, tmp_path: Path) -> None:
 @pytest.mark.parametrize("which", ["plan", "smooth_plan"])
 def test_round_trip(to: str, which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path) -> None:
     """plan → format → check: the same verdict, and margins within the rounding of the format."""
-    source: PlanFile = request.getfixturevalue(which)
+    source: Plan = request.getfixturevalue(which)
     export(source, to, tmp_path / to, **OPTIONS.get(to, {}))
     readings = [read_trajectory(tmp_path / to, robot)]
     if to == "ros2":
@@ -121,7 +121,7 @@ def test_round_trip(to: str, which: str, request: pytest.FixtureRequest, robot: 
         assert compared >= (12 if to == "epos4" else 20)
 
 
-def test_an_existing_export_is_replaced_and_other_files_stay(plan: PlanFile, tmp_path: Path) -> None:
+def test_an_existing_export_is_replaced_and_other_files_stay(plan: Plan, tmp_path: Path) -> None:
     target = tmp_path / "csv"
     export(plan, "csv", target, rate=100.0)
     (target / "notes.txt").write_text("mine", encoding="utf-8")
@@ -132,7 +132,7 @@ def test_an_existing_export_is_replaced_and_other_files_stay(plan: PlanFile, tmp
     assert "notes.txt" not in manifest["files"]
 
 
-def test_a_target_that_is_a_file_or_cannot_be_written(plan: PlanFile, tmp_path: Path) -> None:
+def test_a_target_that_is_a_file_or_cannot_be_written(plan: Plan, tmp_path: Path) -> None:
     file = tmp_path / "taken"
     file.write_text("mine", encoding="utf-8")
     with pytest.raises(ExportError, match="is a file; an export needs a folder"):
@@ -143,7 +143,7 @@ def test_a_target_that_is_a_file_or_cannot_be_written(plan: PlanFile, tmp_path: 
 
 
 def test_a_full_disk_leaves_nothing_and_what_was_there(
-    plan: PlanFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     export(plan, "csv", tmp_path / "csv", rate=100.0)
     before = {path.name: path.read_bytes() for path in (tmp_path / "csv").iterdir()}
@@ -160,7 +160,7 @@ def test_a_full_disk_leaves_nothing_and_what_was_there(
 
 @pytest.mark.parametrize("module", ["csv", "epos4", "ros2"])
 def test_an_interruption_midway_leaves_nothing(
-    plan: PlanFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str
 ) -> None:
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
@@ -183,7 +183,7 @@ def test_an_interruption_midway_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_sigint_during_the_command(plan: PlanFile, tmp_path: Path) -> None:
+def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
     """A real interruption of the real program, while it writes: a message, exit status 130 and no file."""
     code = (
         "import sys, time, numpy as np; save = np.savetxt\n"
@@ -206,7 +206,7 @@ def test_sigint_during_the_command(plan: PlanFile, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_commands(plan: PlanFile, bad_plan: PlanFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands(plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "csv"
     assert run(export_command, [str(plan.path), "--to", "csv", "-o", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
@@ -226,7 +226,7 @@ def test_the_commands(plan: PlanFile, bad_plan: PlanFile, tmp_path: Path, capsys
 
 
 @pytest.mark.parametrize("words", [["--rate", "-5"], ["--rate", "fast"], ["--to", "dxf"]])
-def test_bad_words_on_the_command_line(plan: PlanFile, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_words_on_the_command_line(plan: Plan, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         run(export_command, [str(plan.path), "--to", "csv", *words])
     assert caught.value.code == 2
@@ -234,6 +234,6 @@ def test_bad_words_on_the_command_line(plan: PlanFile, words: list[str], capsys:
 
 
 @pytest.mark.parametrize("counts", [["many"], ["4096", "roll=1024"], ["roll="]])
-def test_bad_counts_on_the_command_line(plan: PlanFile, tmp_path: Path, counts: list[str]) -> None:
+def test_bad_counts_on_the_command_line(plan: Plan, tmp_path: Path, counts: list[str]) -> None:
     with pytest.raises(ExportError, match="--counts-per-turn"):
         run(export_command, [str(plan.path), "--to", "epos4", "-o", str(tmp_path), "--counts-per-turn", *counts])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError, SsmPlannerError, TrajectoryError
-from ssm_planner.formats.plan_json import PlanFile, read_plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
 
@@ -18,8 +18,8 @@ from plans import smooth
 ROOT = Path(__file__).parent.parent.parent
 
 
-def test_a_plan_is_read_as_it_was_written(plan: PlanFile, robot: Robot) -> None:
-    again = read_plan(plan.path)
+def test_a_plan_is_read_as_it_was_written(plan: Plan, robot: Robot) -> None:
+    again = load_plan(plan.path)
     assert np.array_equal(again.trajectory.coefficients, plan.trajectory.coefficients)
     assert again.limits.ranges == {"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)}
     assert again.certificate == check(plan.trajectory, robot, plan.limits)
@@ -30,7 +30,7 @@ def test_the_shipped_plan_is_read(robot: Robot) -> None:
     path = ROOT / "results/tilt_insert/plan.json"
     if not path.is_file():
         pytest.skip("results/tilt_insert/plan.json is not there: make it with ssm-planner plan")
-    shipped = read_plan(path)
+    shipped = load_plan(path)
     assert shipped.certificate is not None
     assert shipped.certificate.passed
     assert [joint.name for joint in shipped.robot.joints] == [joint.name for joint in robot.joints]
@@ -65,16 +65,14 @@ def test_the_shipped_plan_is_read(robot: Robot) -> None:
         (lambda text: "[" * 100000, TrajectoryError, "nested too deeply|truncated"),
     ],
 )
-def test_files_that_are_no_plan(
-    plan: PlanFile, tmp_path: Path, change, error: type[SsmPlannerError], message: str
-) -> None:
+def test_files_that_are_no_plan(plan: Plan, tmp_path: Path, change, error: type[SsmPlannerError], message: str) -> None:
     text = plan.path.read_text(encoding="utf-8")
     changed = change(text)
     assert changed != text
     path = tmp_path / "plan.json"
     path.write_text(changed, encoding="utf-8")
     with pytest.raises(error, match=message) as caught:
-        read_plan(path)
+        load_plan(path)
     assert str(path) in str(caught.value)
 
 
@@ -82,17 +80,17 @@ def test_a_file_of_bytes_and_one_that_is_missing(tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(TrajectoryError, match="not a text file"):
-        read_plan(path)
+        load_plan(path)
     with pytest.raises(TrajectoryError, match="cannot be read"):
-        read_plan(tmp_path / "none.json")
+        load_plan(tmp_path / "none.json")
 
 
-def test_an_infeasible_plan_holds_no_trajectory(plan: PlanFile, tmp_path: Path) -> None:
+def test_an_infeasible_plan_holds_no_trajectory(plan: Plan, tmp_path: Path) -> None:
     document = {**plan.document, "trajectory": None, "status": "infeasible"}
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(TrajectoryError, match=r"no trajectory \(status: infeasible\)"):
-        read_plan(path)
+        load_plan(path)
 
 
 def test_helpers_make_passing_plans(robot: Robot) -> None:

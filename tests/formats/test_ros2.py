@@ -13,12 +13,12 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.export import export
 from ssm_planner.formats.joint_trajectory import REST, controller_faults, message_from
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.rosbag import link_poses, quaternion
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 
 
@@ -61,7 +61,7 @@ def falling(n: int, d: int) -> float:
 def test_the_controller_s_own_spline_keeps_the_limits(
     which: str, keys: int, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    source: PlanFile = request.getfixturevalue(which)
+    source: Plan = request.getfixturevalue(which)
     export(source, "ros2", tmp_path, bag=False)
     points = message(tmp_path / "joint_trajectory.yaml")["points"]
     assert sum(bool(points[1][key]) for key in ("positions", "velocities", "accelerations")) == keys
@@ -75,7 +75,7 @@ def test_the_controller_s_own_spline_keeps_the_limits(
         assert np.abs(qdd[:, i]).max() <= joint.acceleration * (1 + 1e-6)
 
 
-def test_joint_trajectory_controller_would_accept_it(plan: PlanFile, tmp_path: Path) -> None:
+def test_joint_trajectory_controller_would_accept_it(plan: Plan, tmp_path: Path) -> None:
     """Its rules, one by one, on the files as written."""
     export(plan, "ros2", tmp_path, bag=False)
     for data in (message(tmp_path / "joint_trajectory.yaml"), message(tmp_path / "goal.yaml", "trajectory")):
@@ -96,7 +96,7 @@ def test_joint_trajectory_controller_would_accept_it(plan: PlanFile, tmp_path: P
         assert not remarks
 
 
-def test_effort_is_opt_in(plan: PlanFile, tmp_path: Path) -> None:
+def test_effort_is_opt_in(plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "ros2", tmp_path, effort=True, bag=False)
     points = message(tmp_path / "joint_trajectory.yaml")["points"]
     samples = spline_points(plan, plan.certificate).samples
@@ -105,13 +105,13 @@ def test_effort_is_opt_in(plan: PlanFile, tmp_path: Path) -> None:
     assert any("effort" in note for note in manifest["notes"])
 
 
-def test_the_stretch_is_small_and_stated(plan: PlanFile, tmp_path: Path) -> None:
+def test_the_stretch_is_small_and_stated(plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "ros2", tmp_path, bag=False)
     assert 1.0 <= manifest["stretch"] < 1.0001
     assert manifest["spline"]["certificate"]["passed"]
 
 
-def test_the_bag_is_read_by_an_independent_library(plan: PlanFile, robot: Robot, tmp_path: Path) -> None:
+def test_the_bag_is_read_by_an_independent_library(plan: Plan, robot: Robot, tmp_path: Path) -> None:
     pytest.importorskip("mcap_ros2", reason="the package mcap-ros2-support (extra test) reads the bag")
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
@@ -185,7 +185,7 @@ def test_link_poses_chain_to_the_tool(robot: Robot) -> None:
 
 
 def test_without_the_package_rosbags_the_message_says_how_to_get_it(
-    plan: PlanFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("rosbags", "rosbags.rosbag2", "rosbags.typesys"):
         monkeypatch.setitem(sys.modules, name, None)
@@ -197,12 +197,12 @@ def test_without_the_package_rosbags_the_message_says_how_to_get_it(
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, 1e6, float("nan")])
-def test_rates_that_make_no_bag(plan: PlanFile, tmp_path: Path, rate: float) -> None:
+def test_rates_that_make_no_bag(plan: Plan, tmp_path: Path, rate: float) -> None:
     with pytest.raises(ExportError, match="a rate of"):
         export(plan, "ros2", tmp_path / "x", rate=rate)
 
 
-def test_a_spline_that_no_points_mend_is_refused(plan: PlanFile, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_spline_that_no_points_mend_is_refused(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
     monkeypatch.setattr("ssm_planner.formats.spline_points.PARTS", (1,))
     monkeypatch.setattr("ssm_planner.formats.spline_points.LARGEST_STRETCH", 1e-9)
@@ -210,6 +210,8 @@ def test_a_spline_that_no_points_mend_is_refused(plan: PlanFile, monkeypatch: py
         dataclasses.replace(joint, velocity=joint.velocity * 0.96) if joint.name == "tilt" else joint
         for joint in plan.robot.joints
     )
-    slower = dataclasses.replace(plan, robot=dataclasses.replace(plan.robot, joints=joints))
+    slower = dataclasses.replace(
+        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
+    )
     with pytest.raises(ExportError, match=r"exceeds the velocity limit of tilt by 1\.\d+ %"):
         spline_points(slower, plan.certificate)

@@ -10,11 +10,11 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.formats.export import export
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.formats.urdf import effort_limit, rpy, urdf
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 
 RNG = np.random.default_rng(11)
@@ -80,7 +80,7 @@ def test_rpy_is_accurate_next_to_its_singularity() -> None:
         assert np.abs(back - matrix).max() <= 1e-12
 
 
-def test_what_urdf_cannot_carry_is_said(plan: PlanFile, tmp_path: Path) -> None:
+def test_what_urdf_cannot_carry_is_said(plan: Plan, tmp_path: Path) -> None:
     export(plan, "urdf", tmp_path)
     text = (tmp_path / "robot.urdf").read_text(encoding="utf-8")
     comment = text[text.index("<!--") : text.index("-->")]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.loading.eye import as_written
-from ssm_planner.problem.serialization import plain, task_limits_from_plain
+from ssm_planner.problem.serialization import plain, problem_from_plain
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 NAME = "tilt_insert.yaml"
@@ -154,7 +154,7 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
     problem = files.load(NAME)
     limits = problem.task_limits
     document = json.loads(json.dumps(plain(problem), allow_nan=False))
-    back = task_limits_from_plain(document)
+    back = problem_from_plain(document).task_limits
     assert plain(back) == plain(limits)
     assert (back.ranges, back.tip_speed, back.rates) == (limits.ranges, limits.tip_speed, limits.rates)
     for mine, its in ((limits.eye, back.eye), (limits.eye.lens, back.eye.lens)):
@@ -162,7 +162,9 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
         assert not its.centre.flags.writeable
 
 
-def test_a_plan_from_before_the_eye_limits_nothing_more() -> None:
-    limits = task_limits_from_plain({"limits": {"tilt": [-2.0, -1.0]}, "tip_speed": None})
+def test_a_plan_from_before_the_eye_limits_nothing_more(files: Any) -> None:
+    document = plain(files.load(NAME)) | {"limits": {"tilt": [-2.0, -1.0]}, "tip_speed": None}
+    del document["rates"], document["eye"]
+    limits = problem_from_plain(document).task_limits
     assert limits.ranges == {"tilt": (-2.0, -1.0)}
     assert (limits.tip_speed, limits.rates, limits.eye) == (None, {}, None)

@@ -13,6 +13,8 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.planner import phases_of
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import Motion, Problem, Scan, Target
@@ -33,12 +35,15 @@ def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
     return result
 
 
+def phases(result: Plan) -> tuple[Phase, ...]:
+    """The phases of a plan with the points that they pass."""
+    return phases_of(result.problem, Mechanism.from_geometry(result.problem.robot.geometry))[0]
+
+
 def spots(result: Plan) -> list[Array]:
     """Tips (n, 3) at the spots of every run of the motion, ends of phases included; the tip's way there left out."""
     mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
-    return [
-        tip_position(mechanism, phase.phase.points[1:]) for phase in result.phases if phase.phase.motion.kind == "free"
-    ]
+    return [tip_position(mechanism, phase.points[1:]) for phase in phases(result) if phase.motion.kind == "free"]
 
 
 def on_retina(result: Plan, tips: Array) -> Array:
@@ -76,7 +81,7 @@ def test_every_spot_is_at_the_distance_and_passed_by_the_tip(laser_scan: Problem
     assert np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(eye.radius - DISTANCE, abs=1e-9)
     for tip in tips:
         assert np.linalg.norm(at_breaks - tip, axis=1).min() < 1e-9
-    tasks = np.concatenate([task_from_joints(mechanism, phase.phase.points[1:]) for phase in result.phases])
+    tasks = np.concatenate([task_from_joints(mechanism, phase.points[1:]) for phase in phases(result)])
     assert tasks[:, 2] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -113,12 +118,13 @@ def test_a_raster_goes_back_and_forth(laser_scan: Problem) -> None:
 
 def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan: Problem) -> None:
     standing = scanning(laser_scan, dataclasses.replace(RING, dwell=0.05))
-    dwells = [phase for phase in standing.phases if phase.phase.motion.kind == "dwell"]
+    kinds = [phase.motion.kind for phase in phases(standing)]
+    dwells = [phase for phase, kind in zip(standing.phases, kinds, strict=True) if kind == "dwell"]
     assert len(dwells) == 6
     assert [phase.duration for phase in dwells] == pytest.approx([0.05] * 6)
     passing = scanning(laser_scan, RING)
     assert passing.duration < standing.duration - 6 * 0.05
-    points = passing.phases[1].phase.points
+    points = phases(passing)[1].points
     way = np.diff(points, axis=0)
     way = np.sign(np.where(np.abs(way) > 1e-9, way, 0.0))
     going_on = way[1:] * way[:-1] > 0

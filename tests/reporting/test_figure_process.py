@@ -13,31 +13,25 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.formats.plan_json import PlanFile, read_plan
-from ssm_planner.plans import Plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.reporting.figures import process as figure_process
 from ssm_planner.reporting.figures.plan import DRAWN
 from ssm_planner.reporting.figures.process import FigureProcess, write_figures
 from ssm_planner.reporting.figures.style import drawn
-from ssm_planner.sizing.size import size_motion
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def file() -> PlanFile:
-    return read_plan(ROOT / "results/tilt_insert/plan.json")
+def file() -> Plan:
+    return load_plan(ROOT / "results/tilt_insert/plan.json")
 
 
 @pytest.fixture(scope="module")
-def plan(file: PlanFile) -> Plan:
+def plan(file: Plan) -> Plan:
     """As much of a plan as figures need."""
 
-    class Problem:
-        robot = file.robot
-
-    sizing = size_motion(file.trajectory, file.robot)
-    return Plan(Problem(), "solved", file.trajectory, (), None, sizing, None, 0.0)  # type: ignore[arg-type]
+    return Plan(file.problem, "solved", file.trajectory)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +64,7 @@ def test_the_same_bytes(plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path
     assert not running(drawer)
 
 
-def test_the_last_motion_counts(file: PlanFile, drawn_here: dict[str, bytes]) -> None:
+def test_the_last_motion_counts(file: Plan, drawn_here: dict[str, bytes]) -> None:
     first = replace(file.trajectory, phases=file.trajectory.phases[:1])
     assert drawn(DRAWN["motion"](first, file.robot), pdf=False)["png"] != drawn_here["motion.png"]
     with FigureProcess() as drawer:
@@ -129,11 +123,11 @@ def test_ctrl_c_while_results_are_written_leaves_whole_files_and_no_process(tmp_
             print(process.pid, flush=True)
             return process
         figure_process._started = started
-        import ssm_planner.pipeline.folder as folder
+        import ssm_planner.formats.csv as csv
         def slow(*a):
             print("writing", flush=True)
             time.sleep(30)
-        folder.write_csv = slow
+        csv.write_csv = slow
         from ssm_planner.cli import main
         sys.exit(main(sys.argv[1:]))
     """

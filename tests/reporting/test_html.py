@@ -6,7 +6,6 @@ import base64
 import json
 import re
 import time
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,8 @@ from jinja2 import UndefinedError
 
 from ssm_planner.cli import report as command
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.plan_json import read_plan
 from ssm_planner.loading.load import load_problem
+from ssm_planner.plans import load_plan
 from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.html.channels import encoded
 from ssm_planner.reporting.html.compare import write_comparison
@@ -51,7 +50,7 @@ class Reader(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_report(PLAN, tmp_path_factory.mktemp("page") / "report.html").read_text(encoding="utf-8")
+    return write_report(load_plan(PLAN), tmp_path_factory.mktemp("page") / "report.html").read_text(encoding="utf-8")
 
 
 def stretched(factor: float, **names: str) -> dict[str, Any]:
@@ -89,13 +88,13 @@ def test_ten_second_plan_is_written_within_two_seconds(tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(stretched(3.0)), encoding="utf-8")
     begin = time.perf_counter()
-    out = write_report(path, tmp_path / "report.html")
+    out = write_report(load_plan(path), tmp_path / "report.html")
     assert time.perf_counter() - begin < 2.0
     assert out.stat().st_size < 8 * MEGABYTE
 
 
 def test_same_plan_gives_the_same_channels_exactly() -> None:
-    plan = read_plan(PLAN)
+    plan = load_plan(PLAN)
     data = report_data(plan)
 
     def channel(name: str) -> np.ndarray:
@@ -108,7 +107,7 @@ def test_same_plan_gives_the_same_channels_exactly() -> None:
 
 
 def test_peaks_of_the_page_are_the_plans() -> None:
-    data = report_data(read_plan(PLAN))
+    data = report_data(load_plan(PLAN))
     names = [joint["name"] for joint in data["joints"]]
     for required in json.loads(PLAN.read_text(encoding="utf-8"))["motors"]:
         i = names.index(required["joint"])
@@ -117,10 +116,10 @@ def test_peaks_of_the_page_are_the_plans() -> None:
             assert np.abs(values).max() == pytest.approx(required[key], rel=0.02)
 
 
-def test_a_plan_that_states_no_sizing_is_sized() -> None:
-    plan = read_plan(PLAN)
-    silent = replace(plan, document={key: value for key, value in plan.document.items() if key != "sizing"})
-    stated, found = plan.document["sizing"], silent.sizing
+def test_a_loaded_plan_is_sized_as_the_file_says() -> None:
+    plan = load_plan(PLAN)
+    assert plan.sizing is not None
+    stated, found = json.loads(PLAN.read_text(encoding="utf-8"))["sizing"], plan.sizing.to_dict()
     assert stated.keys() == found.keys()
     for one, other in zip(stated["motors"], found["motors"], strict=True):
         assert one["not_checked"] == other["not_checked"]
@@ -131,7 +130,7 @@ def test_a_plan_that_states_no_sizing_is_sized() -> None:
 def test_torque_split_adds_up_to_the_torque() -> None:
     channels = {
         name: np.frombuffer(base64.b64decode(text), dtype="<f8")
-        for name, text in report_data(read_plan(PLAN))["channels"].items()
+        for name, text in report_data(load_plan(PLAN))["channels"].items()
     }
     for i in (0, 1, 3):
         parts = sum(values for name, values in channels.items() if name.startswith(f"split{i}_"))
@@ -145,7 +144,7 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
     document["problem"] |= {"eye": plain(problem.eye), "rates": {"tilt": 0.3, "depth": 0.01}}
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
-    plan = read_plan(path)
+    plan = load_plan(path)
     data = report_data(plan)
     assert data["scene"]["eye"] == plain(problem.eye)
     found = {limit.name: limit for limit in check(plan.trajectory, plan.robot, plan.limits).limits}
@@ -164,7 +163,7 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
         worst = values.min() if low_side else np.abs(values).max()
         assert worst == pytest.approx(found[name].worst, rel=0.02)
     assert "roll rate" not in panels
-    text = write_report(path, tmp_path / "report.html").read_text(encoding="utf-8")
+    text = write_report(load_plan(path), tmp_path / "report.html").read_text(encoding="utf-8")
     assert "retina clearance, radius 11.3 mm" in text
     assert "lens clearance, shaft radius 0.25 mm" in text
 
@@ -175,7 +174,9 @@ def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
     other = tmp_path / "plan.json"
     other.write_text(json.dumps(document), encoding="utf-8")
     for pair in ((PLAN, other), (other, PLAN)):
-        assert "Tip to retina" in write_comparison(*pair, tmp_path / "comparison.html").read_text(encoding="utf-8")
+        assert "Tip to retina" in write_comparison(*map(load_plan, pair), tmp_path / "comparison.html").read_text(
+            encoding="utf-8"
+        )
 
 
 @given(TEXT)
@@ -224,20 +225,20 @@ def test_plan_without_trajectory_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(TrajectoryError, match="no trajectory"):
-        write_report(path, tmp_path / "report.html")
+        write_report(load_plan(path), tmp_path / "report.html")
     assert not (tmp_path / "report.html").exists()
 
 
 def test_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(ExportError, match="cannot be written"):
-        write_report(PLAN, tmp_path / "file" / "report.html")
+        write_report(load_plan(PLAN), tmp_path / "file" / "report.html")
 
 
 def test_comparison_joins_limits_of_both(tmp_path: Path) -> None:
     other = tmp_path / "plan.json"
     other.write_text(json.dumps(stretched(1.5, name="<script>other</script>")), encoding="utf-8")
-    text = write_comparison(PLAN, other, tmp_path / "comparison.html").read_text(encoding="utf-8")
+    text = write_comparison(load_plan(PLAN), load_plan(other), tmp_path / "comparison.html").read_text(encoding="utf-8")
     assert "+50.00 %" in text
     assert "<script>other" not in text
 
@@ -262,7 +263,7 @@ def test_command_writes_report_comparison_and_figures(tmp_path: Path, capsys: py
 def test_figures_are_the_same_bytes_each_time(tmp_path: Path) -> None:
     from ssm_planner.reporting.figures.process import write_figures_of_file
 
-    plan = read_plan(PLAN)
+    plan = load_plan(PLAN)
     first, second = (write_figures_of_file(plan, tmp_path / name) for name in ("a", "b"))
     assert {path.name for path in first.values()} == {"motion.png", "motion.pdf", "motors.png", "motors.pdf"}
     assert all(first[name].read_bytes() == second[name].read_bytes() for name in first)

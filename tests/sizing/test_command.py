@@ -12,7 +12,7 @@ from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.cli import size as command
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.formats.plan_json import FORMAT, VERSION
+from ssm_planner.plans import FORMAT, VERSION
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
 

@@ -12,7 +12,7 @@ import pytest
 from ssm_planner.dynamics.motors import STILL
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
-from ssm_planner.formats.plan_json import read_plan
+from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.requirements import motor_requirements
@@ -57,7 +57,7 @@ def back_and_forth(robot: Robot, count: int) -> Trajectory:
 
 
 def test_it_is_the_rms_of_the_sizing_on_the_shipped_plan() -> None:
-    plan = read_plan(ROOT / "results/tilt_insert/plan.json")
+    plan = load_plan(ROOT / "results/tilt_insert/plan.json")
     found = continuous(check(plan.trajectory, plan.robot, plan.limits))
     sized = by_sizing(plan.trajectory, plan.robot)
     assert set(found) == set(sized) == {"roll", "tilt", "insertion"}

@@ -26,7 +26,6 @@ from ssm_planner.reporting.figures.style import (
 from ssm_planner.sizing.requirements import motor_requirements
 
 if TYPE_CHECKING:
-    from ssm_planner.formats.plan_json import PlanFile
     from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
 
@@ -132,9 +131,9 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     return paths
 
 
-def write_figures_of_file(plan: PlanFile, folder: Path) -> dict[str, Path]:
+def write_figures_of_file(plan: Plan, folder: Path) -> dict[str, Path]:
     """The same figures from a plan.json that has been read, as PNG and PDF. Raises ExportError."""
-    trajectory, robot = plan.trajectory, plan.robot
+    trajectory, robot = plan.motion, plan.robot
     paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
     motors = motors_figure(trajectory, robot, motor_requirements(trajectory, robot))
     return paths | save_figure(motors, folder / "motors")

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position, tip_velocity
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
+from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TASK, TaskLimits
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.sizing.heat import FIGURES, Cycle, ThermalModel, steady_state
@@ -34,9 +34,9 @@ def time_grid(duration: float) -> Array:
     return np.linspace(0.0, duration, int(np.clip(RATE * duration, FEWEST, MOST)))
 
 
-def channels_of(plan: PlanFile, t: Array) -> dict[str, Array]:
+def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
     """Every plotted quantity at t (n,), SI, by name such as "qd2" (joint index); after the plan's end its last value."""
-    trajectory = plan.trajectory
+    trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
     channels = {"t": t, **_tool_channels(Mechanism.from_geometry(plan.robot.geometry), samples, plan.limits)}
     for name in ("q", "qd", "qdd", "qddd"):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.formats.plan_json import PlanFile, read_plan
+from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import Table, render, write_page
@@ -20,12 +20,12 @@ LEFT_OUT = ("What the motor torque is spent on",)
 NAMES = ("A", "B")
 
 
-def write_comparison(first: Path, second: Path, out: Path) -> Path:
-    """Write the comparison of two plan.json files. Raises TrajectoryError or ProblemError, ExportError (the page)."""
-    return write_page(out, comparison_page(read_plan(first), read_plan(second)))
+def write_comparison(first: Plan, second: Plan, out: Path) -> Path:
+    """Write the comparison of two plans. Raises ExportError."""
+    return write_page(out, comparison_page(first, second))
 
 
-def comparison_page(first: PlanFile, second: PlanFile) -> str:
+def comparison_page(first: Plan, second: Plan) -> str:
     """The comparison of two plans as an HTML document."""
     plans = first, second
     return render(
@@ -47,14 +47,14 @@ def comparison_page(first: PlanFile, second: PlanFile) -> str:
     )
 
 
-def comparison_data(plans: tuple[PlanFile, PlanFile]) -> dict[str, Any]:
+def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
     """What the page's scripts read; both plans on one time grid, the shorter one held at its end."""
-    duration = max(plan.trajectory.duration for plan in plans)
+    duration = max(plan.motion.duration for plan in plans)
     t = time_grid(duration)
     channels = [channels_of(plan, t) for plan in plans]
     return {
         "duration": duration,
-        "ends": [plan.trajectory.duration for plan in plans],
+        "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plans[0].robot.joints],
         "panels": _together(*(panels_of(plan, each) for plan, each in zip(plans, channels, strict=True))),
@@ -63,7 +63,7 @@ def comparison_data(plans: tuple[PlanFile, PlanFile]) -> dict[str, Any]:
     }
 
 
-def _durations(plans: tuple[PlanFile, PlanFile]) -> Table:
+def _durations(plans: tuple[Plan, Plan]) -> Table:
     keys = {"duration": "duration s", "lower_bound": "lower bound s", "toppra_duration": "TOPP-RA s"}
     rows = [(name, *_pair([plan.document.get(key) for plan in plans])) for key, name in keys.items()]
     gaps = [plan.document.get("gap") for plan in plans]
@@ -88,7 +88,7 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
     return {(limit.name, limit.joint or ""): limit.margin for limit in certificate.limits}
 
 
-def _motors(first: PlanFile, second: PlanFile) -> Table:
+def _motors(first: Plan, second: Plan) -> Table:
     sides = [{str(motor["joint"]): motor for motor in plan.document.get("motors") or []} for plan in (first, second)]
     rows = []
     for joint in sides[0].keys() | sides[1].keys():

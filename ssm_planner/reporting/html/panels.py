@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.formats.plan_json import PlanFile
 from ssm_planner.kinematics.eye import LENS, RETINA, lens_limit
+from ssm_planner.plans import Plan
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import TASK, Eye, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Joint
@@ -32,7 +32,7 @@ TEMPERATURE = "Temperature, the motion repeated without pause in surroundings of
 POINTS = 81
 
 
-def panels_of(plan: PlanFile, channels: dict[str, Array]) -> list[Panel]:
+def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     """Panels in the order of the page, each with its channels, limits and the stretches where these are active."""
     joints = plan.robot.joints
     kinds = [(kind, [i for i, joint in enumerate(joints) if joint.kind == kind]) for kind in ("revolute", "prismatic")]

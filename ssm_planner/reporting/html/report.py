@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.formats.plan_json import PlanFile, read_plan
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Joint
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH, RPM, unit_of
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
@@ -22,12 +21,12 @@ Mark = tuple[str, str, str]
 """("good", "bad" or "open", a word, its reason)."""
 
 
-def write_report(plan_json: Path, out: Path) -> Path:
-    """Write the report of a plan.json. Raises TrajectoryError or ProblemError (the plan), ExportError (the page)."""
-    return write_page(out, report_page(read_plan(plan_json)))
+def write_report(plan: Plan, out: Path) -> Path:
+    """Write the report of a plan. Raises ExportError."""
+    return write_page(out, report_page(plan))
 
 
-def report_page(plan: PlanFile) -> str:
+def report_page(plan: Plan) -> str:
     """The report of a plan as an HTML document."""
     limits = () if plan.certificate is None else plan.certificate.limits
     return render(
@@ -52,15 +51,15 @@ def report_page(plan: PlanFile) -> str:
     )
 
 
-def report_data(plan: PlanFile) -> dict[str, Any]:
+def report_data(plan: Plan) -> dict[str, Any]:
     """What the page's scripts read: channels, panels, phases, joints and scene."""
-    channels = channels_of(plan, time_grid(plan.trajectory.duration))
+    channels = channels_of(plan, time_grid(plan.motion.duration))
     motors = {i: joint.motor for i, joint in enumerate(plan.robot.joints) if joint.motor is not None and joint.drive}
-    start = float(plan.trajectory.breaks[0])
+    start = float(plan.motion.breaks[0])
     return {
-        "duration": plan.trajectory.duration,
+        "duration": plan.motion.duration,
         "colours": [*COLOURS, FIFTH],
-        "phases": [{"name": p.name, "start": p.start - start, "end": p.end - start} for p in plan.trajectory.phases],
+        "phases": [{"name": p.name, "start": p.start - start, "end": p.end - start} for p in plan.motion.phases],
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
         "panels": panels_of(plan, channels),
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
@@ -70,17 +69,17 @@ def report_data(plan: PlanFile) -> dict[str, Any]:
     }
 
 
-def name_of(plan: PlanFile) -> str:
+def name_of(plan: Plan) -> str:
     """The problem's name, or the file's where it has none."""
     return str(plan.document["problem"].get("name", plan.path.stem))
 
 
-def verdict(plan: PlanFile) -> list[Mark]:
+def verdict(plan: Plan) -> list[Mark]:
     """Whether the motion is planned, certified and possible with the motors."""
-    return [_feasible(plan.document), _certified(plan), motors_verdict(plan.sizing)]
+    return [_feasible(plan.document), _certified(plan), motors_verdict(plan.document["sizing"])]
 
 
-def unknowns(plan: PlanFile) -> list[str]:
+def unknowns(plan: Plan) -> list[str]:
     """What is a placeholder, extrapolated or not checked."""
     return [str(note) for note in plan.document.get("notes") or []]
 
@@ -95,7 +94,7 @@ def _feasible(document: dict[str, Any]) -> Mark:
     return ("good", "Feasible", "") if status == "solved" else ("bad", "No plan", status)
 
 
-def _certified(plan: PlanFile) -> Mark:
+def _certified(plan: Plan) -> Mark:
     certificate = plan.certificate
     if certificate is None:
         return "bad", "Not certified", "the plan holds no certificate"
@@ -146,7 +145,7 @@ def _phases(document: Mapping[str, Any]) -> Table:
     return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
 
 
-def _motors(plan: PlanFile) -> Table:
+def _motors(plan: Plan) -> Table:
     """What the motion requires of each motor beside the motor file's figures."""
     joints = {joint.name: joint for joint in plan.robot.joints}
     rows = []
@@ -167,9 +166,9 @@ def _motors(plan: PlanFile) -> Table:
     return Table(header, rows, (2, 3, 4, 5))
 
 
-def _sizing(plan: PlanFile) -> dict[str, Any]:
+def _sizing(plan: Plan) -> dict[str, Any]:
     """Which motors and gears suffice, by what margins (one column for each motor), and which figures are missing."""
-    found = plan.sizing
+    found = plan.document["sizing"]
     columns = [_motor_column(motor, found) for motor in found["motors"]]
     rows = [(name, *(column[name] for column in columns)) for name in columns[0]] if columns else [("joint",)]
     return {
@@ -199,7 +198,7 @@ def _margin(margin: float | None) -> str:
     return "–" if margin is None else f"{100 * margin + 0.0:+.1f} %"
 
 
-def _motion(plan: PlanFile) -> Table:
+def _motion(plan: Plan) -> Table:
     """The start and every entry of the motion as stated in the problem."""
     stated = plan.document["problem"]
     start = ("start", "", _target({"target": stated.get("start")}))
@@ -247,18 +246,15 @@ def _sources(joint: Joint) -> Table:
     return Table(("of", "figure", "source", ""), rows)
 
 
-def _provenance(plan: PlanFile) -> Table:
+def _provenance(plan: Plan) -> Table:
     """Versions, files and the plan's fingerprint."""
     return Table(("what", "which"), list(_origin(plan)))
 
 
-def _origin(plan: PlanFile) -> Iterator[tuple[str, str]]:
+def _origin(plan: Plan) -> Iterator[tuple[str, str]]:
     for name, version in (plan.document.get("software") or {}).items():
         yield str(name), str(version)
     yield "problem file", str(plan.document["problem"].get("file"))
     yield "robot file", str(plan.robot.file)
     yield "plan file", plan.path.name
     yield "SHA-256 of the plan file", plan.sha256
-    yield "page made", datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
-    if (solved := plan.document.get("solve_time")) is not None:
-        yield "time to plan", f"{solved:.2f} s"
