@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress("reading the problem files")
     from ssm_planner.paper.document import compute, write
-    from ssm_planner.paper.inputs import read_inputs
+    from ssm_planner.paper.published import read_inputs
 
     document = compute(read_inputs(options.problems, options.recordings), progress)
     progress("drawing and writing")

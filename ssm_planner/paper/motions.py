@@ -1,7 +1,4 @@
-"""Table III: tilt and insertion at the printed speeds, planned within them, and the motor torques that this predicts.
-
-Table III in the document: the reading chosen, the table, and the predicted torques over time.
-"""
+"""Table III: tilt and insertion planned at the printed speeds, and the motor torques over time that this predicts."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What the paper and its software package print, SI and radians: the one place where published figures stand.
+"""What the document starts from: figures that the paper and its software package print (SI), and the project's files.
 
-Tilt ranges (Table I) are in report/workspace_table.py; the parameters of the rigs are in their drive files.
+The published parameters of the rigs are in their drive files.
 """
 
 from __future__ import annotations
@@ -8,6 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.load import load_drive, load_problem
+from ssm_planner.loading.motorisation import load_motorisation
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motorisation import Motorisation
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+
+if TYPE_CHECKING:
+    pass
+
 
 DRIVEN = ("roll", "tilt", "insertion")
 """Joints 1, 2 and 4, which have a drive."""
@@ -23,8 +37,6 @@ REQUIRED_TILT = math.radians(50.0)
 REQUIRED_ROLL = math.radians(60.0)
 REQUIRED_SPIN = math.radians(360.0)
 REQUIRED_TRAVEL = 0.030
-SEPARATION = 0.100
-"""§IV-B: gap between the tool tip and the actuated parts, m, about."""
 TILT_AGREEMENT = 0.985
 """§V-A."""
 
@@ -88,3 +100,102 @@ RIGS: Mapping[str, str] = {
     "rig3_worm": "drive3_worm",
 }
 """Folder of each rig's recordings by the name of its drive file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Problem of Table III's motions with its robot, motorisation runs by name, rigs by name."""
+
+    folder: Path
+    problem: Problem
+    motorisations: dict[str, Motorisation]
+    rigs: dict[str, Drive]
+    recordings: Path
+
+    @property
+    def robot(self) -> Robot:
+        return self.problem.robot
+
+
+def read_inputs(problems: Path, recordings: Path) -> Inputs:
+    """The shipped files below `problems`; `recordings` need not exist. Raises ProblemError."""
+    if not problems.is_dir():
+        raise ProblemError(
+            "no such folder: the document is computed from the project's problem files",
+            key="--problems",
+            value=str(problems),
+            allowed="the project's folder problems/",
+        )
+    names = ("paper", "package")
+    problem = load_problem(problems / "tilt_insert.yaml")
+    _check(problem)
+    return Inputs(
+        problems,
+        problem,
+        {name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
+        {name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
+        recordings,
+    )
+
+
+def _check(problem: Problem) -> None:
+    """The tables speak of the paper's robot: joints 1, 2 and 4 driven, a tilt range declared."""
+    robot = problem.robot
+    for joint in robot.joints:
+        if joint.name in DRIVEN and joint.drive is None:
+            raise ProblemError(
+                "missing: Tables II and III need its friction", file=robot.file, key=f"joints.{joint.name}.drive"
+            )
+    if "tilt" not in robot.ranges:
+        raise ProblemError("missing: the range in which the arm works", file=robot.file, key="limits.tilt")
+    if problem.start.task is None or not all(name in problem.start.task for name in ("tilt", "depth")):
+        raise ProblemError("Table III's motion starts from task coordinates", file=problem.file, key="start")
+
+
+_NONE, _SUPPORT = (0.0, 0.0), (1e-5, 1e-3)
+
+BOUNDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "rig1_lead_screw": {
+        "preload": _NONE,
+        "b_c": (1e-3, 1e-2),
+        "b_v": _SUPPORT,
+        "b_oc": (1e-3, 5e-2),
+        "b_ov": (0.0, 1e-5),
+        "mu": (0.20, 0.21),
+        "mu_stribeck": (0.0, 0.08),
+        "stribeck_speed": (0.0, 15.0),
+        "dwell_constant": _NONE,
+        "memory": _NONE,
+    },
+    "rig2_antibacklash_screw": {
+        "preload": (0.5, 1.5),
+        "b_c": (1e-5, 1e-2),
+        "b_v": _SUPPORT,
+        "b_oc": (1e-5, 5e-2),
+        "b_ov": (0.0, 1e-5),
+        "mu": (0.15, 0.27),
+        "mu_stribeck": (0.0, 0.2),
+        "stribeck_speed": (0.0, 15.0),
+        "dwell_constant": _NONE,
+        "memory": _NONE,
+    },
+    "rig3_worm": {
+        "preload": _NONE,
+        "b_c": (1e-4, 1e-3),
+        "b_v": _SUPPORT,
+        "b_oc": (1e-5, 1e-2),
+        "b_ov": (0.0, 1e-5),
+        "mu": (0.12, 0.16),
+        "mu_stribeck": (0.0, 0.1),
+        "stribeck_speed": (0.0, 1.0),
+        "dwell_constant": _NONE,
+        "memory": (0.0, 0.25),
+    },
+}
+"""Lower and upper bound by rig and parameter, SI (sd_1dof.m of the package)."""
+
+
+TABLE_I_MEASURED = (math.radians(-138.6), math.radians(-79.5))
+"""The tilt interval measured on the prototype (paper, Table I)."""
+TABLE_I = (math.radians(-140.0), math.radians(-80.0))
+"""The theoretical interval as the paper prints it, with β rounded to 110°."""

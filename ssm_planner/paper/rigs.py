@@ -1,7 +1,4 @@
-"""The three rigs: friction identified from the shipped figures, and torque predicted for the recordings that exist.
-
-The rigs in the document: parameters beside the authors', maps, and predicted against measured torque.
-"""
+"""The three rigs: friction identified from the shipped figures beside the authors', predicted against measured torque."""
 
 from __future__ import annotations
 
@@ -20,8 +17,7 @@ from ssm_planner.identification.prediction import nrmsd, predict
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.rig_figures import TABLE
 from ssm_planner.identification.torque_map import TorqueMap, read_figures
-from ssm_planner.paper.inputs import Inputs
-from ssm_planner.paper.published import RIGS
+from ssm_planner.paper.published import RIGS, Inputs
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
 from ssm_planner.problem.drive import Drive, FrictionLawName, Rig
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH, RPM, SIZE, finish, new_figure

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from paper_cases import RECORDINGS, ROOT, Made
 
 from ssm_planner.paper.document import compute, write
-from ssm_planner.paper.inputs import Inputs, read_inputs
+from ssm_planner.paper.published import Inputs, read_inputs
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ssm_planner.paper.document import Document
-from ssm_planner.paper.inputs import Inputs
+from ssm_planner.paper.published import Inputs
 
 ROOT = Path(__file__).parents[2]
 RECORDINGS = ROOT.parent / "shared" / "recordings"

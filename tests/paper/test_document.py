@@ -12,13 +12,12 @@ from paper_cases import RECORDINGS, ROOT, Made
 
 from ssm_planner.cli import main
 from ssm_planner.paper import document as paper_document
-from ssm_planner.paper.design import design_section
 from ssm_planner.paper.document import write
-from ssm_planner.paper.friction_maps import friction_section
-from ssm_planner.paper.inputs import Inputs, read_inputs
+from ssm_planner.paper.friction import friction_section
+from ssm_planner.paper.published import Inputs, read_inputs
 from ssm_planner.paper.rigs import rig_result
 from ssm_planner.paper.section import COMMAND, Section, number, signed, table, text
-from ssm_planner.paper.workspace import workspace_section
+from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.figures.style import save_figure
 

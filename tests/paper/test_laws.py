@@ -14,22 +14,12 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_rate_bound
 from ssm_planner.paper import published
-from ssm_planner.paper.design import design_choice
-from ssm_planner.paper.friction_maps import friction_maps, with_friction
-from ssm_planner.paper.inputs import Inputs
+from ssm_planner.paper.departures import body_moments, flipped, joint_inertia, outside_bounds, subtracted, velocity_sign
+from ssm_planner.paper.friction import friction_maps, payloads, with_friction, with_rows
 from ssm_planner.paper.motions import tilts_of
-from ssm_planner.paper.package import (
-    BOUNDS,
-    body_moments,
-    flipped,
-    joint_inertia,
-    outside_bounds,
-    subtracted,
-    velocity_sign,
-)
-from ssm_planner.paper.payload import payloads, with_rows
+from ssm_planner.paper.published import BOUNDS, Inputs
 from ssm_planner.paper.rigs import LAWS, published_drive
-from ssm_planner.paper.workspace import tilt_range
+from ssm_planner.paper.workspace import design_choice, tilt_range
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import DutyCycle
 
