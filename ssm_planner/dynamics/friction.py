@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.codegen.namespace import namespace_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive, Friction
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Expression
 
 STANDSTILL = 0.005
 """Motor speed at and below which a measured drive counts as standing still, rad/s (as in the authors' package)."""
@@ -23,7 +23,7 @@ def friction_of(drive: Drive) -> Friction:
     return drive.friction
 
 
-def stribeck_shape(law: str, x: Any) -> Any:
+def stribeck_shape(law: str, x: Expression) -> Expression:
     """s(x) of μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed): 0 for coulomb, exp(−2x), or exp(−x²).
 
     `stribeck_exponential` is exp(−2x), the form in which the authors' package states its Stribeck speeds.
@@ -38,10 +38,10 @@ def stribeck_shape(law: str, x: Any) -> Any:
     raise ValueError(f"unknown friction law {law!r}")
 
 
-def friction_coefficient(friction: Friction, w: Any) -> Any:
+def friction_coefficient(friction: Friction, w: Expression) -> Expression:
     """Kinetic coefficient of the mesh μ(|w|) at motor speed w (rad/s); array or CasADi expression in, the same out.
 
-    At w = 0 it is the limit from motion, mu + mu_stribeck; breakaway uses `friction.mu_static`.
+    At w = 0 it is the limit from motion, mu + mu_stribeck; where a drive starts, `breakaway_coefficient` applies.
     """
     if friction.law == "coulomb" or friction.stribeck_speed is None:
         return friction.mu + 0.0 * w
@@ -49,17 +49,21 @@ def friction_coefficient(friction: Friction, w: Any) -> Any:
     return friction.mu + friction.mu_stribeck * stribeck_shape(friction.law, x)
 
 
-def static_coefficient(friction: Friction, dwell: ArrayLike, arrival: ArrayLike | None = None) -> Array:
-    """Coefficient at breakaway after a rest of `dwell` seconds, shape of `dwell`.
+def breakaway_coefficient(friction: Friction, w: Expression = 0.0) -> Expression:
+    """Coefficient where a drive starts to move, shape of w: the larger of the kinetic one at w (rad/s) and mu_static."""
+    return namespace_of(w).maximum(friction_coefficient(friction, w), friction.mu_static)
+
+
+def static_coefficient(friction: Friction, dwell: Expression, arrival: Expression | None = None) -> Expression:
+    """Coefficient at breakaway after a rest of `dwell` seconds, shape of `dwell`; arrays or CasADi expressions.
 
     Rises from its value on arrival at rest (default mu) to mu_static as exp(−c / t_dwell); with no dwell constant c the
     rise is immediate.
     """
-    dwell = np.asarray(dwell, dtype=float)
-    start = np.asarray(friction.mu if arrival is None else arrival, dtype=float)
-    grown = np.ones_like(dwell)
-    if friction.dwell_constant is not None and friction.dwell_constant > 0:
-        grown = np.where(dwell > 0, np.exp(-friction.dwell_constant / np.maximum(dwell, 1e-300)), 0.0)
+    start = friction.mu if arrival is None else arrival
+    xp = namespace_of(dwell, start)
+    # shorter rests than any count as none: the exponential is 0 there
+    grown = xp.exp(-(friction.dwell_constant or 0.0) / xp.maximum(dwell, 1e-9))
     return start + (friction.mu_static - start) * grown
 
 

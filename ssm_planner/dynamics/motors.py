@@ -1,7 +1,4 @@
-"""What the motors do while the joints move: speed and torque on the motor side, by the exact friction law.
-
-Motor torques of a robot as one expression: the laws of model/ put together for evaluation in bulk and for C.
-"""
+"""What the motors do while the joints move: direction, torque and effort of every drive by the exact friction law."""
 
 from __future__ import annotations
 
@@ -10,13 +7,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.codegen.namespace import namespace_of
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import motor_torque, motor_torque_rows, output_effort
+from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Samples
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Expression
 
 STILL = 1e-9
 """A joint slower than this share of its velocity limit stands."""
@@ -37,99 +35,81 @@ def motor_motion(robot: Robot, body: RigidBody, samples: Samples, direction: Arr
     """Motor side of a motion at n samples.
 
     direction (n, 4): +1, −1 or 0 (the joint stands and its drive holds) for every joint, as `directions` gives it.
-    breakaway (n, 4), bool: the joint starts to move there, so the static friction coefficient applies.
+    breakaway (n, 4), bool: the joint starts to move there, so friction is that of breakaway.
     """
     tau = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
-    columns = {
-        name: np.full(samples.q.shape, np.nan) for name in ("angle", "speed", "acceleration", "torque", "effort")
-    }
+    ratio = np.array([np.nan if joint.drive is None else joint.drive.ratio for joint in robot.joints])
+    torque, effort = np.full(tau.shape, np.nan), np.full(tau.shape, np.nan)
     for i, joint in enumerate(robot.joints):
-        drive = joint.drive
-        if drive is None:
-            continue
-        friction, sign = friction_of(drive), direction[:, i]
-        w, wd = drive.ratio * samples.qd[:, i], drive.ratio * samples.qdd[:, i]
-        mu = friction_coefficient(friction, w)
-        mu = np.where(breakaway[:, i], np.maximum(mu, friction.mu_static), mu)
-        effort = output_effort(drive, tau[:, i], samples.qd[:, i], samples.qdd[:, i], sign)
-        columns["angle"][:, i] = drive.ratio * samples.q[:, i]
-        columns["speed"][:, i] = w
-        columns["acceleration"][:, i] = wd
-        columns["effort"][:, i] = effort
-        columns["torque"][:, i] = motor_torque(drive, effort, w, wd, direction=sign, mu=mu)
-    return MotorMotion(**columns)
-
-
-def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
-    """Direction of motion (n, 4) of every joint and where it breaks away from rest (n, 4).
-
-    A standing joint takes the direction in which its derivatives carry it: side = +1 looks just after each instant
-    (a start: static friction), side = −1 just before it (an arrival). A joint without any motion has direction 0.
-    """
-    limit = np.array([joint.velocity for joint in robot.joints])
-    bend = np.array([joint.acceleration for joint in robot.joints])
-    moving = np.abs(samples.qd) > STILL * limit
-    # just beside an instant at rest, velocity has the sign of ±acceleration, or of the jerk where that is zero too
-    accelerating = np.abs(samples.qdd) > STILL * bend
-    jerking = np.abs(samples.qddd) > STILL * bend**2 / limit
-    leaning = np.where(accelerating, side * np.sign(samples.qdd), np.where(jerking, np.sign(samples.qddd), 0.0))
-    direction = np.where(moving, np.sign(samples.qd), leaning)
-    breakaway = ~moving & (direction != 0) & (side > 0)
-    return direction, breakaway
+        if joint.drive is not None:
+            motion = (samples.qd[:, i], samples.qdd[:, i], direction[:, i])
+            torque[:, i], effort[:, i] = drive_torque(joint.drive, tau[:, i], *motion, breakaway=breakaway[:, i])
+    return MotorMotion(ratio * samples.q, ratio * samples.qd, ratio * samples.qdd, torque, effort)
 
 
 def motor_law(
     robot: Robot, q: ca.SX, qd: ca.SX, qdd: ca.SX, direction: ca.SX, breakaway: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """(tau (4,), tau_motor (4,), effort (4,)): joint efforts, motor torques and mesh efforts.
+    """(tau (4,), tau_motor (4,), effort (4,)): joint efforts, motor torques and mesh efforts; 0 without a drive.
 
-    direction (4,): +1, −1, or 0 where the joint stands and its drive holds; breakaway (4,): 1 where the static friction
-    coefficient applies. The same values as `model.actuation.motor_motion`; 0 for a joint without a drive.
+    direction (4,): +1, −1, or 0 where the joint stands and its drive holds; breakaway (4,): 1 where it starts to move.
     """
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     torque, effort = ca.SX.zeros(4), ca.SX.zeros(4)
     for i, joint in enumerate(robot.joints):
-        if joint.drive is None:
-            continue
-        effort[i] = output_effort(joint.drive, tau[i], qd[i], qdd[i], direction[i])
-        w, wd = joint.drive.ratio * qd[i], joint.drive.ratio * qdd[i]
-        friction = friction_of(joint.drive)
-        kinetic = friction_coefficient(friction, w)
-        mu = ca.if_else(breakaway[i], ca.fmax(kinetic, friction.mu_static), kinetic)
-        moving = ca.if_else(
-            direction[i] > 0,
-            _moving(joint.drive, 1, mu, effort[i], w, wd),
-            _moving(joint.drive, -1, mu, effort[i], w, wd),
-        )
-        torque[i] = ca.if_else(direction[i] == 0, _holding(joint.drive, effort[i]), moving)
+        if joint.drive is not None:
+            motion = (qd[i], qdd[i], direction[i])
+            torque[i], effort[i] = drive_torque(joint.drive, tau[i], *motion, breakaway=breakaway[i])
     return tau, torque, effort
 
 
-def directions_law(robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int) -> tuple[ca.SX, ca.SX]:
-    """(direction, breakaway), (4,) each: the rule of `model.actuation.directions` as an expression."""
-    limit = ca.DM([joint.velocity for joint in robot.joints])
-    bend = ca.DM([joint.acceleration for joint in robot.joints])
-    standing = ca.fabs(qd) <= STILL * limit
-    accelerating = ca.fabs(qdd) > STILL * bend
-    jerking = ca.fabs(qddd) > STILL * bend**2 / limit
-    leaning = ca.if_else(accelerating, side * ca.sign(qdd), ca.if_else(jerking, ca.sign(qddd), 0.0))
-    direction = ca.if_else(standing, leaning, ca.sign(qd))
-    breakaway = ca.logic_and(standing, direction != 0) if side > 0 else ca.SX.zeros(4)
+def drive_torque(
+    drive: Drive,
+    tau_rigid: Expression,
+    qd: Expression,
+    qdd: Expression,
+    direction: Expression,
+    *,
+    breakaway: Expression,
+) -> tuple[Expression, Expression]:
+    """(motor torque, mesh effort) of one drive; direction +1, −1 or 0 (it holds); breakaway: it starts to move."""
+    friction, w, wd = friction_of(drive), drive.ratio * qd, drive.ratio * qdd
+    where = namespace_of(breakaway, qd).where
+    mu = where(breakaway, breakaway_coefficient(friction, w), friction_coefficient(friction, w))
+    effort = output_effort(drive, tau_rigid, qd, qdd, direction)
+    return motor_torque(drive, effort, w, wd, direction=direction, mu=mu), effort
+
+
+def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
+    """Direction of motion (n, 4) of every joint and where it breaks away from rest (n, 4), by `joint_direction`."""
+    columns = [
+        joint_direction(joint, samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i], side)
+        for i, joint in enumerate(robot.joints)
+    ]
+    direction, breakaway = (np.stack(column, axis=1) for column in zip(*columns, strict=True))
     return direction, breakaway
 
 
-def _moving(drive: Drive, direction: int, mu: ca.SX, effort: ca.SX, w: ca.SX, wd: ca.SX) -> ca.SX:
-    """The torque law in one direction of motion: the larger (+1) or smaller (−1) of its two rows."""
-    rows = motor_torque_rows(drive, direction, mu)
-    first, second = (slope * effort + rows.inertia * wd + rows.coulomb + rows.viscous * w for slope in rows.slope)
-    return ca.fmax(first, second) if direction > 0 else ca.fmin(first, second)
+def directions_law(robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int) -> tuple[ca.SX, ca.SX]:
+    """(direction, breakaway), (4,) each, by `joint_direction`."""
+    columns = [joint_direction(joint, qd[i], qdd[i], qddd[i], side) for i, joint in enumerate(robot.joints)]
+    direction, breakaway = (ca.vertcat(*column) for column in zip(*columns, strict=True))
+    return direction, breakaway
 
 
-def _holding(drive: Drive, effort: ca.SX) -> ca.SX:
-    """Smallest torque between the breakaway torques of both directions: 0 where the drive locks itself."""
-    mu = ca.SX(friction_of(drive).mu_static)
-    down, up = (
-        _moving(drive, direction, mu, output_effort(drive, effort, 0.0, 0.0, direction), ca.SX(0), ca.SX(0))
-        for direction in (-1, 1)
-    )
-    return ca.fmin(ca.fmax(0.0, ca.fmin(down, up)), ca.fmax(down, up))
+def joint_direction(
+    joint: Joint, qd: Expression, qdd: Expression, qddd: Expression, side: int
+) -> tuple[Expression, Expression]:
+    """(+1, −1 or 0; whether it breaks away) of a joint.
+
+    A standing joint takes the direction in which its derivatives carry it: side = +1 looks just after each instant
+    (a start: static friction), side = −1 just before it (an arrival). A joint without any motion has direction 0.
+    """
+    xp = namespace_of(qd, qdd, qddd)
+    limit, bend = joint.velocity, joint.acceleration
+    standing = abs(qd) <= STILL * limit
+    # just beside an instant at rest, velocity has the sign of ±acceleration, or of the jerk where that is zero too
+    jerking = xp.where(abs(qddd) > STILL * bend**2 / limit, xp.sign(qddd), 0.0)
+    leaning = xp.where(abs(qdd) > STILL * bend, side * xp.sign(qdd), jerking)
+    direction = xp.where(standing, leaning, xp.sign(qd))
+    return direction, xp.where(standing, (direction != 0) * (side > 0), False)

@@ -12,17 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.codegen.namespace import NUMPY, namespace_of
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.problem.drive import Drive
-from ssm_planner.typing import Array
-
-Expression = Any
-"""A float, an array or a CasADi expression."""
+from ssm_planner.typing import Array, Expression
 
 
 def friction_angle(drive: Drive, mu: Expression) -> Array:
@@ -49,77 +46,10 @@ def output_effort(
     """Effort F that the mesh must carry, N·m (worm) or N (screws).
 
     F = τ_rigid + J_out·qdd + b_oc·sgn(qd) + b_ov·qd; `direction` (±1) replaces sgn(qd) at standstill.
-    Floats or arrays; CasADi expressions with a given direction (a smooth sign, for instance).
     """
-    sign = np.sign(qd) if direction is None else direction
+    sign = namespace_of(qd).sign(qd) if direction is None else direction
     f = friction_of(drive)
     return tau_rigid + drive.output_inertia * qdd + f.b_oc * sign + f.b_ov * qd
-
-
-def mesh_torque(drive: Drive, F: Expression, wd: Expression, direction: Expression, mu: Expression) -> Expression:
-    """Motor torque of the mesh alone, moving in `direction` (±1): the load's part and, with two nuts, the preload's.
-
-    γ·tan(λ ± φ)·F is written as mean·F + direction·half·|F|. Arrays or CasADi expressions.
-    """
-    up, down = mesh_coefficients(drive, mu)
-    mean, half = 0.5 * (up + down), 0.5 * (up - down)
-    if drive.kind != "antibacklash_screw":
-        return mean * F + direction * half * abs(F)
-    main, second = mean - direction * half, mean + direction * half
-    return main * (F - drive.preload) + second * (drive.preload + drive.second_nut_mass * wd / drive.ratio)
-
-
-def motor_torque(
-    drive: Drive,
-    F: ArrayLike,
-    w: ArrayLike,
-    wd: ArrayLike,
-    *,
-    direction: ArrayLike | None = None,
-    mu: ArrayLike | None = None,
-) -> Array:
-    """Motor torque of the exact law, N·m, broadcast shape of the arguments.
-
-    F: output effort as `output_effort` gives it; w, wd: motor speed and acceleration (rad/s, rad/s²).
-    direction: ±1, replaces sgn(w) (a drive at standstill about to move, or a motion whose sign is known).
-    mu: replaces the friction law's μ(|w|) (`friction.mu_static` for breakaway).
-    Where the direction is 0 the drive stands and holds: the result is `holding_torque`, 0 for a self-locking drive.
-    """
-    F, w, wd = (np.asarray(value, dtype=float) for value in (F, w, wd))
-    sign = np.sign(w) if direction is None else np.asarray(direction, dtype=float)
-    f = friction_of(drive)
-    coefficient = friction_coefficient(f, w) if mu is None else np.asarray(mu, dtype=float)
-    moving = drive.input_inertia * wd + f.b_c * sign + f.b_v * w + mesh_torque(drive, F, wd, sign, coefficient)
-    if np.all(sign != 0):
-        return moving
-    return np.where(sign == 0, holding_torque(drive, F), moving)
-
-
-def motor_torque_smooth(
-    drive: Drive,
-    F: Expression,
-    w: Expression,
-    wd: Expression,
-    *,
-    eps_w: float = 0.1,
-    eps_F: float = 1e-3,
-    direction: Expression = None,
-) -> Expression:
-    """The law of `motor_torque` with smooth signs, for optimisation; floats, arrays or CasADi expressions.
-
-    sgn(w) → w / √(w² + eps_w²) and |x| → √(x² + eps²): it tends to the exact law as eps_w (rad/s) and eps_F (N·m or N)
-    → 0 wherever w ≠ 0. A given `direction` (±1) keeps that sign exact. √ over-estimates |F| by at most eps_F.
-    """
-    f = friction_of(drive)
-    speed = (w * w + eps_w * eps_w) ** 0.5
-    sign = w / speed if direction is None else direction
-    mu = friction_coefficient(f, speed)
-    up, down = mesh_coefficients(drive, mu)
-    if drive.kind == "antibacklash_screw":
-        mesh = mesh_torque(drive, F, wd, sign, mu)
-    else:
-        mesh = 0.5 * (up + down) * F + 0.5 * (up - down) * sign * (F * F + eps_F * eps_F) ** 0.5
-    return drive.input_inertia * wd + f.b_c * sign + f.b_v * w + mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,51 +60,92 @@ class TorqueRows:
     for −1, exactly. So a limit in the direction of motion is two linear rows; for the other limit either row suffices.
     """
 
-    slope: tuple[Any, Any]
+    slope: tuple[Expression, Expression]
     """Two coefficients of F, each of the shape of mu."""
-    inertia: Any
-    coulomb: Any
+    inertia: Expression
+    coulomb: Expression
     viscous: float
 
+    def torque(self, carried: Expression, w: Expression, wd: Expression) -> Expression:
+        """Motor torque, N·m, while the mesh takes carried = slope[k]·F; w, wd: motor speed and acceleration."""
+        return carried + self.inertia * wd + self.coulomb + self.viscous * w
 
-def motor_torque_rows(drive: Drive, direction: int, mu: ArrayLike | None = None) -> TorqueRows:
-    """The rows of `TorqueRows` for motion of sign `direction` (+1 or −1).
 
-    mu: coefficient to use (float, array or CasADi expression), default the kinetic `friction.mu`. The torque grows with
-    μ in the direction of motion, so an upper bound of μ gives rows on the safe side.
+def motor_torque_rows(drive: Drive, direction: Expression, mu: Expression | None = None) -> TorqueRows:
+    """The rows of `TorqueRows` for motion of sign `direction` (±1).
+
+    mu: coefficient to use, default the kinetic `friction.mu`. The torque grows with μ in the direction of motion, so an
+    upper bound of μ gives rows on the safe side.
     """
-    if direction not in (1, -1):
+    if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
     f = friction_of(drive)
     up, down = mesh_coefficients(drive, f.mu if mu is None else mu)
-    inertia, coulomb = drive.input_inertia + 0.0 * up, direction * f.b_c + 0.0 * up
-    if drive.kind == "antibacklash_screw":
-        main, second = (down, up) if direction > 0 else (up, down)
-        inertia = inertia + second * drive.second_nut_mass / drive.ratio
-        coulomb = coulomb + drive.preload * (second - main)
-        return TorqueRows((main, main), inertia, coulomb, f.b_v)
-    return TorqueRows((up, down), inertia, coulomb, f.b_v)
+    if drive.kind != "antibacklash_screw":
+        return TorqueRows((up, down), drive.input_inertia, f.b_c * direction, f.b_v)
+    xp = namespace_of(direction, mu)
+    # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction alone decides
+    main, second = xp.where(direction > 0, down, up), xp.where(direction > 0, up, down)
+    inertia = drive.input_inertia + second * drive.second_nut_mass / drive.ratio
+    return TorqueRows((main, main), inertia, f.b_c * direction + drive.preload * (second - main), f.b_v)
 
 
-def breakaway_torque(drive: Drive, tau_rigid: ArrayLike, direction: ArrayLike, mu: ArrayLike | None = None) -> Array:
+def moving_torque(
+    drive: Drive, F: Expression, w: Expression, wd: Expression, *, direction: Expression, mu: Expression
+) -> Expression:
+    """Motor torque of a drive that moves, or is about to move, in `direction` (±1): the larger or smaller row."""
+    rows = motor_torque_rows(drive, direction, mu)
+    xp = namespace_of(F, w, wd, direction, mu)
+    first, second = (slope * F for slope in rows.slope)
+    carried = xp.where(direction > 0, xp.maximum(first, second), xp.minimum(first, second))
+    return rows.torque(carried, w, wd)
+
+
+def motor_torque(
+    drive: Drive,
+    F: Expression,
+    w: Expression,
+    wd: Expression,
+    *,
+    direction: Expression | None = None,
+    mu: Expression | None = None,
+) -> Expression:
+    """Motor torque of the exact law, N·m, broadcast shape of the arguments: floats, arrays or CasADi expressions.
+
+    F: output effort as `output_effort` gives it; w, wd: motor speed and acceleration (rad/s, rad/s²).
+    direction: ±1, replaces sgn(w) (a drive at standstill about to move, or a motion whose sign is known).
+    mu: replaces the friction law's μ(|w|) (`friction.mu_static` for breakaway).
+    Where the direction is 0 the drive stands and holds: the result is `holding_torque`, 0 for a self-locking drive.
+    """
+    xp = namespace_of(F, w, wd, direction, mu)
+    sign = xp.sign(w) if direction is None else direction
+    coefficient = friction_coefficient(friction_of(drive), w) if mu is None else mu
+    moving = moving_torque(drive, F, w, wd, direction=sign, mu=coefficient)
+    if xp is NUMPY and np.all(sign != 0):
+        return moving
+    return xp.where(sign == 0, holding_torque(drive, F), moving)
+
+
+def breakaway_torque(
+    drive: Drive, tau_rigid: Expression, direction: Expression, mu: Expression | None = None
+) -> Expression:
     """Motor torque at which a drive at rest starts to move in `direction` (±1) against the effort tau_rigid.
 
     tau_rigid: effort on the load without the output's own friction, which is added here; mu: default mu_static.
     """
-    direction = np.asarray(direction, dtype=float)
-    F = output_effort(drive, np.asarray(tau_rigid, dtype=float), 0.0, 0.0, direction)
+    F = output_effort(drive, tau_rigid, 0.0, 0.0, direction)
     mu = friction_of(drive).mu_static if mu is None else mu
-    return friction_of(drive).b_c * direction + mesh_torque(drive, F, 0.0, direction, mu)
+    return moving_torque(drive, F, 0.0, 0.0, direction=direction, mu=mu)
 
 
-def holding_torque(drive: Drive, tau_rigid: ArrayLike, mu: ArrayLike | None = None) -> Array:
+def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = None) -> Expression:
     """Smallest motor torque that keeps a drive at rest under the effort tau_rigid: 0 where it locks itself.
 
     The drive stays while the torque lies between the breakaway torques of the two directions.
     """
-    lowest = breakaway_torque(drive, tau_rigid, -1.0, mu)
-    highest = breakaway_torque(drive, tau_rigid, 1.0, mu)
-    return np.clip(0.0, np.minimum(lowest, highest), np.maximum(lowest, highest))
+    down, up = (breakaway_torque(drive, tau_rigid, direction, mu) for direction in (-1, 1))
+    xp = namespace_of(down, up)
+    return xp.minimum(xp.maximum(0.0, xp.minimum(down, up)), xp.maximum(down, up))
 
 
 def efficiency(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:

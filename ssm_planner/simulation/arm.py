@@ -1,14 +1,13 @@
-"""The compliance of a simulated arm, and its motion with the energies that went where.
-
-Forward simulation of the whole arm: rigid bodies, self-locking drives, velocity-controlled motors.
+"""Forward simulation of the whole arm: rigid bodies, self-locking drives, velocity-controlled motors.
 
 Each drive carries its joint through a spring and a damper. With rigid drives the arm would have no unique motion
-wherever a load's inertia makes a drive's effective inertia negative (model/drive_dynamics.py), which is so at joints 1
-and 2 of the published robot; with some compliance at the output, as every gearbox has, every drive is a sliding mesh of
-its own under a smooth load, and standstill, breakaway and jamming are exact at each of them. Joints without a drive
-follow their reference exactly.
+wherever a load's inertia makes a drive's effective inertia negative (dynamics/forward.py), which is so at joints 1 and
+2 of the published robot; with some compliance at the output, as every gearbox has, every drive is a sliding mesh of its
+own under a smooth load, and standstill, breakaway and jamming are exact at each of them. Joints without a drive follow
+their reference exactly.
 
-Leapfrog steps in CasADi, several per control period, all periods in one call.
+Leapfrog steps in CasADi, several per control period, all periods in one call. The energies that went where are kept, so
+that a motion can be held against their balance.
 """
 
 from __future__ import annotations
@@ -24,9 +23,8 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot
-from ssm_planner.simulation.drive import NOT_UNIQUE
+from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia
 from ssm_planner.simulation.servo import Servo, servo_for, servo_step
-from ssm_planner.simulation.step import drive_step
 from ssm_planner.typing import Array
 
 
@@ -164,8 +162,7 @@ class ArmSimulation:
         for k in driven:
             drive = self.drive(k)
             motor, w = x[:, _MOTOR][:, k], x[:, _W][:, k]
-            moved = drive.input_inertia + (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2
-            kinetic = kinetic + 0.5 * moved * w**2
+            kinetic = kinetic + 0.5 * moving_inertia(drive) * w**2
             potential = potential + 0.5 * self.compliance.stiffness[k] * (motor / drive.ratio - x[:, k]) ** 2
         energy = x[:, _ENERGY]
         columns = {name: np.full((len(x), 4), np.nan) for name in ("motor", "w", "tau")}
@@ -223,7 +220,7 @@ class ArmSimulation:
             drive = self.drive(k)
             spring[k] = self.compliance.stiffness[k] * (motor[k] / drive.ratio - q[k])
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k])
-            drives[k] = drive_step(drive, w[k], x[_REST][k], tau[k], spring[k] + damper[k], h)
+            drives[k] = drive_step(drive, w[k], x[_REST][k], tau[k], spring[k] + damper[k], h=h)
         qdd = self.accelerations(q, qd, ca.vertcat(*spring) + ca.vertcat(*damper), locked)
         qd_after = qd + h * qdd
         w_after = ca.vertcat(*(drives[k].w if k in drives else 0 for k in range(4)))

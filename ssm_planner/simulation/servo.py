@@ -23,13 +23,6 @@ class Servo:
     limit: float
     """Largest torque, N·m: the current limit times the torque constant."""
 
-    def torque(self, error: float, integral: float) -> float:
-        return min(max(self.kp * error + integral, -self.limit), self.limit)
-
-    def integral_rate(self, error: float, integral: float) -> float:
-        wanted = self.kp * error + integral
-        return 0.0 if abs(wanted) > self.limit and wanted * error > 0 else self.ki * error
-
 
 def servo_step(
     servo: Servo, error: ca.SX, integral: ca.SX, period: float, feedforward: ca.SX | float = 0.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.motors import STILL, directions
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
@@ -79,10 +79,11 @@ class JointLoad:
     def coefficient(self, drive: Drive) -> Array:
         """μ at every instant: kinetic, and at a start at least the static one."""
         friction = friction_of(drive)
-        mu = friction_coefficient(friction, self.speed(drive))
+        w = self.speed(drive)
+        mu = friction_coefficient(friction, w)
         if not self.breakaway.any():
             return np.asarray(mu)
-        return np.where(self.breakaway > 0, np.maximum(mu, friction.mu_static), mu)
+        return np.where(self.breakaway > 0, breakaway_coefficient(friction, w), mu)
 
     def rms(self, value: Array) -> Array:
         """Root mean square over the motion, of (n,) or (draws, n)."""

@@ -12,7 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.dynamics import transmission as tr
-from ssm_planner.dynamics.friction import friction_coefficient, remembered_speed, static_coefficient
+from ssm_planner.dynamics.friction import (
+    breakaway_coefficient,
+    friction_coefficient,
+    remembered_speed,
+    static_coefficient,
+)
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive, Friction
 
@@ -89,21 +94,35 @@ def test_torque_in_the_direction_of_motion_grows_with_mu(drive, effort, sign, lo
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=lambda d: d.kind)
-@given(effort=efforts, speed=st.floats(0.5, 200.0), sign=signs)
-def test_smooth_law_tends_to_the_exact_one(drive, effort, speed, sign):
-    exact = tr.motor_torque(drive, effort, sign * speed, 3.0)
-    errors = [
-        abs(tr.motor_torque_smooth(drive, effort, sign * speed, 3.0, eps_w=e, eps_F=e) - exact) for e in (1e-2, 1e-4)
-    ]
-    assert errors[1] <= 0.02 * errors[0] + 1e-10
+@pytest.mark.parametrize("law", ["coulomb", "stribeck_gaussian", "stribeck_exponential"])
+def test_the_laws_have_the_same_values_in_casadi_and_numpy(drive, law):
+    drive = replace(drive, friction=replace(drive.friction, law=law, mu_stribeck=0.06, stribeck_speed=0.7))
+    rng = np.random.default_rng(1)
+    F, w, wd = rng.normal(size=(3, 200)) * [[0.5], [5.0], [100.0]]
+    w[:50] = 0.0
+    sign = np.where(w == 0, rng.integers(-1, 2, 200), np.sign(w))
+
+    def laws(F, w, wd, sign):
+        return (
+            tr.motor_torque(drive, F, w, wd),
+            tr.motor_torque(drive, F, w, wd, direction=sign, mu=breakaway_coefficient(drive.friction, w)),
+            tr.breakaway_torque(drive, F, sign),
+            tr.holding_torque(drive, F),
+        )
+
+    symbols = [ca.SX.sym(name) for name in ("F", "w", "wd", "sign")]
+    expected = laws(F, w, wd, sign)
+    for found, value in zip(
+        ca.Function("laws", symbols, laws(*symbols)).map(200)(F, w, wd, sign), expected, strict=True
+    ):
+        assert found.full()[0] == pytest.approx(value, rel=1e-14, abs=1e-18)
 
 
-def test_smooth_law_is_the_same_in_casadi_and_numpy():
-    drive = replace(worm(), friction=replace(FRICTION, law="stribeck_gaussian", mu_stribeck=0.06, stribeck_speed=0.7))
-    symbols = ca.SX.sym("x", 3)
-    function = ca.Function("torque", [symbols], [tr.motor_torque_smooth(drive, symbols[0], symbols[1], symbols[2])])
-    for F, w, wd in [(0.02, 3.0, 5.0), (-0.3, 0.01, -50.0), (0.0, 0.0, 0.0), (0.1, -2.0, 1.0)]:
-        assert float(function([F, w, wd])) == pytest.approx(float(tr.motor_torque_smooth(drive, F, w, wd)), rel=1e-12)
+def test_a_drive_starts_against_the_larger_of_static_and_kinetic_friction():
+    stribeck = replace(FRICTION, law="stribeck_gaussian", mu_stribeck=0.2, stribeck_speed=0.7)
+    assert breakaway_coefficient(FRICTION) == FRICTION.mu_static
+    assert breakaway_coefficient(stribeck) == pytest.approx(0.32)
+    assert breakaway_coefficient(stribeck, 1e3) == FRICTION.mu_static
 
 
 def test_broadcasting_and_standstill():
@@ -186,7 +205,7 @@ def test_friction_laws_by_name():
 
 def test_friction_at_rest_grows_from_arrival_to_its_limit():
     friction = replace(FRICTION, dwell_constant=1.5)
-    grown = static_coefficient(friction, [0.0, 0.5, 2.0, 1e9])
+    grown = static_coefficient(friction, np.array([0.0, 0.5, 2.0, 1e9]))
     assert grown[0] == friction.mu
     assert np.all(np.diff(grown) > 0)
     assert grown[-1] == pytest.approx(friction.mu_static)

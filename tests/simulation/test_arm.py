@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time as clock
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,9 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.errors import GeometryError
 from ssm_planner.loading.load import load_robot
 from ssm_planner.simulation.arm import ArmSimulation
-from ssm_planner.simulation.arm_adaptive import simulate_arm
+
+sys.path.insert(0, str(Path(__file__).parent))
+from adaptive_arm import simulate_arm
 
 ROBOT = Path(__file__).parents[2] / "problems" / "robots" / "vitreoretinal.yaml"
 Q0 = np.array([-0.98, 1.15, 0.26, 0.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,20 +12,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.dynamics.forward import (
-    always_unique,
-    breaks_away,
-    effective_inertia,
-    friction_power,
-    slip_acceleration,
-    with_load,
-)
+from ssm_planner.dynamics.forward import always_unique, effective_inertia, motor_acceleration
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Friction
-from ssm_planner.simulation.drive import NOT_UNIQUE, simulate_drive
+from ssm_planner.simulation.drive import NOT_UNIQUE
 from ssm_planner.simulation.servo import Servo, servo_for
-from ssm_planner.simulation.step import simulate_drive_fixed
+
+sys.path.insert(0, str(Path(__file__).parent))
+from adaptive_drive import (
+    breaks_away,
+    friction_power,
+    simulate_drive,
+    simulate_drive_fixed,
+    slip_acceleration,
+    with_load,
+)
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 FRICTION = {
@@ -54,6 +57,8 @@ def test_forward_dynamics_inverts_the_inverse_law(name, wd, speed, sign, load):
     assert slip.outcome == "unique"
     assert slip.wd == pytest.approx(wd, rel=1e-9, abs=1e-6)
     assert slip.effort == pytest.approx(effort, rel=1e-9, abs=1e-9)
+    found = motor_acceleration(drive, tau, w, load, sign, 0.2)
+    assert found == pytest.approx((slip.wd, slip.effort), rel=1e-12, abs=1e-12)
     assert friction_power(drive, w, slip.effort, sign, 0.2, slip.wd) >= -1e-15
 
 

@@ -1,24 +1,28 @@
-"""Forward simulation of the whole arm, adaptive: every stop and start of a drive found as an event.
+"""Oracle for the simulation of the whole arm: adaptive, every stop and start of a drive found as an event.
 
-The equations of simulate_arm.py with servos in continuous time, integrated to a tolerance: the reference that the
+The equations of simulation/arm.py with servos in continuous time, integrated to a tolerance: the reference that the
 fixed-step form is measured against, and some hundred times slower.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.forward import breaks_away, friction_power, slip_acceleration
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.problem.drive import Drive
 from ssm_planner.simulation.arm import ArmMotion, ArmSimulation
 from ssm_planner.typing import Array
+
+sys.path.insert(0, str(Path(__file__).parent))
+from adaptive_drive import breaks_away, friction_power, servo_rate, servo_torque, slip_acceleration
 
 Reference = Callable[[float], tuple[Array, Array, Array]]
 """Time (s) → q, qd, qdd wanted, (4,) each."""
@@ -94,7 +98,7 @@ class _Arm:
         for k in self.arm.driven:
             servo = self.arm.servos[k]
             if servo is not None:
-                tau[k] = servo.torque(self._error(k, q, qd, x), x[16 + k])
+                tau[k] = servo_torque(servo, self._error(k, q, qd, x), x[16 + k])
         return tau
 
     def rates(self, t: float, x: Array, modes: dict[int, int]) -> Array:
@@ -109,7 +113,7 @@ class _Arm:
             w = x[12 + k] if modes[k] else 0.0
             servo = arm.servos[k]
             if servo is not None:
-                rate[16 + k] = servo.integral_rate(self._error(k, q, qd, x), x[16 + k])
+                rate[16 + k] = servo_rate(servo, self._error(k, q, qd, x), x[16 + k])
             rate[20 + _DAMPING] += damper * (w / drive.ratio - x[4 + k])
             if modes[k]:
                 mu = float(friction_coefficient(friction_of(drive), w))
