@@ -99,7 +99,7 @@ def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: floa
     effort = output_effort(drive, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
     mu = coefficient_along(friction_of(drive), motion)
     tau = motor_torque(drive, effort, motion.w, motion.wd, direction=np.where(moving, motion.direction, 1.0), mu=mu)
-    return np.where(moving, tau, holding_torque(drive, load))
+    return np.where(moving, np.asarray(tau), holding_torque(drive, load))
 
 
 def coefficient_along(friction: Friction, motion: Motion) -> Array:

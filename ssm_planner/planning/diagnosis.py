@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.planning.feasibility import by_eye
@@ -46,10 +46,9 @@ def too_weak(problem: Problem, phase: Phase, path: JointPath, looks: int = 0) ->
         if joint.drive is None or joint.motor is None:
             continue
         friction = friction_of(joint.drive)
-        # static friction counts where the joint starts or turns back, elsewhere that of slow motion
-        mu = np.where(
-            np.isin(s, knots[_starting(signs[:, i])]), friction.mu_static, friction_coefficient(friction, 0.0)
-        )
+        # the joint breaks away where it starts or turns back; elsewhere friction is that of slow motion
+        starts = np.isin(s, knots[_starting(signs[:, i])])
+        mu = np.where(starts, breakaway_coefficient(friction), np.asarray(friction_coefficient(friction, 0.0)))
         # at a knot the joint has to come, and to leave
         sides = (np.clip(np.searchsorted(knots, s, side=side) - 1, 0, len(signs) - 1) for side in ("left", "right"))
         directions = (signs[k, i] for k in sides)

@@ -83,7 +83,7 @@ class JointLoad:
         mu = friction_coefficient(friction, w)
         if not self.breakaway.any():
             return np.asarray(mu)
-        return np.where(self.breakaway > 0, breakaway_coefficient(friction, w), mu)
+        return np.where(self.breakaway > 0, np.asarray(breakaway_coefficient(friction, w)), mu)
 
     def rms(self, value: Array) -> Array:
         """Root mean square over the motion, of (n,) or (draws, n)."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
-from ssm_planner.dynamics.transmission import TorqueRows, motor_torque_rows, output_effort
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
@@ -173,13 +173,8 @@ def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> t
     """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
     friction = friction_of(drive)
     sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]
-    mu = friction.mu_static if breakaway else friction_coefficient(friction, sigma * w)
+    mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)
     effort = output_effort(drive, at.tau_rigid[i], at.qd[i], at.qdd[i], sigma)
-    forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
-    is_forward, is_backward = sigma * (sigma + 1) / 2, sigma * (sigma - 1) / 2
-
-    def torque(rows: TorqueRows, k: int) -> ca.SX:
-        return rows.slope[k] * effort + rows.inertia * wd + rows.coulomb + rows.viscous * w
-
-    first, second = (is_forward * torque(forward, k) - is_backward * torque(backward, k) for k in (0, 1))
+    rows = motor_torque_rows(drive, sigma, mu)
+    first, second = (sigma * rows.torque(slope * effort, w, wd) for slope in rows.slope)
     return first, second

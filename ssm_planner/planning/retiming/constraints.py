@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.task import task_rates
@@ -161,8 +161,9 @@ class PathLimits:
     def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
         """μ (n,) of the drive of joint i at the given ṡ²; at a start from rest at least the static one."""
         friction = friction_of(drive)
-        mu = friction_coefficient(friction, drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared))
-        return np.where((self.samples.s == 0.0) & static_start, np.maximum(mu, friction.mu_static), mu)
+        w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
+        starts = (self.samples.s == 0.0) & static_start
+        return np.where(starts, np.asarray(breakaway_coefficient(friction, w)), friction_coefficient(friction, w))
 
     def _torque_rows(self, drive: Drive, i: int, mu: Array, speed_squared: Array) -> list[PathTerm]:
         """Terms ≤ the largest motor torque of joint i, three of them, for friction coefficients mu (n,).
@@ -180,15 +181,9 @@ class PathLimits:
         tau_rigid = PathTerm(self.load.inertia[:, i], self.load.velocity[:, i], self.load.gravity[:, i])
         effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
 
-        forward, backward = motor_torque_rows(drive, 1, mu), motor_torque_rows(drive, -1, mu)
-        ahead = sigma > 0
-        inertia, coulomb = (
-            np.where(ahead, forward.inertia, backward.inertia),
-            np.where(ahead, forward.coulomb, backward.coulomb),
-        )
-        wd, w = drive.ratio * qdd, drive.ratio * qd
-        motor = sigma * (inertia * wd + coulomb + forward.viscous * w)
-        first, second = (np.where(ahead, *slopes) for slopes in zip(forward.slope, backward.slope, strict=True))
+        rows = motor_torque_rows(drive, sigma, mu)
+        first, second = (np.asarray(slope) for slope in rows.slope)
+        motor = sigma * rows.torque(PathTerm(), drive.ratio * qd, drive.ratio * qdd)
 
         mesh = effort.b * speed_squared + effort.c
         larger = np.where(first * mesh > second * mesh, first, second)
