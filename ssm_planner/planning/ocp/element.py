@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Literal, NamedTuple, TypeVar, cast
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
@@ -53,6 +53,13 @@ class ElementModel(ABC):
     """The rows that are wanted; None: all."""
     aim: Aim = "time"
 
+    state_size: ClassVar[int]
+    """k."""
+    positions: ClassVar[int]
+    """How many entries of x are positions."""
+    parameters: ClassVar[tuple[Parameter, ...]]
+    """Sizes of p."""
+
     @property
     @abstractmethod
     def key(self) -> tuple[Hashable, ...]:
@@ -62,21 +69,6 @@ class ElementModel(ABC):
     @abstractmethod
     def coordinates(self) -> int:
         """m."""
-
-    @property
-    @abstractmethod
-    def state_size(self) -> int:
-        """k."""
-
-    @property
-    @abstractmethod
-    def positions(self) -> int:
-        """How many entries of x are positions."""
-
-    @property
-    @abstractmethod
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Of each vector of p."""
 
     @abstractmethod
     def state(self, z: ca.SX, c: float) -> ca.SX:

@@ -22,8 +22,16 @@ from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.free_element import PARAMETERS, RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpSolution, NlpStructure, blocks_of, cubics
-from ssm_planner.planning.ocp.refinement import SHORTEST, Guess, OcpProblem, optimise
+from ssm_planner.planning.ocp.nlp import (
+    BoundaryConditions,
+    Guess,
+    NlpData,
+    NlpSolution,
+    NlpStructure,
+    blocks_of,
+    cubics,
+)
+from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Robot
@@ -156,7 +164,8 @@ class _FreeProblem(OcpProblem):
             values = [position + point - self.points[0], *rates]
             scaled = [self._scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)]
             states.append(np.hstack(scaled))
-        return Guess(np.vstack(states), self.times, self.times[self.structure.block] * self.fractions)
+        lengths = self.times[self.structure.block] * self.fractions
+        return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
 
     def _scaled(self, values: Array, order: int) -> Array:
         """A derivative of q − q0 (…, 4) as that of u (…, m) by scaled time."""

@@ -86,14 +86,14 @@ class Mesh:
         middles = (instants[1:] + instants[:-1]) / 2
         return cls(instants, np.clip(np.searchsorted(turns, middles) - 1, 0, len(turns) - 2))
 
-    def states(self, motion: Retiming) -> Array:
-        """s, ṡ and s̈ at both ends of the elements, (n, 4), of the re-timed motion; time scaled to a duration of 1."""
+    def elements(self, motion: Retiming) -> Array:
+        """s, ṡ, s̈ at both ends and length of the elements, (n, 5), of a re-timed motion; time scaled to a duration of 1."""
         scale = motion.duration
         shares = self.instants / self.instants[-1]
         s = np.interp(shares * scale, motion.times, motion.s)
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
         acceleration = np.diff(speed) / np.diff(shares)
-        return np.stack([s[:-1], speed[:-1], acceleration, acceleration], axis=1)
+        return np.stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(shares)], axis=1)
 
 
 def _pieces(borders: Array, density: Array, count: int) -> list[Array]:
@@ -216,7 +216,7 @@ def retimed_guess(robot: Robot, limits: TaskLimits, path: PolylinePath, count: i
     orders = (0, 1, 2, 2)
     position, velocity, start, end = (
         (state / motion.duration**order)[:, None] * way
-        for state, order in zip(mesh.states(motion).T, orders, strict=True)
+        for state, order in zip(mesh.elements(motion).T, orders, strict=False)
     )
     states = position, velocity, start, end
     return SegmentGuess(motion.duration, mesh.instants, states, (len(mesh.instants) - 1,))

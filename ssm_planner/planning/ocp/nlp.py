@@ -160,14 +160,27 @@ class InitialPoint:
     x: Array
     multipliers: tuple[Array, Array] | None = None
 
-    @classmethod
-    def of(cls, states: Array, times: Array) -> InitialPoint:
-        """From states (n, 4 m) of the elements and times (b,) of the blocks."""
-        return cls(np.append(states.ravel(), times))
-
     def cold(self) -> InitialPoint:
         """The same without multipliers."""
         return InitialPoint(self.x)
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A motion to begin from: elements (n, 4 m + 1) and times (b,) of the blocks."""
+
+    elements: Array
+    times: Array
+
+    @property
+    def point(self) -> InitialPoint:
+        """For a cold start."""
+        return InitialPoint(np.append(self.elements[:, :-1].ravel(), self.times))
+
+    def stretched(self, factor: float) -> Guess:
+        """The same motion in `factor` times its time."""
+        orders = np.repeat([0, 1, 2, 2, -1], [*[self.elements.shape[1] // 4] * 4, 1])
+        return Guess(self.elements / factor ** orders.astype(float), self.times * factor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 from ssm_planner.codegen.functions import call
 from ssm_planner.planning.ocp.constraints import RowName
 from ssm_planner.planning.ocp.element import DENSE, Aim, ElementModel
-from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, split
+from ssm_planner.planning.ocp.nlp import Guess, InitialPoint, NlpData, NlpSolution, NlpStructure, split
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array
@@ -130,35 +130,6 @@ class OcpProblem(ABC):
         return np.array(bounds)
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """States (n, 4 m) and lengths (n,) of the elements, times (b,) of the blocks, in scaled time."""
-
-    states: Array
-    times: Array
-    lengths: Array
-
-    @classmethod
-    def at(cls, solution: NlpSolution) -> Guess:
-        """A solution as a guess."""
-        return cls(solution.elements[:, :-1], solution.times, solution.elements[:, -1])
-
-    @property
-    def elements(self) -> Array:
-        """(n, 4 m + 1)."""
-        return np.column_stack([self.states, self.lengths])
-
-    @property
-    def point(self) -> InitialPoint:
-        """For a cold start."""
-        return InitialPoint.of(self.states, self.times)
-
-    def stretched(self, factor: float) -> Guess:
-        """The same motion in `factor` times its time."""
-        orders = np.repeat([0, 1, 2, 2], self.states.shape[1] // 4)
-        return Guess(self.states / factor**orders, self.times * factor, self.lengths * factor)
-
-
 def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: float | None = None) -> NlpSolution:
     """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
 
@@ -171,12 +142,12 @@ def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: 
     if not fastest.solution.solved or (duration is None and objective == "time") or (duration or np.inf) < total:
         return fastest.solution
     if duration is None:
-        begin = fastest.state.restarted(Guess.at(fastest.solution))
+        begin = fastest.state.restarted(Guess(fastest.solution.elements, fastest.solution.times))
         best = _refine(begin, "heat", duration=(0.0, (1 + LONGER) * total))
         if not (best.solution.solved and best.feasible):
             return fastest.solution
     else:
-        slower = Guess.at(fastest.solution).stretched(duration / total)
+        slower = Guess(fastest.solution.elements, fastest.solution.times).stretched(duration / total)
         begin = _Refinement.begin(fastest.state.problem, slower)
         best = _refine(begin, "effort", duration=(duration, duration))
         if not best.solution.solved:  # then any motion that takes as long
@@ -222,7 +193,7 @@ class _Refinement:
     def activated(self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool) -> _Refinement:
         """With the missed rows active too, from the solution or, where it went astray, from the guess."""
         active = self.active | missed
-        if astray and len(self.elements) == len(self.guess.states):
+        if astray and len(self.elements) == len(self.guess.elements):
             return replace(self.restarted(self.guess), active=active)
         return replace(self, active=active, start=solution.point.cold())
 
@@ -230,7 +201,7 @@ class _Refinement:
         """With the coarse elements (n,) cut; the parts have the backoff of the whole."""
         elements = split(self.elements, coarse, PARTS)
         backoff = np.repeat(self.backoff, np.where(coarse, PARTS, 1), axis=0)
-        start = InitialPoint.of(elements[:, :-1], solution.times)
+        start = Guess(elements, solution.times).point
         return replace(self, problem=self.problem.refined(coarse), elements=elements, backoff=backoff, start=start)
 
     def tightened(self, solution: NlpSolution, more: Array) -> _Refinement:
@@ -285,7 +256,7 @@ def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *
         return state.activated(solution, missed, astray=bool(worst.max() > ASTRAY))
     coarse = violation.max(axis=1) > COARSE
     more = (PARTS - 1) * np.count_nonzero(coarse)
-    room = MOST_ELEMENTS * len(state.guess.states) - len(state.elements)
+    room = MOST_ELEMENTS * len(state.guess.elements) - len(state.elements)
     if may_cut and k <= CUTS and 0 < more <= room:
         return state.cut(solution, coarse)
     return state.tightened(solution, min(1.4 ** max(k - 2, 0), 3.0) * backoff_of(violation))

@@ -17,8 +17,8 @@ from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, NlpData, NlpStructure, cubics
-from ssm_planner.planning.ocp.refinement import SHORTEST, Guess, OcpProblem, optimise
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpData, NlpStructure, cubics
+from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.straight_element import FIT, StraightElement, fit, fits_hold, limit_parameters
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
@@ -103,7 +103,7 @@ def solve_straight(
         fastest=fastest,
         speeds=(speeds[0] * scale, speeds[1] * scale),
     )
-    begin = Guess(mesh.states(guess), mesh.times, np.diff(mesh.instants) / mesh.instants[-1])
+    begin = Guess(mesh.elements(guess), mesh.times)
     solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
     elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     return PathMotion(solution.status, solution.message, elements, solution.iterations)

@@ -6,14 +6,14 @@ program from top to bottom; only the element model differs between the two.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ssm_planner.codegen.functions import Layout
 from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.element import COLLOCATION, ElementFunctions, ElementModel
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
@@ -21,7 +21,7 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
 
 SMOOTHING = 3e-6
-"""Weight of ∫ (ü/limit)² dt of joints: decides how those move that do not bind."""
+"""Weight of 3 ∫ (ü/limit)² dt of joints: decides how those move that do not bind."""
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 ITERATIONS, HEAT_ITERATIONS = 300, 80
@@ -46,8 +46,6 @@ WARM: dict[str, Any] = {
     "warm_start_mult_bound_push": 1e-9,
 }
 """From the solution of the same problem with a few bounds moved."""
-PARAMETERS = ("fractions", "end", "jerk", "acceleration", "weights", "least_times")
-"""Fields of NlpData that are parameters of the program, after those of its element model."""
 
 
 @dataclass(frozen=True)
@@ -59,62 +57,61 @@ class Transcription:
     cold: ca.Function = field(compare=False)
     warm: ca.Function = field(compare=False)
     """Solvers without and with multipliers to start from."""
+    parameters: Layout = field(compare=False)
+    """Fields of NlpData that are parameters, after those of the element model."""
     sizes: dict[str, int] = field(compare=False)
-    """Rows of each group of constraints but the path constraints, in their order."""
+    """Rows of every group of constraints before the path constraints, in their order."""
 
     @classmethod
     def of(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
         """The program, built once for each structure and element model; again when the element has been compiled."""
-        return _built(structure, element, function_store.functions(element))
+        return cls.build(structure, element, function_store.functions(element))
 
     @classmethod
+    @lru_cache(maxsize=12)
     def build(cls, structure: NlpStructure, element: ElementModel, functions: ElementFunctions) -> Transcription:
-        """The program with n elements k, m coordinates and b blocks; [chosen] where a coordinate moves or is limited.
+        """The program of n elements k, m coordinates and b blocks, to be solved from a guess by `solve`.
 
-        min   w_t Σ T + w_c Σ L(z_k) + SMOOTHING ∫ (ü/limit)² dt + EVEN var(T / T_least)
-        s.t.  u, u̇ continuous (ü too where jerk is limited), u̇ and u⃛ within bounds, G(z_k) ≤ 1 − backoff
+            min   w_t Σ T + w_c Σ L(z_k) + 3 SMOOTHING Σ ∫ (ü/limit)² dt + EVEN var(T / T_least)
+            s.t.  u, u̇ continuous, ü too where jerk is limited;  bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
+
+        Shapes are (coordinates, elements), as CasADi maps columns.
         """
         n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
         moving = structure.moving
 
-        # variables: u, u̇, ü at the start and ü at the end of every element, (4 m, n); time T of every block
+        # variables: u, u̇, ü at the start and ü at the end of every element; time T of every block
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
         u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
 
-        # parameters: p of the element model, (size, n) or (size, 1), and PARAMETERS
+        # parameters: those of the element model, (size, n) or (size, 1); the program's own
         element_parameters = [
             ca.MX.sym(f"p{i}", size, n if per_element else 1)
             for i, (size, per_element) in enumerate(element.parameters)
         ]
-        fractions, end, weights = ca.MX.sym("fractions", 1, n), ca.MX.sym("end", m, 2), ca.MX.sym("weights", 2)
-        jerk, acceleration, least = ca.MX.sym("jerk", m), ca.MX.sym("acceleration", m), ca.MX.sym("least_times", b)
-        parameters = {
-            "fractions": fractions.T,
-            "end": ca.vec(end),
-            "jerk": jerk,
-            "acceleration": acceleration,
-            "weights": weights,
-            "least_times": least,
-        }
+        layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
+        own_parameters = ca.MX.sym("p", layout.size)
+        p = layout.unpack(own_parameters)
+        end_u, end_v = p.end[:m], p.end[m:]
 
-        # elements: h_k = fraction_k T_block(k);  z = [u; u̇; ü; ü; h], (4 m + 1, n)
-        h = fractions * ca.horzcat(*(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes)))
-        wide = ca.repmat(h, m, 1)
-        cubic, z = Cubic(u, v, a0, a1, wide), ca.vertcat(x, h)
+        # elements: h_k = fraction_k T_block(k), the same for all coordinates; z = [u; u̇; ü; ü; h]
+        h = p.fractions.T * ca.horzcat(*(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes)))
+        h_all = ca.repmat(h, m, 1)
+        cubic, z = Cubic(u, v, a0, a1, h_all), ca.vertcat(x, h)
 
-        # objective: time; ∫ (ü/limit)² dt = Σ h (a0² + a0 a1 + a1²) / 3 up to the factor; variance of the blocks' times
+        # objective: duration; smoothing, r = ü/limit being linear in an element; variance of the blocks' times
         duration = ca.sum1(times)
-        r0, r1 = (a / ca.repmat(acceleration, 1, n) for a in (a0, a1))
-        smoothing = ca.sum2(ca.sum1(wide * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
-        pace = times / least
-        variance = ca.sumsqr(pace - ca.sum1(pace) / b) / b
-        objective = weights[0] * duration + SMOOTHING * smoothing + EVEN * variance
+        r0, r1 = (a / ca.repmat(p.acceleration, 1, n) for a in (a0, a1))
+        smoothing = ca.sum2(ca.sum1(h_all * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
+        relative = times / p.least_times
+        variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
+        objective = p.weights[0] * duration + SMOOTHING * smoothing + EVEN * variance
 
-        # dynamics: the end of an element is the start of the next;  u_k(h) = u_k+1, u̇_k(h) = u̇_k+1, ü_k(h) = ü_k+1
-        end_u, end_v = cubic.end
+        # dynamics: an element ends where the next one starts, the last at `end`; ü jumps unless jerk is limited
+        u_after, v_after = cubic.end
         dynamics = [
-            _where(end_u - ca.horzcat(u[:, 1:], end[:, 0]), moving),
-            _where(end_v - ca.horzcat(v[:, 1:], end[:, 1]), moving),
+            _where(u_after - ca.horzcat(u[:, 1:], end_u), moving),
+            _where(v_after - ca.horzcat(v[:, 1:], end_v), moving),
         ]
         if structure.smooth:
             dynamics.append(_where(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
@@ -122,46 +119,49 @@ class Transcription:
         # limits of the coordinates: the middle Bernstein coefficient of u̇ (the outer ones are variables); |a1 − a0| ≤ jerk h
         velocity = _where(cubic.middle_velocity, moving & structure.velocity_limits)
         jerk_limited = moving & (structure.joints and structure.smooth)
-        most = ca.repmat(jerk, 1, n) * wide
-        jerks = ca.vertcat(_where(a1 - a0 - most, jerk_limited), _where(a0 - a1 - most, jerk_limited))
+        rise, most = a1 - a0, ca.repmat(p.jerk, 1, n) * h_all
+        jerk = ca.vertcat(_where(rise - most, jerk_limited), _where(-rise - most, jerk_limited))
 
-        # boundary conditions: bounds of the variables (BoundaryConditions) and `end`; static friction where a joint starts
-        breakaways = [
-            element.breakaway(z[:, k], element_parameters[0][:, side], *(_of(p, k) for p in element_parameters[1:]))
+        # boundary conditions: bounds of the variables (BoundaryConditions), and static friction where a joint starts
+        sigma, *others = element_parameters
+        breakaway = [
+            element.breakaway(z[:, k], sigma[:, side], *(_of(parameter, k) for parameter in others))
             for k, side in structure.breakaways
         ]
 
+        # path constraints G(z_k) and cost L(z_k): by the element model, with exact derivatives
         constraints = {
             "dynamics": ca.vertcat(*dynamics),
             "velocity": velocity,
-            "jerk": jerks,
-            "breakaway": ca.vertcat(*breakaways),
+            "jerk": jerk,
+            "breakaway": ca.vertcat(*breakaway),
             "duration": duration,
         }
-        # path constraints G(z_k) and cost L(z_k) of every element, with derivatives
         program = _Program(
             x=ca.vertcat(ca.vec(x), times),
-            p=ca.vertcat(*(ca.vec(p) for p in element_parameters), *(parameters[name] for name in PARAMETERS)),
+            p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
             objective=objective,
             constraints=ca.vertcat(*constraints.values()),
-            cost_weight=weights[1],
+            cost_weight=p.weights[1],
             z=z,
             element_parameters=tuple(element_parameters),
             functions=functions,
         )
         cold, warm = program.solvers(HEAT_ITERATIONS if element.aim == "heat" else max(ITERATIONS, 2 * n))
-        return cls(structure, element, cold, warm, {name: rows.numel() for name, rows in constraints.items()})
+        sizes = {name: rows.numel() for name, rows in constraints.items()}
+        return cls(structure, element, cold=cold, warm=warm, parameters=layout, sizes=sizes)
 
     def solve(self, data: NlpData, start: InitialPoint) -> NlpSolution:
         """Ipopt's solution from a guess, or warm from an earlier solution's point."""
         n, m = self.structure.elements, self.structure.coordinates
-        found = _solved(self, self._inputs(data, start))
-        x = found.point.x
-        states, times = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
+        inputs = tuple((name, values.tobytes()) for name, values in self._inputs(data, start).items())
+        message, iterations, point = _solved(self, inputs)
+        states, times = point.x[: 4 * m * n].reshape(n, 4 * m), point.x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
-        return NlpSolution(found.message, self.structure, elements, times, found.iterations, found.point)
+        return NlpSolution(message, self.structure, elements, times, iterations=iterations, point=point)
 
-    def _inputs(self, data: NlpData, start: InitialPoint) -> _SolverInputs:
+    def _inputs(self, data: NlpData, start: InitialPoint) -> dict[str, Array]:
+        """Arguments of the solver."""
         limited = self.structure.moving & self.structure.velocity_limits
         bounds = {
             "dynamics": (0.0, 0.0),
@@ -174,10 +174,10 @@ class Transcription:
         lower, upper = (
             [np.broadcast_to(bounds[name][side], size) for name, size in self.sizes.items()] for side in (0, 1)
         )
-        parameters = [*data.element_parameters, *(getattr(data, name) for name in PARAMETERS)]
+        own_parameters = self.parameters.pack(**{name: getattr(data, name) for name in self.parameters.slices})
         inputs = {
             "x0": start.x,
-            "p": np.concatenate([np.ravel(parameter) for parameter in parameters]),
+            "p": np.concatenate([*map(np.ravel, data.element_parameters), own_parameters]),
             "lbx": np.append(data.lower.ravel(), data.least_times),
             "ubx": np.append(data.upper.ravel(), np.full(len(data.least_times), np.inf)),
             "lbg": np.concatenate([*lower, np.full(path_bound.size, -np.inf)]),
@@ -185,7 +185,7 @@ class Transcription:
         }
         if start.multipliers is not None:
             inputs["lam_x0"], inputs["lam_g0"] = start.multipliers
-        return _SolverInputs(inputs)
+        return inputs
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -255,50 +255,21 @@ class _Program:
         return mapped(self.z, *self.element_parameters, *more)
 
 
-class _SolverInputs:
-    """Arguments of a solver; equal where every number is."""
-
-    def __init__(self, arguments: dict[str, Array]) -> None:
-        self.arguments = arguments
-
-    @cached_property
-    def _content(self) -> tuple[tuple[str, ...], bytes]:
-        numbers = b"".join(np.asarray(value, dtype=float).tobytes() for value in self.arguments.values())
-        return tuple(self.arguments), hashlib.sha256(numbers).digest()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _SolverInputs) and self._content == other._content
-
-    def __hash__(self) -> int:
-        return hash(self._content)
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    message: str
-    iterations: int
-    point: InitialPoint
-
-
 @lru_cache(maxsize=64)
-def _solved(transcription: Transcription, inputs: _SolverInputs) -> _Solved:
-    """Trials of relaxations and second attempts solve most of their programs again."""
-    warm = "lam_g0" in inputs.arguments
-    result, stats = ipopt(transcription.warm if warm else transcription.cold, **inputs.arguments)
+def _solved(transcription: Transcription, inputs: tuple[tuple[str, bytes], ...]) -> tuple[str, int, InitialPoint]:
+    """Ipopt's message, iterations and solution: trials of relaxations and second attempts ask for most of them again."""
+    arguments = {name: np.frombuffer(values) for name, values in inputs}
+    solver = transcription.warm if "lam_g0" in arguments else transcription.cold
+    result, stats = ipopt(solver, **arguments)
     seconds = sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f"))
     function_store.note_time(transcription.element, seconds)
     x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
-    return _Solved(str(stats["return_status"]), int(stats["iter_count"]), InitialPoint(x, (lam_x, lam_g)))
+    return str(stats["return_status"]), int(stats["iter_count"]), InitialPoint(x, (lam_x, lam_g))
 
 
 def forget_solutions() -> None:
     """Solve again what has been solved already: for measuring how long it takes."""
     _solved.cache_clear()
-
-
-@lru_cache(maxsize=12)
-def _built(structure: NlpStructure, element: ElementModel, functions: ElementFunctions) -> Transcription:
-    return Transcription.build(structure, element, functions)
 
 
 def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
