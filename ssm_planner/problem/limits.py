@@ -364,7 +364,12 @@ class TaskRange(Between):
 
     @property
     def name(self) -> str:
-        return f"{self.coordinate} range"
+        return self.name_of(self.coordinate)
+
+    @staticmethod
+    def name_of(coordinate: str) -> str:
+        """The name of the limit on the range of a coordinate."""
+        return f"{coordinate} range"
 
     @property
     def unit(self) -> str:
@@ -400,12 +405,13 @@ class TaskRange(Between):
 
 @dataclass(frozen=True)
 class SpeedLimit(Symmetric):
-    """|v| ≤ largest, v being linear in the joints' rates: kinematics/tool_speeds.py says how.
+    """|v| ≤ largest, v being linear in the joints' rates: kinematics/tool_speeds.py has the Jacobian.
 
     A subclass needs `name`, `field` and, where it is not m/s, `unit`.
     """
 
     order = 1
+    name: ClassVar[str]
     field: ClassVar[str]
     """Its key in a problem file and in plan.json."""
     largest: float
@@ -433,7 +439,12 @@ class TaskRate(Symmetric):
 
     @property
     def name(self) -> str:
-        return "insertion speed" if self.coordinate == "depth" else f"{self.coordinate} rate"
+        return self.name_of(self.coordinate)
+
+    @staticmethod
+    def name_of(coordinate: str) -> str:
+        """The name of the limit on a coordinate's rate."""
+        return "insertion speed" if coordinate == "depth" else f"{coordinate} rate"
 
     @staticmethod
     def field_of(coordinate: str) -> str:

@@ -45,7 +45,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     local = fit(path, RigidBody.from_robot(robot), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
-    numbers = limit_parameters(limit_table(robot), 0.02, 1.7)
+    numbers = limit_parameters(limit_table(robot), np.array([0.02]), 1.7)
     return StraightElement(robot=robot, jerk=True, aim=aim), [z, sigma, local, numbers]
 
 
@@ -59,7 +59,7 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
     limits = dict(zip(("velocity", "acceleration", "jerk", "torque"), limit_table(robot), strict=True))
     numbers = free_element.PARAMETERS.pack(
-        **{"q0": first, "d": unit, **limits, "tip_speed": 0.02, "rate": [0.4, 0.5, 0.6]},
+        **{"q0": first, "d": unit, **limits, "speeds": 0.02, "rate": [0.4, 0.5, 0.6]},
         **{"range_centre": [0.1, -0.2], "range_half_width": [0.4, 0.7], "retina_easing": 1e-6, "time_scale": 1.7},
     )
     element = FreeElement(robot=robot, mechanism=mechanism, moving=moving, active=ROWS, eye=EYE, aim=aim)

@@ -13,7 +13,9 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
+from ssm_planner.kinematics.tool_speeds import JACOBIANS
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
 
@@ -92,8 +94,8 @@ class Instant:
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX
-    tip_speed: ca.SX
-    """|ṗ| of the tool tip, scalar; of the hull where qd_hull is."""
+    speeds: ca.SX
+    """Speeds of the tool in the order of JACOBIANS; of the hull where qd_hull is."""
     sigma: ca.SX
 
 
@@ -105,20 +107,25 @@ class Bounds:
     acceleration: ca.SX
     jerk: ca.SX
     torque: ca.SX
-    tip_speed: ca.SX
+    speeds: ca.SX
 
 
 def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
-    """Tip speed; velocity, acceleration and, where asked for, jerk of every joint."""
-    rows = [PathConstraint("tip speed", None, at.tip_speed / bounds.tip_speed)]
+    """Speeds of the tool; velocity, acceleration and, where asked for, jerk of every joint."""
+    rows = speed_rows(at, bounds)
     for i, joint in enumerate(joints):
         senses = (1, -1) if joint.drive is None else (at.sigma[i],)
-        rows += [PathConstraint("velocity", i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
+        rows += [PathConstraint(JointVelocity.name, i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
         for side in (1, -1):
-            rows.append(PathConstraint("acceleration", i, side * at.qdd[i] / bounds.acceleration[i]))
+            rows.append(PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / bounds.acceleration[i]))
             if jerk:
-                rows.append(PathConstraint("jerk", i, side * at.qddd[i] / bounds.jerk[i]))
+                rows.append(PathConstraint(JointJerk.name, i, side * at.qddd[i] / bounds.jerk[i]))
     return rows
+
+
+def speed_rows(at: Instant, bounds: Bounds) -> list[PathConstraint]:
+    """Every speed of the tool that a problem may limit."""
+    return [PathConstraint(kind.name, None, at.speeds[k] / bounds.speeds[k]) for k, kind in enumerate(JACOBIANS)]
 
 
 def torque_rows(
@@ -135,11 +142,11 @@ def torque_rows(
             continue
         first, second = directed_torques(drive, at, i, breakaway=breakaway)
         limit = bounds.torque[i]
-        rows += [PathConstraint("motor torque", i, value / limit) for value in (first, second)]
+        rows += [PathConstraint(MotorTorque.name, i, value / limit) for value in (first, second)]
         # σ τ is the larger of the two; the smooth maximum below never exceeds it
         half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
         resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
-        rows.append(PathConstraint("motor torque", i, -resisting))
+        rows.append(PathConstraint(MotorTorque.name, i, -resisting))
     return rows
 
 

@@ -14,10 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.kinematics.eye import LENS, RETINA, retina_row
+from ssm_planner.kinematics.eye import retina_row
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
+from ssm_planner.kinematics.tool_speeds import speed_bounds
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.free_element import PARAMETERS, RATED, WATCHED, FreeElement
@@ -33,6 +34,7 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.problem.limits import MotorTorque, TaskRange, TaskRate
 from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, Indices
@@ -174,25 +176,25 @@ class _FreeProblem(OcpProblem):
     @cached_property
     def complete_element(self) -> FreeElement:
         problem = self.problem
-        rows: set[RowName] = {(f"{name} range", None) for name in WATCHED if name in problem.ranges}
-        rows |= {(f"{name} rate", None) for name in RATED if name in problem.rates}
-        if problem.tip_speed is not None:
-            rows.add(("tip speed", None))
+        rows: set[RowName] = {(TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges}
+        rows |= {(TaskRate.name_of(name), None) for name in RATED if name in problem.rates}
+        rows |= {(limit.name, None) for limit in problem.speeds}
         if problem.eye is not None:
-            rows |= {(RETINA, None), *({(LENS, None)} if problem.eye.lens is not None else ())}
+            rows |= {(limit.name, None) for limit in problem.eye.limits}
         for i in self.moving:
             joint = problem.robot.joints[i]
             if joint.drive is not None and joint.motor is not None:
-                rows.add(("motor torque", int(i)))
+                rows.add((MotorTorque.name, int(i)))
         return self.element(frozenset(rows), "time")
 
     def element(self, active: frozenset[RowName], aim: Aim) -> FreeElement:
+        eye = self.problem.eye
         element = FreeElement(
             robot=self.problem.robot,
             mechanism=self.mechanism,
             moving=tuple(self.moving.tolist()),
             active=active,
-            eye=self.problem.eye if any(name in (RETINA, LENS) for name, _ in active) else None,
+            eye=eye if eye is not None and any((limit.name, None) in active for limit in eye.limits) else None,
             aim=aim,
         )
         return shared(element)
@@ -232,7 +234,7 @@ class _FreeProblem(OcpProblem):
             acceleration=acceleration,
             jerk=jerk,
             torque=torque,
-            tip_speed=UNLIMITED if problem.tip_speed is None else problem.tip_speed,
+            speeds=speed_bounds(problem.speeds, UNLIMITED),
             range_centre=ranges.mean(axis=1) + self._whole_turns,
             range_half_width=(ranges[:, 1] - ranges[:, 0]) / 2,
             rate=[problem.rates.get(name, UNLIMITED) for name in RATED],

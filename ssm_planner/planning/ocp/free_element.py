@@ -16,12 +16,14 @@ import casadi as ca
 from ssm_planner.codegen.functions import Layout
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.eye import RETINA, eye_rows
+from ssm_planner.kinematics.eye import eye_rows
 from ssm_planner.kinematics.forward import tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, robot_key, torque_rows
+from ssm_planner.kinematics.tool_speeds import JACOBIANS
+from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, robot_key, speed_rows, torque_rows
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
+from ssm_planner.problem.limits import RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import TASK, Eye
 
 WATCHED = ("roll", "spin")
@@ -35,15 +37,15 @@ PARAMETERS = Layout(
     acceleration=4,
     jerk=4,
     torque=4,
-    tip_speed=1,
+    speeds=len(JACOBIANS),
     range_centre=len(WATCHED),
     range_half_width=len(WATCHED),
     rate=len(RATED),
     retina_easing=1,
     time_scale=1,
 )
-"""First point and unit of the coordinates; limits of joints, motors and tip; ranges of WATCHED; rates of RATED; by how much
-the retina's row may exceed 1; length of a scaled second, s."""
+"""First point and unit of the coordinates; limits of joints, motors and speeds of the tool; ranges of WATCHED; rates of
+RATED; by how much the retina's row may exceed 1; length of a scaled second, s."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,36 +84,41 @@ class FreeElement(ElementModel):
             qdd=qdd,
             qddd=ca.SX.zeros(4),
             tau_rigid=RigidBody.from_robot(self.robot).symbolic(q, qd, qdd),
-            tip_speed=ca.sumsqr(self._tip_jacobian(q) @ qd),  # squared: the norm has no derivative at rest
+            # squared: the norm has no derivative at rest
+            speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
             sigma=sigma,
         )
-        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.tip_speed**2)
+        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.speeds**2)
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         at, bounds = self.instant(x, *p)
         limits = PARAMETERS.unpack(p[1])
         q, qd, _ = _joints(x, p[1])
-        rows = [PathConstraint("tip speed", None, at.tip_speed / bounds.tip_speed)]
+        rows = speed_rows(at, bounds)
         rows += torque_rows(at, bounds, self.robot.joints)
         task = task_from_joints_symbolic(self.mechanism, q)
         for k, name in enumerate(WATCHED):
             value = (task[TASK.index(name)] - limits.range_centre[k]) / limits.range_half_width[k]
-            rows += [PathConstraint(f"{name} range", None, value), PathConstraint(f"{name} range", None, -value)]
+            rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
         rates = task_rates_symbolic(self.mechanism, q, qd)
         for k, name in enumerate(RATED):
             value = rates[TASK.index(name)] / limits.rate[k]
-            rows += [PathConstraint(f"{name} rate", None, value), PathConstraint(f"{name} rate", None, -value)]
+            rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
         if self.eye is not None:
             tip = tip_position_symbolic(self.mechanism, q)
             for name, value in eye_rows(casadi_namespace(), self.eye, (tip[0], tip[1], tip[2])).items():
-                rows.append(PathConstraint(name, None, value + 1 - (limits.retina_easing if name == RETINA else 0)))
+                rows.append(
+                    PathConstraint(
+                        name, None, value + 1 - (limits.retina_easing if name == RetinaClearance.name else 0)
+                    )
+                )
         return rows
 
     @cached_property
-    def _tip_jacobian(self) -> ca.Function:
-        """q (4,) → ∂p/∂q (3, 4) of the tip."""
+    def _jacobians(self) -> list[ca.Function]:
+        """q (4,) → J (k, 4) of every speed of the tool."""
         q = ca.SX.sym("q", 4)
-        return ca.Function("tip_jacobian", [q], [ca.jacobian(tip_position_symbolic(self.mechanism, q), q)])
+        return [ca.Function("jacobian", [q], [jacobian(self.mechanism, q)]) for jacobian in JACOBIANS.values()]
 
 
 def _joints(x: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

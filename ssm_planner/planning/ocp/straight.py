@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.tool_speeds import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
@@ -22,6 +23,7 @@ from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.straight_element import FIT, StraightElement, fit, fits_hold, limit_parameters
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
+from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque, SpeedLimit
 from ssm_planner.problem.problem import TASK, Objective, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
@@ -99,7 +101,7 @@ def solve_straight(
         directions=signs,
         robot=robot,
         path=path,
-        tip_speed=limits.tip_speed,
+        limited=limits.speeds,
         fastest=fastest,
         speeds=(speeds[0] * scale, speeds[1] * scale),
     )
@@ -113,7 +115,8 @@ def solve_straight(
 class _StraightProblem(OcpProblem):
     robot: Robot
     path: StraightPath
-    tip_speed: float | None
+    limited: tuple[SpeedLimit, ...]
+    """Speeds of the tool."""
     fastest: float
     """Largest ṡ that the rates of the task coordinates allow, in scaled time."""
     speeds: tuple[float, float]
@@ -123,26 +126,25 @@ class _StraightProblem(OcpProblem):
     def complete_element(self) -> StraightElement:
         """With the rows of what moves and has a limit."""
         moving = np.abs(self.path.sample(np.linspace(0, 1, 33)).dq).max(axis=0) > 0
-        rows: set[RowName] = {("motor torque", i) for i in range(4)}
+        rows: set[RowName] = {(MotorTorque.name, i) for i in range(4)}
         for i in np.flatnonzero(moving):
-            rows |= {("velocity", int(i)), ("acceleration", int(i))}
+            rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
             if self.robot.joints[i].jerk is not None:
-                rows.add(("jerk", int(i)))
-        if self.tip_speed is not None:
-            rows.add(("tip speed", None))
+                rows.add((JointJerk.name, int(i)))
+        rows |= {(limit.name, None) for limit in self.limited}
         return self.element(frozenset(rows), "time")
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
         """Jerk: TOPP-RA's motion has none."""
-        return frozenset(name for name in self.row_names if name[0] == "jerk")
+        return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element(self, active: frozenset[RowName], aim: Aim) -> StraightElement:
         return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=active, aim=aim))
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        tip_speed = UNLIMITED if self.tip_speed is None else self.tip_speed
-        return self.sigma, self._fitted(elements), limit_parameters(self.table, tip_speed, self.time_scale)
+        speeds = speed_bounds(self.limited, UNLIMITED)
+        return self.sigma, self._fitted(elements), limit_parameters(self.table, speeds, self.time_scale)
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
         knots, _ = self.path.directions

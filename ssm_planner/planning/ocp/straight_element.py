@@ -5,8 +5,9 @@ the velocity rows. The joints follow the path q(s), with primes for derivatives 
 
     q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,   τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
 
-q', A, B, C and |dp/ds| of the tip are smooth: over the short stretch of one element a polynomial through Chebyshev points
-gives them to many digits, so that the optimisation evaluates no kinematics. A fit is renewed where a solution has left it.
+q', A, B, C and the speeds |J(q) q'| of the tool are smooth: over the short stretch of one element a polynomial through
+Chebyshev points gives them to many digits, so that the optimisation evaluates no kinematics. A fit is renewed where a
+solution has left it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 
 from ssm_planner.codegen.functions import Layout
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.tool_speeds import JACOBIANS, tool_speed
 from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, kinematic_rows, robot_key, torque_rows
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.planning.retiming.constraints import PathLoad
@@ -33,12 +35,12 @@ NARROWEST = 0.004
 """Smallest half width of a fit in s: room for the optimisation to move an element."""
 WIDER = 2.0
 """By how much a fit may be wider than a new one would be."""
-CURVES = Layout(dq=4, inertia=4, velocity=4, gravity=4, tip=1)
-"""What is fitted: q', A, B and C of the joints, |dp/ds|."""
+CURVES = Layout(dq=4, inertia=4, velocity=4, gravity=4, speeds=len(JACOBIANS))
+"""What is fitted: q', A, B and C of the joints, speeds of the tool at ṡ = 1."""
 FIT = Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * CURVES.size)
 """A fit on [centre ± half_width] in s: coefficients of ξ^0, ξ^1, … with ξ = (s − centre) / half_width, each as CURVES."""
-PARAMETERS = Layout(velocity=4, acceleration=4, jerk=4, torque=4, tip_speed=1, time_scale=1)
-"""Limits of the joints, of their motors and of the tip; length of a scaled second, s."""
+PARAMETERS = Layout(velocity=4, acceleration=4, jerk=4, torque=4, speeds=len(JACOBIANS), time_scale=1)
+"""Limits of the joints, of their motors and of the speeds of the tool; length of a scaled second, s."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,10 +86,10 @@ class StraightElement(ElementModel):
             qdd=ddq * speed**2 + path.dq * acceleration,
             qddd=dddq * speed**3 + 3 * ddq * speed * acceleration + path.dq * jerk,
             tau_rigid=path.inertia * acceleration + path.velocity * speed**2 + path.gravity,
-            tip_speed=path.tip * bound_speed,
+            speeds=path.speeds * bound_speed,
             sigma=sigma,
         )
-        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.tip_speed)
+        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.speeds)
 
 
 def path_derivatives(parameters: ca.SX, s: ca.SX, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
@@ -111,8 +113,8 @@ def fit(path: StraightPath, body: RigidBody, low: Array, high: Array) -> Array:
     chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
     load = PathLoad.along(body, samples)
-    tip = np.linalg.norm(path.tip_slope(samples), axis=1, keepdims=True)
-    curves = np.hstack([samples.dq, load.inertia, load.velocity, load.gravity, tip])
+    speeds = np.column_stack([tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS])
+    curves = np.hstack([samples.dq, load.inertia, load.velocity, load.gravity, speeds])
     # node j of element n has the values Σ_d ξ_j^d a_nd
     inverse = np.linalg.inv(np.vander(chebyshev, increasing=True))
     coefficients = np.einsum("dj,njk->ndk", inverse, curves.reshape(len(low), DEGREE + 1, CURVES.size))
@@ -127,15 +129,15 @@ def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
     return np.asarray(inside & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
 
 
-def limit_parameters(table: Array, tip_speed: float, time_scale: float) -> Array:
-    """PARAMETERS from the limits (4, 4) of `limit_table`."""
+def limit_parameters(table: Array, speeds: Array, time_scale: float) -> Array:
+    """PARAMETERS from the limits (4, 4) of `limit_table` and those of the tool in the order of JACOBIANS."""
     velocity, acceleration, jerk, torque = table
     return PARAMETERS.pack(
         velocity=velocity,
         acceleration=acceleration,
         jerk=jerk,
         torque=torque,
-        tip_speed=tip_speed,
+        speeds=speeds,
         time_scale=time_scale,
     )
 

@@ -22,6 +22,7 @@ from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coeffi
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import TASK, TaskLimits
@@ -193,9 +194,9 @@ class PathLimits:
 
 
 def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
-    """Largest ṡ² (n,) at which joints, motors, tip and task coordinates keep their speed limits.
+    """Largest ṡ² (n,) at which joints, motors, tool and task coordinates keep their speed limits.
 
-    The speeds are |q'_i| ṡ, r |q'_i| ṡ, |dp/ds| ṡ and |dtask/ds| ṡ.
+    The speeds are |q'_i| ṡ, r |q'_i| ṡ, |J(q) q'| ṡ and |dtask/ds| ṡ.
     """
     limit = np.array([joint.velocity for joint in robot.joints])
     for i, joint in enumerate(robot.joints):
@@ -203,8 +204,9 @@ def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: 
             limit[i] = min(limit[i], joint.motor.max_speed / joint.drive.ratio)
     with np.errstate(divide="ignore"):
         speed = (limit / np.abs(samples.dq)).min(axis=1)
-        if limits.tip_speed is not None:
-            speed = np.minimum(speed, limits.tip_speed / np.linalg.norm(path.tip_slope(samples), axis=1))
+        for bound in limits.speeds:
+            slope = tool_speed(type(bound), path.mechanism, samples.q, samples.dq)
+            speed = np.minimum(speed, bound.largest / slope)
         if limits.rates:
             slope = np.abs(task_rates(path.mechanism, samples.q, samples.dq))
             for name, rate in limits.rates.items():

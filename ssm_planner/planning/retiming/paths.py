@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.functions import call
-from ssm_planner.kinematics.forward import tip_velocity
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.trajectory import Trajectory
@@ -56,10 +55,6 @@ class JointPath(ABC):
     @abstractmethod
     def directions(self) -> tuple[Array, Array]:
         """Where joints turn back: knots s_k (m + 1,) from 0 to 1, and the sign of q'(s) between them, (m, 4); 0: stands."""
-
-    def tip_slope(self, samples: PathSamples) -> Array:
-        """dp/ds of the tool tip, m, (n, 3)."""
-        return tip_velocity(self.mechanism, samples.q, samples.dq)
 
 
 @dataclass(frozen=True, eq=False)
