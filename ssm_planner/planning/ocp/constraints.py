@@ -1,6 +1,6 @@
-"""The limits of a robot as the optimisation takes them.
+"""Path constraints: the limits at one instant of a motion as symbolic rows, value ≤ 1, and the costs of the motors.
 
-Limits at one instant of a motion as rows "≤ 1", symbolic: what the optimisation keeps at its collocation points.
+Of a robot, its limits are parameters of the program (`limit_table`), the rest are constants in the expressions (`robot_key`).
 """
 
 from __future__ import annotations

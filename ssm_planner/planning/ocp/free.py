@@ -2,8 +2,8 @@
 
 Between two points every joint moves one way, so positions lie between the points' and the friction law enters exactly. A
 joint that goes on in its direction passes a point at speed; one that turns back there, or stands on one side, is at rest.
-Velocity, acceleration and jerk are kept by construction; motor torque, tip speed, rates, roll and spin ranges and the eye are
-path constraints, active as far as they come near their limits.
+Velocity, acceleration and jerk limits hold by construction; motor torque, tip speed, rates, roll and spin ranges and the eye
+are path constraints, active as far as they come near their limits.
 """
 
 from __future__ import annotations

@@ -75,9 +75,9 @@ class FreeElement(ElementModel):
         return x
 
     def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
-        sigma, numbers = p
-        limits = PARAMETERS.unpack(numbers)
-        q, qd, qdd = _joints(x, numbers)
+        sigma, parameters = p
+        limits = PARAMETERS.unpack(parameters)
+        q, qd, qdd = _joints(x, parameters)
         at = Instant(
             qd=qd,
             qd_hull=qd,

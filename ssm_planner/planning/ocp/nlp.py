@@ -121,7 +121,7 @@ class BoundaryConditions:
 
 @dataclass(frozen=True, eq=False)
 class NlpData:
-    """The numbers of one program."""
+    """Parameters and bounds of one program."""
 
     element_parameters: tuple[Array, ...]
     """Parameters of the element model, (size,) or (n, size)."""

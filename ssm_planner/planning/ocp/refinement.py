@@ -85,7 +85,7 @@ class OcpProblem(ABC):
 
     @abstractmethod
     def data(self, elements: Array, backoff: Array) -> NlpData:
-        """The program's numbers near these elements; backoff (n, active rows)."""
+        """The program's parameters and bounds near these elements; backoff (n, active rows)."""
 
     def refined(self, chosen: Array) -> OcpProblem:
         """The same problem with the chosen elements (n,) cut into PARTS."""
@@ -180,7 +180,7 @@ class _Refinement:
         return cls(guess, problem, active, backoff, elements, guess.point)
 
     def restarted(self, guess: Guess) -> _Refinement:
-        """From another guess, active rows and backoff kept."""
+        """From another guess, with the same active rows and backoff."""
         return replace(self, guess=guess, elements=guess.elements, start=guess.point)
 
     def solve(self, aim: Aim, duration: tuple[float, float] | None) -> NlpSolution:
@@ -265,7 +265,7 @@ def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *
 def backoff_of(violation: Array) -> Array:
     """By how much to lower the bounds of rows, (n, r), that were found violated between the collocation points."""
     own = np.where(violation > 0, BACKOFF * violation + TOLERANCE, 0.0)
-    # what is pressed down in one element comes up beside it
+    # a violation that is lowered in one element rises in its neighbours
     spread = np.minimum(own, LITTLE)
     for _ in range(min(REACH, len(own) - 1)):
         before, after = spread[:-1].copy(), spread[1:].copy()

@@ -75,8 +75,8 @@ class StraightElement(ElementModel):
         return [*kinematic_rows(at, bounds, joints, self.jerk), *torque_rows(at, bounds, joints)]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
-        sigma, fit_parameters, numbers = p
-        limits = PARAMETERS.unpack(numbers)
+        sigma, fit_parameters, parameters = p
+        limits = PARAMETERS.unpack(parameters)
         scale = limits.time_scale
         speed, acceleration, jerk, bound_speed = x[1] / scale, x[2] / scale**2, x[3] / scale**3, x[4] / scale
         path, ddq, dddq = path_derivatives(fit_parameters, x[0], self.jerk)
