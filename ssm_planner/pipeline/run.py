@@ -10,7 +10,7 @@ from pathlib import Path
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.tightening import Strictness
-from ssm_planner.planning.planner import Planned, plan_motion
+from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import ContinuousTorque, Jump, Limit, SelfLocking
@@ -23,7 +23,7 @@ from ssm_planner.verification.check import check
 ATTEMPTS = 4
 
 Progress = Callable[[str], None]
-Outcome = tuple[Planned, Certificate | None, Reason | None]
+Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
 """What was planned, its certificate, and the reason where it is none that passed."""
 
 

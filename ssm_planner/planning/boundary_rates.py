@@ -16,78 +16,98 @@ from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Joint
 from ssm_planner.typing import Array
 
-LOOKS = 201
+SAMPLES = 201
 UNITS = {"revolute": ("deg", 180 / np.pi), "prismatic": ("mm", 1e3)}
-SLACK = 1 + 1e-9
+TOLERANCE = 1 + 1e-9
+"""Factor by which a speed or acceleration may exceed its limit."""
 
 
-def with_speeds(
+def with_boundary_rates(
     problem: Problem, mechanism: Mechanism, phases: tuple[Phase, ...]
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """The phases with q̇ at the start of the first and the end of the last, or the reason why they cannot have them.
 
     Raises ProblemError where a straight motion would leave its line.
     """
-    changed = list(phases)
-    for key, rates, k in (("start_rate", problem.start_rate, 0), ("end_rate", problem.end_rate, -1)):
-        rate = np.array([rates.get(name, 0.0) for name in TASK])
-        if not rate.any():
-            continue
-        phase = changed[k]
-        if phase.motion.kind == "dwell":
-            raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
-        if phase.path is not None:
-            way = phase.end - phase.start
-            along = way * (way @ rate) / (way @ way)
-            if way @ rate < 0 or np.abs(rate - along).max() > 1e-9 * np.abs(rate).max():
-                raise ProblemError(
-                    f"a straight motion ({phase.motion.name}) keeps to its line, from its start to its target",
-                    file=problem.file,
-                    key=key,
-                    allowed="rates of the coordinates that the motion changes, in their ratio, and in its direction",
-                )
-        q = phase.points[k]
-        by_joint = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
-        speed = np.linalg.solve(by_joint, rate)
-        speed[np.abs(speed) < 1e-12 * np.abs(speed).max()] = 0.0
-        step = phase.points[1] - phase.points[0] if k == 0 else phase.points[-1] - phase.points[-2]
-        reason = _too_fast(problem, phase, key, speed, step)
-        if reason is not None:
-            return phases, reason
-        changed[k] = replace(phase, first_speed=speed) if k == 0 else replace(phase, last_speed=speed)
-    return tuple(changed), next((r for phase in changed if (r := _too_near(problem, phase)) is not None), None)
+    first, reason = _with_rate(problem, mechanism, phases[0], "start_rate")
+    if reason is not None:
+        return phases, reason
+    phases = (first, *phases[1:])
+    last, reason = _with_rate(problem, mechanism, phases[-1], "end_rate")
+    if reason is not None:
+        return phases, reason
+    phases = (*phases[:-1], last)
+    return phases, next((reason for phase in phases if (reason := _too_near(problem, phase)) is not None), None)
 
 
-def _too_fast(problem: Problem, phase: Phase, key: str, speed: Array, step: Array) -> Reason | None:
-    """A joint that would be faster than its limit, or move against its way in a free motion."""
+def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -> tuple[Phase, Reason | None]:
+    """A phase with q̇ at one end, from the task rates that the problem asks for there; key: start_rate or end_rate."""
+    at_start = key == "start_rate"
+    asked = problem.start_rate if at_start else problem.end_rate
+    rate = np.array([asked.get(name, 0.0) for name in TASK])
+    if not rate.any():
+        return phase, None
+    if phase.motion.kind == "dwell":
+        raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
+    if phase.path is not None:
+        _refuse_off_line(problem, phase, key, rate)
+    qd = _joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
+    step = phase.points[1] - phase.points[0] if at_start else phase.points[-1] - phase.points[-2]
+    reason = _too_fast(problem, phase, key, qd, step)
+    return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
+
+
+def _refuse_off_line(problem: Problem, phase: Phase, key: str, rate: Array) -> None:
+    """ProblemError for task rates (4,) that do not point along a straight motion."""
+    way = phase.end - phase.start
+    along = way * (way @ rate) / (way @ way)
+    if way @ rate < 0 or np.abs(rate - along).max() > 1e-9 * np.abs(rate).max():
+        raise ProblemError(
+            f"a straight motion ({phase.motion.name}) keeps to its line, from its start to its target",
+            file=problem.file,
+            key=key,
+            allowed="rates of the coordinates that the motion changes, in their ratio, and in its direction",
+        )
+
+
+def _joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
+    """q̇ (4,) at which the task coordinates change at `rate` (4,), at the joints q (4,)."""
+    jacobian = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
+    qd = np.asarray(np.linalg.solve(jacobian, rate), dtype=float)
+    qd[np.abs(qd) < 1e-12 * np.abs(qd).max()] = 0.0
+    return qd
+
+
+def _too_fast(problem: Problem, phase: Phase, key: str, qd: Array, step: Array) -> Reason | None:
+    """A joint that would be faster than its limit, or move against its way in a free motion; step (4,): that way."""
     place = f"{phase.motion.name}, {key.replace('_', ' ')}"
     for i, joint in enumerate(problem.robot.joints):
         unit, scale = UNITS[joint.kind]
-        if abs(speed[i]) > joint.velocity * SLACK:
+        if abs(qd[i]) > joint.velocity * TOLERANCE:
             text = (
-                f"joint {joint.name} would move at {scale * abs(speed[i]):.4g} {unit}/s, its limit is "
+                f"joint {joint.name} would move at {scale * abs(qd[i]):.4g} {unit}/s, its limit is "
                 f"{scale * joint.velocity:.4g} {unit}/s ({place})"
             )
-            return Reason(joint.limit(JointVelocity), place, float(abs(speed[i])), joint.velocity, text)
-        if phase.path is None and speed[i] * np.sign(step[i]) <= 0 and speed[i] != 0:
+            return Reason(joint.limit(JointVelocity), place, float(abs(qd[i])), joint.velocity, text)
+        if phase.path is None and qd[i] * np.sign(step[i]) <= 0 and qd[i] != 0:
             text = (
                 f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
                 "add a point where it turns, or leave this rate out"
             )
-            return Reason(Direction(joint.name), place, float(np.sign(step[i])), float(np.sign(speed[i])), text)
+            return Reason(Direction(joint.name), place, float(np.sign(step[i])), float(np.sign(qd[i])), text)
     return None
 
 
 def _too_near(problem: Problem, phase: Phase) -> Reason | None:
-    """A joint that its acceleration limit does not let stop, or get up to speed, on all the way that it has."""
-    if not (phase.first_speed.any() or phase.last_speed.any()):
+    """A joint whose way is too short for its change of speed: |q̇₁² − q̇₀²| = 2 q̈ way at least needs more than q̈_max."""
+    if not (phase.qd_start.any() or phase.qd_end.any()):
         return None
-    q = phase.points if phase.path is None else phase.path.sample(np.linspace(0.0, 1.0, LOOKS)).q
+    q = phase.points if phase.path is None else phase.path.sample(np.linspace(0.0, 1.0, SAMPLES)).q
     for i, joint in enumerate(problem.robot.joints):
-        first, last = float(phase.first_speed[i]), float(phase.last_speed[i])
+        first, last = float(phase.qd_start[i]), float(phase.qd_end[i])
         way = float(np.abs(np.diff(q[:, i])).sum())
         needed = abs(first**2 - last**2) / (2 * way) if way > 0 else 0.0
-        if needed > joint.acceleration * SLACK:
+        if needed > joint.acceleration * TOLERANCE:
             return _no_room(phase, joint, way, (first, last), needed)
     return None
 

@@ -1,4 +1,4 @@
-"""Whether the places of a motion are allowed: joint ranges and the eye, along straight paths and at the points of others."""
+"""Whether a motion stays where limits allow: joint ranges and the eye, along straight paths and at the points of others."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
-LOOKS = 201
-SLACK = 1e-9
-"""Share of a range, or m and shares of the lens, by which a place may miss it."""
+SAMPLES = 201
+TOLERANCE = 1e-9
+"""Share of a range, or m and shares of the lens, by which a joint or the tip may miss it."""
 
 
-def misplaced(problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]) -> Reason | None:
+def infeasible_place(problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]) -> Reason | None:
     """The first place that a limit forbids: a joint's range, the retina's clearance or the lens."""
     for phase in phases:
-        q = phase.path.sample(np.linspace(0.0, 1.0, LOOKS)).q if phase.path is not None else phase.points
-        reason = _range(problem.robot, phase, q) or by_eye(problem, mechanism, phase, q)
+        q = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES)).q if phase.path is not None else phase.points
+        reason = _beyond_range(problem.robot, phase, q) or blocked_by_eye(problem, mechanism, phase, q)
         if reason is not None:
             return reason
     return None
 
 
-def place(phase: Phase, k: int, count: int) -> str:
+def _where(phase: Phase, k: int, count: int) -> str:
     """Words for sample k of `count` along a phase."""
     if phase.path is None and count == len(phase.points) and 0 < k < count - 1:
         return f"{phase.motion.name}, at point {k} on its way"
@@ -41,16 +41,17 @@ def place(phase: Phase, k: int, count: int) -> str:
     return f"{phase.motion.name}, {100 * k / (count - 1):.0f} % of the way"
 
 
-def _range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
+def _beyond_range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
+    """The first joint that leaves its range at one of these samples (n, 4), where it does so most."""
     for i, joint in enumerate(robot.joints):
         low, high = joint.position
         over = np.maximum(low - q[:, i], q[:, i] - high)
-        if over.max() <= SLACK * (high - low):
+        if over.max() <= TOLERANCE * (high - low):
             continue
         k = int(np.argmax(over))
         value, limit = float(q[k, i]), low if q[k, i] < low else high
         unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
-        where = place(phase, k, len(q))
+        where = _where(phase, k, len(q))
         text = (
             f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
             f"{limit * scale:.6g} {unit} ({where})"
@@ -59,8 +60,8 @@ def _range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
     return None
 
 
-def by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Reason | None:
-    """The retina or the lens, where it forbids one of these joints (n, 4): the worst place."""
+def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Reason | None:
+    """The retina or the lens where one of these samples (n, 4) comes too near, where it does so most."""
     if problem.eye is None:
         return None
     values = eye_limits(NUMPY, problem.eye, tip_position(mechanism, q).T)
@@ -68,9 +69,9 @@ def by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Re
         value, least = values[each.name]
         k = int(np.argmin(value))
         found = float(value[k])
-        if found >= least - SLACK:
+        if found >= least - TOLERANCE:
             continue
-        where = place(phase, k, len(q))
+        where = _where(phase, k, len(q))
         if isinstance(each, RetinaClearance):
             text = (
                 f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"

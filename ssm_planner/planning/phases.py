@@ -13,7 +13,7 @@ from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.retiming.paths import StraightPath
-from ssm_planner.planning.scan_pattern import expanded
+from ssm_planner.planning.scan_pattern import expand_scans
 from ssm_planner.problem.problem import TASK, Motion, Problem, Target
 from ssm_planner.typing import Array
 
@@ -23,35 +23,27 @@ NOWHERE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """One entry of the motion list; start and end in task coordinates, (4,)."""
+    """One entry of the motion list, with its place in the robot's workspace."""
 
     motion: Motion
     start: Array
     end: Array
+    """Task coordinates at both ends, (4,)."""
     points: Array
     """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
     path: StraightPath | None
     """None for a dwell and for a free motion."""
-    first_speed: Array = field(default_factory=lambda: np.zeros(4))
-    last_speed: Array = field(default_factory=lambda: np.zeros(4))
-    """q̇ at both ends, (4,)."""
+    qd_start: Array = field(default_factory=lambda: np.zeros(4))
+    qd_end: Array = field(default_factory=lambda: np.zeros(4))
+    """Joint speeds at both ends, (4,)."""
 
     @property
-    def first(self) -> Array:
+    def q_start(self) -> Array:
         return np.asarray(self.points[0])
 
     @property
-    def last(self) -> Array:
-        return np.asarray(self.points[-1])
-
-    @property
-    def straight(self) -> StraightPath:
-        if self.path is None:
-            raise ValueError(f"{self.motion.name} is no straight motion")
-        return self.path
-
-    @property
     def branch(self) -> int | None:
+        """Branch of the inverse kinematics that a straight motion stays on: +1 or −1."""
         return None if self.path is None else self.path.branch
 
 
@@ -74,34 +66,53 @@ def _with_turns(q: Array) -> list[Array]:
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
-def phases_from(problem: Problem, mechanism: Mechanism, first: Array) -> tuple[Phase, ...]:
-    """The phases one after the other from a start configuration; start and end in task coordinates stay continuous."""
-    phases = []
-    driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
+def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase, ...]:
+    """The phases one after the other from a start configuration q (4,); task coordinates stay continuous.
+
+    Raises ProblemError for a point out of reach or a motion that goes nowhere.
+    """
+    phases: list[Phase] = []
     near = None if problem.start.task is None else _task_of(problem, mechanism, problem.start, np.zeros(4))
-    start = task_from_joints(mechanism, first[None, :], near=near)[0]
-    for motion in expanded(problem, mechanism):
+    task = task_from_joints(mechanism, q[None, :], near=near)[0]
+    for motion in expand_scans(problem, mechanism):
         if motion.kind == "dwell" or motion.target is None:
-            phases.append(Phase(motion, start, start, np.stack([first, first]), None))
-            continue
-        path = None
-        if motion.kind == "straight":
-            end = _task_of(problem, mechanism, motion.target, start)
-            _refuse_standstill(problem, motion, end - start)
-            branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
-            path = StraightPath(mechanism, start=start, end=end, branch=branch, first=first, watched=driven)
-            points = path.sample(np.array([0.0, 1.0])).q
+            phase = Phase(motion, task, task, np.stack([q, q]), None)
+        elif motion.kind == "straight":
+            phase = _straight_phase(problem, mechanism, motion, motion.target, (task, q))
         else:
-            passed = [first]
-            end = start
-            for k, target in enumerate((*motion.through, motion.target)):
-                passed.append(_free_end(problem, mechanism, target, end, passed[-1]))
-                _refuse_standstill(problem, motion, passed[-1] - passed[-2], k if motion.through else None)
-                end = task_from_joints(mechanism, passed[-1][None, :], near=end)[0]
-            points = np.stack(passed)
-        phases.append(Phase(motion, start, end, points, path))
-        start, first = end, points[-1]
+            phase = _free_phase(problem, mechanism, motion, (*motion.through, motion.target), (task, q))
+        phases.append(phase)
+        task, q = phase.end, phase.points[-1]
     return tuple(phases)
+
+
+def _straight_phase(
+    problem: Problem, mechanism: Mechanism, motion: Motion, target: Target, at: tuple[Array, Array]
+) -> Phase:
+    """A motion straight in task coordinates; at: task coordinates and joints where it starts, (4,) each."""
+    start, q = at
+    end = _task_of(problem, mechanism, target, start)
+    _refuse_standstill(problem, motion, end - start)
+    driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
+    path = StraightPath(mechanism, start=start, end=end, branch=_branch_of(mechanism, q), first=q, watched=driven)
+    return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
+
+
+def _free_phase(
+    problem: Problem, mechanism: Mechanism, motion: Motion, targets: tuple[Target, ...], at: tuple[Array, Array]
+) -> Phase:
+    """A motion through points and to the last; at: task coordinates and joints where it starts, (4,) each."""
+    start, q = at
+    points, end = [q], start
+    for k, target in enumerate(targets):
+        points.append(_free_end(problem, mechanism, target, end, points[-1]))
+        _refuse_standstill(problem, motion, points[-1] - points[-2], k if motion.through else None)
+        end = task_from_joints(mechanism, points[-1][None, :], near=end)[0]
+    return Phase(motion, start, end, np.stack(points), None)
+
+
+def _branch_of(mechanism: Mechanism, q: Array) -> int:
+    return 1 if np.sin(q[1] - mechanism.delta) > 0 else -1
 
 
 def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Array, first: Array) -> Array:
@@ -109,7 +120,7 @@ def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Arra
     if target.joints is not None:
         return np.array(target.joints)
     found = _solutions(problem, mechanism, target, held, first)
-    branch = 1 if np.sin(first[1] - mechanism.delta) > 0 else -1
+    branch = _branch_of(mechanism, first)
     usable = found.valid[0] & (found.branch[0] == branch)
     if not usable.any():
         usable = found.valid[0] if found.valid[0].any() else found.reaches[0]

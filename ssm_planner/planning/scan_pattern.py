@@ -19,7 +19,7 @@ from ssm_planner.problem.problem import TASK, Eye, Motion, Problem, Scan, Target
 from ssm_planner.typing import Array
 
 
-def expanded(problem: Problem, mechanism: Mechanism) -> tuple[Motion, ...]:
+def expand_scans(problem: Problem, mechanism: Mechanism) -> tuple[Motion, ...]:
     """The motion list with every scan as free motions to, or through, its spots. Raises ProblemError."""
     result: list[Motion] = []
     for motion in problem.motion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.planning.ocp.transcription import forget_solutions
-from ssm_planner.planning.planner import Planned, plan_motion
+from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory, hermite
@@ -16,7 +16,7 @@ from ssm_planner.verification.check import check
 SUBDIVISION = 4
 
 
-def planned_anew(problem: Problem) -> Planned:
+def planned_anew(problem: Problem) -> PlannerResult:
     """Plan without what earlier plans have solved."""
     forget_solutions()
     return plan_motion(problem)

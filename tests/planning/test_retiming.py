@@ -8,7 +8,7 @@ import pytest
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.straight import joint_pieces
-from ssm_planner.planning.planner import phases_of
+from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import retime
 from ssm_planner.problem.problem import Problem
@@ -19,7 +19,7 @@ Weaker = Callable[[Robot, float], Robot]
 
 
 def paths(problem: Problem) -> list[StraightPath]:
-    phases, reason = phases_of(problem, Mechanism.from_geometry(problem.robot.geometry))
+    phases, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
     assert reason is None
     return [phase.path for phase in phases if phase.path is not None]
 

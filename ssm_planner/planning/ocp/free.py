@@ -72,6 +72,10 @@ class FreeResult:
     def solved(self) -> bool:
         return self.status == "solved"
 
+    @property
+    def duration(self) -> float:
+        return float(self.breaks[-1])
+
 
 def solve_free(
     problem: Problem,
