@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +12,7 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import mesh_coefficients, motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem.drive import Drive, Friction, FrictionLawName
+from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
@@ -42,9 +42,9 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
     if law == "coulomb":
         friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}
-    return replace(
+    return unchecked(
         drive,
-        friction=replace(base, law=cast(FrictionLawName, law), **friction),
+        friction=unchecked(base, law=cast(FrictionLawName, law), **friction),
         preload=values.get("preload", drive.preload),
     )
 

@@ -1,15 +1,11 @@
-"""Optional parts of a drive file that only sizing reads: what the manufacturer allows, and ranges of friction.
-
-A drive file → Drive: geometry resolved, friction checked, self-locking proven.
-"""
+"""A drive file → Drive: its geometry resolved, the source of each figure beside it."""
 
 from __future__ import annotations
 
 import math
 
-from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drive_geometry import BadGeometry, resolve
-from ssm_planner.loading.faults import validated
+from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.schema.common import Figure
 from ssm_planner.loading.schema.drive import (
     DRIVES,
@@ -25,21 +21,11 @@ from ssm_planner.problem.drive import Drive, Friction, Ratings, Rig
 from ssm_planner.typing import Range
 
 
-def ratings_from(section: Section, model: RatingsModel | None) -> Ratings | None:
-    """The rated figures of a drive. Raises ProblemError where they contradict each other."""
+def ratings_from(model: RatingsModel | None) -> Ratings | None:
+    """The rated figures of a drive."""
     if model is None:
         return None
-    values = {name: figure.value for name, figure in model.figures()}
-    here = section.sub("ratings")
-    continuous, peak = values.get("continuous_output"), values.get("peak_output")
-    if continuous is not None and peak is not None and peak < continuous:
-        raise here.error("smaller than continuous_output", "peak_output", allowed=f"at least {continuous:g} in SI")
-    if values.get("duty", 0.0) > 1:
-        raise here.error("more than all of the time", "duty", allowed="a share above 0 and up to 1")
-    length, diameter = values.get("free_length"), values.get("root_diameter")
-    if length is not None and diameter is not None and diameter > length:
-        raise here.error("thicker than long: is the unit right?", "root_diameter", allowed="less than free_length")
-    return Ratings(ends=getattr(model, "ends", None), **values)
+    return Ratings(ends=getattr(model, "ends", None), **{name: figure.value for name, figure in model.figures()})
 
 
 def rating_figures(model: RatingsModel | None, default: str | None) -> tuple[dict[str, Figure], dict[str, str]]:
@@ -51,28 +37,12 @@ def rating_figures(model: RatingsModel | None, default: str | None) -> tuple[dic
     return figures, {} if origin is None else dict.fromkeys(figures, origin)
 
 
-def friction_ranges_from(section: Section, model: FrictionRanges | None, friction: Friction | None) -> dict[str, Range]:
-    """Ranges of friction parameters by name; each must hold the parameter's own value. Raises ProblemError."""
+def friction_ranges_from(model: FrictionRanges | None) -> dict[str, Range]:
+    """Ranges of friction parameters by name."""
     if model is None:
         return {}
-    here = section.sub("friction_ranges")
-    if friction is None:
-        raise section.error("ranges of a friction that is still to be identified", "friction_ranges", show=False)
-    ranges: dict[str, Range] = {}
-    for name in type(model).model_fields:
-        ends = getattr(model, name)
-        if name == "source" or ends is None:
-            continue
-        value = getattr(friction, name)
-        low, high = ends
-        if low < 0:
-            raise here.error("friction is not negative", name, allowed="[lower, upper], from 0")
-        if not low <= value <= high:
-            raise here.error(
-                f"does not hold the value of {name} itself, {value:g} in SI", name, allowed="a range around it"
-            )
-        ranges[name] = (float(low), float(high))
-    return ranges
+    ranges = {name: getattr(model, name) for name in type(model).model_fields if name != "source"}
+    return {name: ends for name, ends in ranges.items() if ends is not None}
 
 
 LARGEST_MU = 1.5
@@ -87,31 +57,30 @@ def drive_from(section: Section) -> Drive:
     worm = model.kind == "worm"
     sources, placeholders = _origins(model)
     friction = _friction(section, model.friction)
-    drive = Drive(
-        name=model.name,
-        kind=model.kind,
-        ratio=dimensions["ratio"],
-        gamma=dimensions["worm_diameter"] / dimensions["wheel_diameter"] if worm else dimensions["diameter"] / 2,
-        lead_angle=lead_angle,
-        pressure_angle=math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
-        input_inertia=model.input_inertia.value,
-        output_inertia=model.output_inertia.value,
-        friction=friction,
-        preload=model.preload.value if isinstance(model, AntibacklashScrewModel) else 0.0,
-        second_nut_mass=model.second_nut_mass.value if isinstance(model, AntibacklashScrewModel) else 0.0,
-        self_locking=model.self_locking == "required",
-        dimensions=dimensions,
-        sources=sources,
-        placeholders=placeholders,
-        rig=_rig(model),
-        file=str(section.file),
-        ratings=ratings_from(section, model.ratings),
-        friction_ranges=friction_ranges_from(section, model.friction_ranges, friction),
-    )
-    if drive.friction is None and drive.rig is None:
-        raise section.error("missing: only a drive with a rig may leave its friction to be identified", "friction")
-    _check_locking(section, drive)
-    return drive
+    with located(section.sub("ratings")):
+        ratings = ratings_from(model.ratings)
+    with located(section):
+        return Drive(
+            name=model.name,
+            kind=model.kind,
+            ratio=dimensions["ratio"],
+            gamma=dimensions["worm_diameter"] / dimensions["wheel_diameter"] if worm else dimensions["diameter"] / 2,
+            lead_angle=lead_angle,
+            pressure_angle=math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
+            input_inertia=model.input_inertia.value,
+            output_inertia=model.output_inertia.value,
+            friction=friction,
+            preload=model.preload.value if isinstance(model, AntibacklashScrewModel) else 0.0,
+            second_nut_mass=model.second_nut_mass.value if isinstance(model, AntibacklashScrewModel) else 0.0,
+            self_locking=model.self_locking == "required",
+            dimensions=dimensions,
+            sources=sources,
+            placeholders=placeholders,
+            rig=_rig(model),
+            file=str(section.file),
+            ratings=ratings,
+            friction_ranges=friction_ranges_from(model.friction_ranges),
+        )
 
 
 def _model(section: Section) -> type[WormModel] | type[LeadScrewModel] | type[AntibacklashScrewModel]:
@@ -147,21 +116,14 @@ def _friction(section: Section, model: FrictionModel | None) -> Friction | None:
         return None
     values = {name: figure.value for name, figure in model.figures()}
     values.setdefault("mu_static", values["mu"])
-    mu = values["mu"]
     here = section.sub("friction")
     for name in ("mu", "mu_static"):
         if values[name] > LARGEST_MU:
             raise here.error("implausible for a coefficient of friction", name, allowed=f"0 to {LARGEST_MU}")
-    if values["mu_static"] < mu:
-        raise here.error("smaller than mu", "mu_static", allowed=f"at least mu = {mu:g}")
-    if values.get("mu_lowest", mu) > mu:
-        raise here.error("larger than mu", "mu_lowest", allowed=f"at most mu = {mu:g}")
-    stribeck = [name for name in ("mu_stribeck", "stribeck_speed") if name in values]
-    if model.law == "coulomb" and stribeck:
-        raise here.error("not a parameter of the coulomb law", stribeck[0], allowed="law: stribeck_exponential or …")
-    if model.law != "coulomb" and len(stribeck) < 2:
+    if model.law != "coulomb" and not {"mu_stribeck", "stribeck_speed"} <= values.keys():
         raise here.error(f"the law {model.law} needs mu_stribeck and stribeck_speed", "law")
-    return Friction(law=model.law, covariance=model.covariance, source=model.source, **values)
+    with located(here):
+        return Friction(law=model.law, covariance=model.covariance, source=model.source, **values)
 
 
 def _rig(model: AnyModel) -> Rig | None:
@@ -199,31 +161,3 @@ def _origins(model: AnyModel) -> tuple[dict[str, str], tuple[str, ...]]:
         sources["friction_ranges"] = model.friction_ranges.source
     sources |= {name: figure.source for name, figure in figures.items() if figure.source is not None}
     return sources, tuple(name for name, figure in figures.items() if figure.placeholder)
-
-
-def _check_locking(section: Section, drive: Drive) -> None:
-    """φ_f = atan(μ/cos θ_n) ≤ λ: the load drives the motor (values at rest do not count: they can be shaken off)."""
-    friction = drive.friction
-    if friction is None:
-        return
-    lowest, path = friction.mu, ("friction", "mu")
-    if friction.mu_lowest is not None:
-        lowest, path = friction.mu_lowest, ("friction", "mu_lowest")
-    if drive.friction_ranges.get("mu", (lowest,))[0] < lowest:
-        lowest, path = drive.friction_ranges["mu"][0], ("friction_ranges", "mu")
-    repose = math.atan(lowest / math.cos(drive.pressure_angle))
-    if drive.self_locking and repose <= drive.lead_angle:
-        raise _not_locking(section, drive, path, repose)
-    highest = max(friction.mu_static, friction.mu + friction.mu_stribeck)
-    if drive.lead_angle + math.atan(highest / math.cos(drive.pressure_angle)) >= math.pi / 2:
-        raise section.error("with this lead angle and friction the gear jams: λ + φ_f is 90 deg or more", "friction")
-
-
-def _not_locking(section: Section, drive: Drive, path: tuple[str, str], repose: float) -> ProblemError:
-    needed = math.tan(drive.lead_angle) * math.cos(drive.pressure_angle)
-    return section.error(
-        f"the drive does not lock itself: lead angle λ = {math.degrees(drive.lead_angle):.4g} deg, "
-        f"friction angle φ_f = {math.degrees(repose):.4g} deg, and φ_f must be larger",
-        *path,
-        allowed=f"mu above {needed:.4g}, or self_locking: not required",
-    )

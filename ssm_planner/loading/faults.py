@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -21,6 +24,21 @@ def validated(section: Section, model: type[M]) -> M:
     except ValidationError as error:
         faults = [_fault(section, details) for details in error.errors(include_url=False)]
     raise combined(faults)
+
+
+@contextmanager
+def located(section: Section, keys: Mapping[str, tuple[str | int, ...]] | None = None) -> Iterator[None]:
+    """Completes errors of values made within by file and line; keys: where a field stands that the file calls otherwise."""
+    try:
+        yield
+    except ProblemError as error:
+        if error.file is not None or error.key is None:
+            raise
+        field = error.key.partition(".")[2]
+        name, rest = next(((name, path) for name, path in (keys or {}).items() if field.startswith(name)), ("", ()))
+        parts = re.findall(r"[^.\[\]]+", field.removeprefix(name))
+        path = (*rest, *(int(part) if part.isdecimal() else part for part in parts))
+        raise section.error(error.reason, *path, allowed=error.allowed) from None
 
 
 def combined(faults: list[ProblemError]) -> ProblemError:

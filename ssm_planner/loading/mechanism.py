@@ -1,7 +1,4 @@
-"""The mechanism's axes, from unit vectors or from the angles α, β and the tilt at home.
-
-Body entries of a robot file → Body, with an inertia that a body can have.
-"""
+"""Geometry and bodies of a robot file: axes from unit vectors or from angles, inertias in either sign convention."""
 
 from __future__ import annotations
 
@@ -9,14 +6,13 @@ import math
 
 import numpy as np
 
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.faults import located
 from ssm_planner.loading.schema.robot import BodyModel, GeometryModel, InertiaModel
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.robot import Body, Geometry, frozen
+from ssm_planner.problem.robot import SMALLEST_ANGLE, Body, Geometry, frozen, possible, principal_moments, unit_vector
 from ssm_planner.typing import Array
 
-UNIT_TOLERANCE = 1e-6
-SMALLEST_ANGLE = math.radians(0.1)
-"""Between neighbouring axes; below it they count as parallel."""
 BETA_TOLERANCE = math.radians(0.5)
 
 
@@ -43,34 +39,16 @@ def geometry_from(section: Section, model: GeometryModel, last_frame: Array) -> 
         omegas = tuple(_unit(section, model, name) for name in ("joint1", "joint2", "joint3"))
     else:
         omegas = _from_angles(section, model)
-    for first, second in ((0, 1), (1, 2)):
-        if np.linalg.norm(np.cross(omegas[first], omegas[second])) < math.sin(SMALLEST_ANGLE):
-            raise section.error(
-                f"the axes of joints {first + 1} and {second + 1} are parallel",
-                *(("axes",) if model.axes is not None else ("alpha" if first == 0 else "home_tilt",)),
-                allowed="at least 0.1 deg between neighbouring axes",
-            )
     tool_home = last_frame if model.tool_home is None else rotation(model.tool_home)
-    if np.linalg.norm(tool_home[:, 2] - omegas[2]) > UNIT_TOLERANCE:
-        found, wanted = (np.array2string(vector, precision=5) for vector in (tool_home[:, 2], omegas[2]))
-        source = "the last body's frame" if model.tool_home is None else "this frame"
-        raise section.error(
-            f"the z axis of the tool is the tool axis, {wanted}, but {source} has its z along {found}",
-            "tool_home",
-            allowed="rotations from the base to the tool at home, such as [y -113 deg, y 90 deg]",
-            show=False,
-        )
-    omega1, omega2, omega3 = (frozen(omega, (3,)) for omega in omegas)
-    sign = -1 if model.insertion == "negative" else 1
-    return Geometry(omega1, omega2, omega3, frozen(tool_home, (3, 3)), sign)
+    axes = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
+    keys = axes if model.axes is not None else {"omega2": ("alpha",), "omega3": ("home_tilt",)}
+    with located(section, keys):
+        return Geometry(omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1)
 
 
 def _unit(section: Section, model: GeometryModel, name: str) -> Array:
-    axis = np.array(getattr(model.axes, name))
-    length = float(np.linalg.norm(axis))
-    if abs(length - 1) > UNIT_TOLERANCE:
-        raise section.error(f"the vector has length {length:.7g}", "axes", name, allowed="a unit vector, within 1e-6")
-    return axis / length
+    with located(section.sub("axes")):
+        return unit_vector(np.array(getattr(model.axes, name)), f"axes.{name}")
 
 
 def _from_angles(section: Section, model: GeometryModel) -> tuple[Array, Array, Array]:
@@ -118,9 +96,6 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
     return math.asin(wanted / across)
 
 
-SLACK = 1e-6
-"""Of the triangle inequality, relative to the largest moment: printed figures are rounded."""
-
 LARGEST_GYRATION = 1.0
 """m; a link of a surgical tool is smaller."""
 
@@ -131,24 +106,27 @@ def bodies_from(section: Section, models: list[BodyModel]) -> tuple[Body, Body, 
     bodies = []
     for i, model in enumerate(models):
         frame = frame @ rotation(model.frame)
-        inertia = _inertia(section.sub(i), model)
-        bodies.append(
-            Body(model.name, model.mass, frozen(model.com, (3,)), frozen(inertia, (3, 3)), frozen(frame, (3, 3)))
-        )
+        bodies.append(_body(section.sub(i), model, frame))
     first, second, third, fourth = bodies
     return first, second, third, fourth
 
 
-def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
-    """Principal moments about the centre of mass, ascending, kg·m², (3,); inertia (3, 3) is about the origin."""
-    about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
-    return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
-
-
-def possible(moments: Array) -> bool:
-    """Whether a body can have these principal moments: positive, none above the sum of the other two."""
-    low, middle, high = moments
-    return bool(low > 0 and high <= low + middle + SLACK * high)
+def _body(section: Section, model: BodyModel, frame: Array) -> Body:
+    tensor = _inertia(section, model)
+    with located(section):
+        try:
+            body = Body(model.name, model.mass, np.array(model.com), tensor, frame)
+        except ProblemError as error:
+            error.reason += _sign_hint(model, tensor) if model.mass > 0 else ""
+            raise
+    gyration = float(np.sqrt(principal_moments(body.mass, body.com, tensor)[2] / body.mass)) if body.mass > 0 else 0.0
+    if gyration > LARGEST_GYRATION:
+        raise section.error(
+            f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?",
+            "inertia",
+            allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m",
+        )
+    return body
 
 
 def _tensor(model: InertiaModel, sign: float) -> Array:
@@ -172,41 +150,18 @@ def _inertia(section: Section, model: BodyModel) -> Array:
         )
     sign = -1.0 if convention == "cad" else 1.0
     tensor = _tensor(model.inertia, sign)
-    if model.mass == 0:
-        if np.any(tensor):
-            raise section.error("a body without mass has no inertia", "inertia", allowed="zeros, or a mass")
-        return tensor
-    com = frozen(model.com, (3,))
-    moments = principal_moments(model.mass, com, tensor)
-    if not possible(moments):
-        flipped = principal_moments(model.mass, com, _tensor(model.inertia, -sign))
-        raise section.error(_impossible(moments, flipped, convention), "inertia", allowed=_LAW)
-    gyration = float(np.sqrt(moments[2] / model.mass))
-    if gyration > LARGEST_GYRATION:
-        raise section.error(
-            f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?",
-            "inertia",
-            allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m",
-        )
     return tensor
 
 
-_LAW = "principal moments about the centre of mass that are positive, none above the sum of the other two"
-
-
-def _impossible(moments: Array, flipped: Array, convention: str | None) -> str:
-    text = f"no body can have this inertia: its principal moments about the centre of mass are {_list(moments)}"
-    if convention is not None:
-        other = "tensor" if convention == "cad" else "cad"
-        text += f"; the usual cause is the sign of the products of inertia: here products_of_inertia is {convention}"
-        if possible(flipped):
-            text += f", and with {other} the moments are {_list(flipped)}, which a body can have: try it"
-        else:
-            text += (
-                f", but {other} would not do either; check that it is about the origin of the body frame, and its unit"
-            )
-    return text
-
-
-def _list(moments: Array) -> str:
-    return "(" + ", ".join(f"{moment:.4g}" for moment in moments) + ") kg*m^2"
+def _sign_hint(model: BodyModel, tensor: Array) -> str:
+    """What to try where no body can have the tensor."""
+    convention = model.products_of_inertia
+    if convention is None:
+        return ""
+    other = "tensor" if convention == "cad" else "cad"
+    hint = f"; the usual cause is the sign of the products of inertia: here products_of_inertia is {convention}"
+    flipped = principal_moments(model.mass, frozen(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor)
+    if possible(flipped):
+        listed = ", ".join(f"{moment:.4g}" for moment in flipped)
+        return f"{hint}, and with {other} the moments are ({listed}) kg*m^2, which a body can have: try it"
+    return f"{hint}, but {other} would not do either; check that it is about the origin of the body frame, and its unit"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ssm_planner.loading.faults import validated
+from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.loading.schema.motor import MotorisationModel
 from ssm_planner.loading.shipped import find
@@ -23,7 +23,6 @@ def motorisation_from(section: Section) -> Motorisation:
         raise section.error("a problem to plan: plan it first, then size its plan.json", "motion", show=False)
     model = validated(section, MotorisationModel)
     robot = robot_from(follow(section, "robot"))
-    drives = {joint.name: joint.drive for joint in robot.joints}
     strokes: list[Stroke] = []
     for i, run in enumerate(model.back_and_forth):
         here = section.sub("back_and_forth", i)
@@ -31,10 +30,8 @@ def motorisation_from(section: Section) -> Motorisation:
         if len(given) != 1:
             raise here.error(f"{len(given)} joints in one run", allowed="one joint per run: roll, tilt or insertion")
         (joint,) = given
-        if drives[joint] is None:
-            raise here.error("this joint has no drive, so there is no motor to size", joint, allowed="a driven joint")
-        if any(stroke.joint == joint for stroke in strokes):
-            raise here.error("a second run of this joint", joint, allowed="one run per joint and file")
         stroke = getattr(run, joint)
         strokes.append(Stroke(joint, stroke.centre, stroke.reach, stroke.velocity, stroke.acceleration, model.held))
-    return Motorisation(model.name or section.file.stem, robot, tuple(strokes), str(section.file))
+    keys = {f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint) for i, stroke in enumerate(strokes)}
+    with located(section, keys):
+        return Motorisation(model.name or section.file.stem, robot, tuple(strokes), str(section.file))

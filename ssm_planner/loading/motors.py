@@ -1,14 +1,11 @@
-"""Slips of unit in a motor file, found by holding its figures against each other.
-
-A motor file → Motor: figures that contradict each other or their unit are found here.
-"""
+"""A motor file → Motor: slips of unit are found by holding its figures against each other."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-from ssm_planner.loading.faults import validated
+from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.schema.motor import MotorModel
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.motor import Motor
@@ -67,23 +64,12 @@ def _check_voltage(section: Section, values: Mapping[str, float]) -> None:
 
 
 def _check_heat(section: Section, values: Mapping[str, float]) -> None:
-    if values.get("torque_constant_per_kelvin", 0.0) > 0:
-        raise section.error(
-            "magnets weaken as they warm", "torque_constant_per_kelvin", allowed="0 or less, such as -0.0011"
-        )
     limit = values.get("max_winding_temperature")
     if limit is not None and not WINDING_TEMPERATURE[0] <= limit <= WINDING_TEMPERATURE[1]:
         raise section.error(
             "implausible for a winding: is the unit right, degC?",
             "max_winding_temperature",
             allowed=f"{WINDING_TEMPERATURE[0] - 273.15:.0f} degC to {WINDING_TEMPERATURE[1] - 273.15:.0f} degC",
-        )
-    winding, motor = values.get("time_constant_winding"), values.get("time_constant_motor")
-    if winding is not None and motor is not None and winding >= motor:
-        raise section.error(
-            "longer than time_constant_motor: the winding warms faster than the motor as a whole; are they exchanged?",
-            "time_constant_winding",
-            allowed=f"less than {motor:g} s",
         )
     needed = ("nominal_current", "terminal_resistance", "resistance_winding_housing", "resistance_housing_ambient")
     if limit is None or any(name not in values for name in needed):
@@ -124,14 +110,15 @@ def motor_from(section: Section) -> Motor:
     placeholders = tuple(name for name, figure in figures.items() if model.placeholder or figure.placeholder)
     values.pop("speed_constant", None)
     counts = values.pop("encoder_counts", None)
-    return Motor(
-        name=model.name,
-        encoder_counts=None if counts is None else round(counts),
-        sources=sources,
-        placeholders=placeholders,
-        file=str(section.file),
-        **values,
-    )
+    with located(section):
+        return Motor(
+            name=model.name,
+            encoder_counts=None if counts is None else round(counts),
+            sources=sources,
+            placeholders=placeholders,
+            file=str(section.file),
+            **values,
+        )
 
 
 def _check(section: Section, values: dict[str, float]) -> None:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 
 from ssm_planner.loading.eye import eye_from
-from ssm_planner.loading.faults import validated
-from ssm_planner.loading.robots import robot_from, task_limits, travel
+from ssm_planner.loading.faults import located, validated
+from ssm_planner.loading.robots import robot_from, task_limits
 from ssm_planner.loading.schema.problem import (
     EntryModel,
     LimitsModel,
@@ -39,6 +39,9 @@ def problem_from(section: Section) -> Problem:
         )
     start = _target(section.sub("start"), model.start, robot, limits)
     eye = None if model.eye is None else eye_from(section.sub("eye"), model.eye)
+    if eye is not None:
+        with located(section.sub("eye")):
+            eye.check_port()
     entries = enumerate(model.motion)
     motion = tuple(_motion(section.sub("motion", i), entry, robot, limits, eye) for i, entry in entries)
     _refuse_durations(section, model, motion)
@@ -106,7 +109,7 @@ def _speeds(model: LimitsModel) -> list[Limit]:
 def _narrowed(section: Section, robot: Robot, own: Mapping[str, Range]) -> dict[str, Range]:
     """The robot's ranges narrowed by the problem's; depth also by the travel of joint 4."""
     result = robot.ranges
-    for name, range_ in (("depth", travel(robot.geometry, robot.joints[3])), *own.items()):
+    for name, range_ in (("depth", robot.travel), *own.items()):
         if name not in result:
             result[name] = range_
             continue

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from ssm_planner.loading.drives import drive_from
-from ssm_planner.loading.faults import validated
+from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.mechanism import bodies_from, geometry_from
 from ssm_planner.loading.motors import motor_from
 from ssm_planner.loading.schema.robot import PrismaticModel, RevoluteModel, RobotModel, TaskLimitsModel
 from ssm_planner.loading.yaml_nodes import Section, follow
-from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK, TaskRange
-from ssm_planner.problem.robot import JOINTS, Geometry, Joint, Robot, frozen
+from ssm_planner.problem.robot import JOINTS, Joint, Robot, frozen
 from ssm_planner.typing import Range
 
 
@@ -22,30 +21,16 @@ def robot_from(section: Section) -> Robot:
     roll, tilt, spin, insertion = (
         _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
     )
-    ranges = task_limits(model.limits)
-    depths = travel(geometry, insertion)
-    if "depth" in ranges and not max(depths[0], ranges["depth"][0]) < min(depths[1], ranges["depth"][1]):
-        raise section.error(
-            "outside the travel of joint 4",
-            "limits",
-            "depth",
-            allowed=f"within {depths[0] * 1e3:g} mm to {depths[1] * 1e3:g} mm",
+    with located(section):
+        return Robot(
+            name=model.name,
+            geometry=geometry,
+            bodies=bodies,
+            joints=(roll, tilt, spin, insertion),
+            gravity=frozen(model.gravity, (3,)),
+            limits=tuple(TaskRange(name, *ends) for name, ends in task_limits(model.limits).items()),
+            file=str(section.file),
         )
-    return Robot(
-        name=model.name,
-        geometry=geometry,
-        bodies=bodies,
-        joints=(roll, tilt, spin, insertion),
-        gravity=frozen(model.gravity, (3,)),
-        limits=tuple(TaskRange(name, *ends) for name, ends in ranges.items()),
-        file=str(section.file),
-    )
-
-
-def travel(geometry: Geometry, insertion: Joint) -> Range:
-    """Range of depth that joint 4 allows, m."""
-    low, high = sorted(geometry.insertion_sign * position + 0.0 for position in insertion.position)
-    return low, high
 
 
 def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
@@ -55,8 +40,9 @@ def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
 
 
 def _joint(section: Section, name: str, model: RevoluteModel | PrismaticModel) -> Joint:
-    drive = None if model.drive is None else _drive(section, model)
+    drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
+    # in Python another motor may be tried on a drive, whose own rotor then gives way
     if drive is not None and motor is not None and (motor.rotor_inertia or 0.0) > drive.input_inertia:
         raise section.error(
             f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia than the whole input side "
@@ -64,25 +50,15 @@ def _joint(section: Section, name: str, model: RevoluteModel | PrismaticModel) -
             "motor",
             allowed="a drive whose input_inertia counts the rotor in",
         )
-    return Joint(
-        name=name,
-        kind="revolute" if isinstance(model, RevoluteModel) else "prismatic",
-        position=model.position,
-        velocity=model.velocity,
-        acceleration=model.acceleration,
-        jerk=model.jerk,
-        drive=drive,
-        motor=motor,
-        motor_direction=model.motor_direction,
-    )
-
-
-def _drive(section: Section, model: RevoluteModel | PrismaticModel) -> Drive:
-    drive = drive_from(follow(section, "drive"))
-    if drive.friction is None:
-        raise section.error("the friction of this drive is still to be identified", "drive")
-    revolute = isinstance(model, RevoluteModel)
-    if revolute != (drive.kind == "worm"):
-        turns = "turns: it needs a worm" if revolute else "slides: it needs a lead_screw or antibacklash_screw"
-        raise section.error(f"a {drive.kind} drive, but this joint {turns}", "drive")
-    return drive
+    with located(section):
+        return Joint(
+            name=name,
+            kind="revolute" if isinstance(model, RevoluteModel) else "prismatic",
+            position=model.position,
+            velocity=model.velocity,
+            acceleration=model.acceleration,
+            jerk=model.jerk,
+            drive=drive,
+            motor=motor,
+            motor_direction=model.motor_direction,
+        )

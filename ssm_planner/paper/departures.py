@@ -11,14 +11,14 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.identification.fit import fit_map
-from ssm_planner.loading.mechanism import possible, principal_moments
 from ssm_planner.paper.friction import RUNS
 from ssm_planner.paper.motions import SpeedRun
 from ssm_planner.paper.published import BOUNDS, DRIVEN, NUMBER, Inputs
 from ssm_planner.paper.rigs import RigResult, published_drive
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.robot import JOINTS, Body, Robot, frozen
+from ssm_planner.problem.robot import JOINTS, Body, Robot, frozen, possible, principal_moments
+from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -295,7 +295,7 @@ def largest_change(before: Sequence[JointLoad], after: Sequence[JointLoad]) -> d
 
 def _flipped(body: Body) -> Body:
     diagonal = np.diag(np.diag(body.inertia))
-    return replace(body, inertia=frozen(2 * diagonal - body.inertia, (3, 3)))
+    return unchecked(body, inertia=frozen(2 * diagonal - body.inertia, (3, 3)))
 
 
 STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)

@@ -2,30 +2,47 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
-from ssm_planner.typing import Range
+from ssm_planner.problem.value import Names, NotNegative, Positive, Sign, Value
+
+LARGEST_LEAD_ANGLE = math.radians(60)
+LARGEST_THREAD_ANGLE = math.radians(120)
+_RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
+_PARAMETERS = (
+    "mu",
+    "mu_static",
+    "mu_stribeck",
+    "stribeck_speed",
+    "b_c",
+    "b_v",
+    "b_oc",
+    "b_ov",
+    "dwell_constant",
+    "memory",
+)
 
 
-@dataclass(frozen=True)
-class Rig:
+@dataclass(frozen=True, eq=False)
+class Rig(Value):
     """Payload of a rig and the meaning of its recorded channels; SI."""
 
-    payload_mass: float
+    payload_mass: NotNegative
     """kg, moved by the output; 0 without payload."""
-    motor_nominal_torque: float
+    motor_nominal_torque: Positive
     """N·m; a recorder gives torque in percent of it."""
-    payload_arm: float | None = None
+    payload_arm: Positive | None = None
     """Radius of the pulley that the payload hangs from, m (worm); None where it hangs on the nut itself (screws)."""
-    payload_direction: Literal[-1, 1] = 1
+    payload_direction: Sign = 1
     """+1: gravity pulls the output towards positive motion."""
-    gravity: float = 9.81
+    gravity: Positive = 9.81
     """m/s², positive."""
-    direction: Literal[-1, 1] = 1
+    direction: Sign = 1
     """The rig's positive motion and torque are direction times the recorded channels."""
-    published: Mapping[str, float] = field(default_factory=dict)
+    published: Annotated[Mapping[str, NotNegative], Names((*_PARAMETERS, "preload"))] = field(default_factory=dict)
     """Parameters that others published for this drive, by name in Friction (and preload), SI: for comparison, and the
     reference nearest to which identification settles what its data leave open (it then says so)."""
 
@@ -44,87 +61,108 @@ class Rig:
 FrictionLawName = Literal["coulomb", "stribeck_exponential", "stribeck_gaussian"]
 
 
-@dataclass(frozen=True)
-class Friction:
-    """Friction of one drive, motor side unless said otherwise (physics of the mesh: model/transmission.py).
+@dataclass(frozen=True, eq=False)
+class Friction(Value):
+    """Friction of one drive, motor side unless said otherwise (physics of the mesh: dynamics/transmission.py).
 
     μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), s = 0, exp(−2x) or exp(−x²) by law; μ at rest is mu_static.
     """
 
-    mu: float
+    mu: NotNegative
     """Kinetic (Coulomb) coefficient of the mesh."""
-    mu_static: float
+    mu_static: NotNegative
     """Coefficient at breakaway."""
-    b_c: float
+    b_c: NotNegative
     """Bearing Coulomb torque, N·m."""
-    b_v: float
+    b_v: NotNegative
     """Bearing viscous coefficient, N·m·s/rad."""
-    b_oc: float = 0.0
+    b_oc: NotNegative = 0.0
     """Output Coulomb effort, N·m (worm) or N (screw)."""
-    b_ov: float = 0.0
+    b_ov: NotNegative = 0.0
     """Output viscous coefficient, N·m·s/rad or N·s/m."""
     law: FrictionLawName = "coulomb"
-    mu_stribeck: float = 0.0
-    stribeck_speed: float | None = None
+    mu_stribeck: NotNegative = 0.0
+    stribeck_speed: Positive | None = None
     """Motor speed w_s of the Stribeck term, rad/s."""
-    dwell_constant: float | None = None
+    dwell_constant: NotNegative | None = None
     """c of mu_static growing as exp(−c / t_dwell), s; None: fully grown at once."""
-    memory: float = 0.0
+    memory: NotNegative = 0.0
     """Frictional memory: delay of w in μ(w), s."""
-    mu_lowest: float | None = None
+    mu_lowest: NotNegative | None = None
     """Lowest plausible mu (lubrication, temperature); the self-locking margin is reported there too."""
-    identified_speed: float | None = None
+    identified_speed: Positive | None = None
     """Largest motor speed in the data behind the parameters, rad/s; beyond it friction is extrapolated."""
     covariance: Mapping[str, Mapping[str, float]] | None = None
     source: str | None = None
+
+    def _check(self) -> None:
+        if self.mu_static < self.mu:
+            raise self._wrong("mu_static", "smaller than mu", f"at least mu = {self.mu:g}")
+        if self.mu_lowest is not None and self.mu_lowest > self.mu:
+            raise self._wrong("mu_lowest", "larger than mu", f"at most mu = {self.mu:g}")
+        if self.law != "coulomb" and self.stribeck_speed is None:
+            raise self._wrong("law", "this law needs mu_stribeck and stribeck_speed", "both of them, or law: coulomb")
+        for name, unused in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
+            if self.law == "coulomb" and getattr(self, name) != unused:
+                raise self._wrong(name, "not a parameter of the coulomb law", "law: stribeck_exponential or …")
 
 
 DriveKind = Literal["worm", "lead_screw", "antibacklash_screw"]
 ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"]
 
 
-@dataclass(frozen=True)
-class Ratings:
+@dataclass(frozen=True, eq=False)
+class Ratings(Value):
     """What the manufacturer of a gear or screw allows; None where the file gives nothing."""
 
-    continuous_output: float | None = None
+    continuous_output: Positive | None = None
     """Output effort for all time, N·m (worm) or N (screws)."""
-    peak_output: float | None = None
+    peak_output: Positive | None = None
     """Output effort at any instant."""
-    input_speed: float | None = None
+    input_speed: Positive | None = None
     """Motor speed, rad/s."""
-    duty: float | None = None
+    duty: Positive | None = None
     """Largest share of time in motion."""
-    free_length: float | None = None
+    free_length: Positive | None = None
     """Unsupported length of a screw, m."""
-    root_diameter: float | None = None
+    root_diameter: Positive | None = None
     """Core diameter of a screw, m."""
     ends: ScrewEnds | None = None
 
+    def _check(self) -> None:
+        continuous, peak = self.continuous_output, self.peak_output
+        if continuous is not None and peak is not None and peak < continuous:
+            raise self._wrong("peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI")
+        if self.duty is not None and self.duty > 1:
+            raise self._wrong("duty", "more than all of the time", "a share above 0 and up to 1")
+        length, diameter = self.free_length, self.root_diameter
+        if length is not None and diameter is not None and diameter > length:
+            raise self._wrong("root_diameter", "thicker than long: is the unit right?", "less than free_length")
 
-@dataclass(frozen=True)
-class Drive:
+
+@dataclass(frozen=True, eq=False)
+class Drive(Value):
     """A self-locking transmission, geometry resolved: w = ratio · qd."""
 
     name: str
     kind: DriveKind
-    ratio: float
+    ratio: Positive
     """Motor angle per joint coordinate: 1 (worm) or rad/m (screws)."""
-    gamma: float
+    gamma: Positive
     """Effort arm γ: d_worm / d_wheel (worm) or d_screw / 2 in m (screws)."""
-    lead_angle: float
+    lead_angle: Positive
     """λ, rad."""
-    pressure_angle: float
+    pressure_angle: Positive
     """Normal pressure angle θ_n, rad."""
-    input_inertia: float
+    input_inertia: NotNegative
     """Inertia on the motor shaft, rotor included, kg·m²."""
-    output_inertia: float
+    output_inertia: NotNegative
     """Inertia of the output side that is not in the bodies, kg·m² (worm) or kg (screws)."""
     friction: Friction | None
     """None only where rig is given: friction still to be identified. Drives of a robot always have friction."""
-    preload: float = 0.0
+    preload: NotNegative = 0.0
     """Spring force between the half nuts of an antibacklash screw, N."""
-    second_nut_mass: float = 0.0
+    second_nut_mass: NotNegative = 0.0
     self_locking: bool = True
     """The robot relies on this drive holding without torque."""
     dimensions: Mapping[str, float] = field(default_factory=dict)
@@ -135,7 +173,66 @@ class Drive:
     """Names of the figures that stand in for unknown ones; sources says why."""
     rig: Rig | None = None
     """Present for a drive on a test rig."""
-    file: str | None = None
+    file: str | None = field(default=None, compare=False)
     ratings: Ratings | None = None
-    friction_ranges: Mapping[str, Range] = field(default_factory=dict)
+    friction_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """What lubrication, temperature and wear may make of friction parameters, by their names in Friction."""
+
+    def _check(self) -> None:
+        if not self.lead_angle < LARGEST_LEAD_ANGLE:
+            raise self._wrong("lead_angle", "implausible", "above 0 and below 60 deg, in rad")
+        if not self.pressure_angle < LARGEST_THREAD_ANGLE / 2:
+            raise self._wrong("pressure_angle", "implausible", "above 0 and below 60 deg, in rad")
+        if self.friction is None and self.rig is None:
+            raise self._wrong(
+                "friction", "missing: only a drive with a rig may leave it to be identified", "a Friction", "None"
+            )
+        for name in ("preload", "second_nut_mass"):
+            if self.kind != "antibacklash_screw" and getattr(self, name) > 0:
+                raise self._wrong(name, f"a {self.kind} has one nut or wheel only", "0, or kind antibacklash_screw")
+        self._check_ranges()
+        if self.friction is not None:
+            self._check_locking(self.friction)
+
+    def _check_ranges(self) -> None:
+        """Every range holds the parameter's own value."""
+        for name, (low, high) in self.friction_ranges.items():
+            field = f"friction_ranges.{name}"
+            if name not in _RANGED:
+                raise self._wrong(field, "unknown parameter", ", ".join(_RANGED), name)
+            if self.friction is None:
+                raise self._wrong(
+                    field, "a range of a friction that is still to be identified", "no range", (low, high)
+                )
+            value = getattr(self.friction, name)
+            if low < 0:
+                raise self._wrong(field, "friction is not negative", "[lower, upper], from 0", (low, high))
+            if not low <= value <= high:
+                reason = f"does not hold the value of {name} itself, {value:g} in SI"
+                raise self._wrong(field, reason, "a range around it", (low, high))
+
+    def _check_locking(self, friction: Friction) -> None:
+        """φ_f = atan(μ/cos θ_n) ≤ λ: the load drives the motor (values at rest do not count: they can be shaken off)."""
+        lowest, field = friction.mu, "friction.mu"
+        if friction.mu_lowest is not None:
+            lowest, field = friction.mu_lowest, "friction.mu_lowest"
+        if self.friction_ranges.get("mu", (lowest,))[0] < lowest:
+            lowest, field = self.friction_ranges["mu"][0], "friction_ranges.mu"
+        repose = math.atan(lowest / math.cos(self.pressure_angle))
+        if self.self_locking and repose <= self.lead_angle:
+            needed = math.tan(self.lead_angle) * math.cos(self.pressure_angle)
+            raise self._wrong(
+                field,
+                f"the drive does not lock itself: lead angle λ = {math.degrees(self.lead_angle):.4g} deg, "
+                f"friction angle φ_f = {math.degrees(repose):.4g} deg, and φ_f must be larger",
+                f"mu above {needed:.4g}, or self_locking: not required",
+                lowest,
+            )
+        highest = max(friction.mu_static, friction.mu + friction.mu_stribeck)
+        if self.lead_angle + math.atan(highest / math.cos(self.pressure_angle)) >= math.pi / 2:
+            raise self._wrong(
+                "friction",
+                "with this lead angle and friction the gear jams: λ + φ_f is 90 deg or more",
+                "a smaller friction or lead angle",
+                f"μ of {highest:g}",
+            )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.problem.value import Value
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
@@ -27,7 +28,7 @@ B = TypeVar("B", bound="Between")
 
 
 @dataclass(frozen=True)
-class Limit(ABC):
+class Limit(Value, ABC):
     """One bound on a motion: `low` ≤ value ≤ `high` at every instant; SI units, radians.
 
     To write a new limit:
@@ -37,7 +38,7 @@ class Limit(ABC):
     2. Set `name` (by which results speak of it), `order` and `unit`; give `low` and `high`.
     3. Say in `on` where a problem holds it, and in `relaxed` and `tightened` how its bound moves. `tightened` may never
        allow what the limit forbids; `relaxed(value)` allows `value` and all that the limit allows.
-    4. Refuse in `__post_init__` what cannot be: ProblemError naming the field, its value and what is allowed.
+    4. Refuse in `_check` what cannot be: ProblemError naming the field, its value and what is allowed.
     """
 
     order: ClassVar[int] = 0
@@ -121,7 +122,7 @@ class Symmetric(Limit):
 
     largest: float
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         _positive(self, "largest", self.largest)
 
     @property
@@ -149,7 +150,7 @@ class Between(Limit):
     lower: float
     upper: float
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         if not self.lower < self.upper:
             raise ProblemError(
                 "the lower bound is not below the upper one",
@@ -324,7 +325,7 @@ class SelfLocking(Limit):
     friction: float
     """Lowest plausible coefficient; what it has to be at least follows from the geometry (dynamics/transmission.py)."""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         _positive(self, "friction", self.friction)
 
     unit = "μ"
@@ -358,8 +359,8 @@ class TaskRange(Between):
     lower: float
     upper: float
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         _coordinate(self, self.coordinate)
 
     @property
@@ -433,8 +434,8 @@ class TaskRate(Symmetric):
     """One of TASK."""
     largest: float
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         _coordinate(self, self.coordinate)
 
     @property
@@ -554,7 +555,7 @@ class Duration(Limit):
     exact: bool = False
     """The motions have durations of their own: only their sum does."""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         _positive(self, "largest", self.largest)
 
     unit = "s"

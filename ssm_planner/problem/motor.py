@@ -4,38 +4,57 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
+
+from ssm_planner.problem.value import Bound, Positive, Value
+
+LARGEST_DRIFT = -0.01
+"""1/K."""
 
 
-@dataclass(frozen=True)
-class Motor:
+@dataclass(frozen=True, eq=False)
+class Motor(Value):
     """A motor's datasheet figures; None where the file gives none."""
 
     name: str
-    nominal_torque: float
+    nominal_torque: Positive
     """Continuous torque, N·m."""
-    max_torque: float
+    max_torque: Positive
     """Largest usable torque, N·m: what a plan may use at any instant."""
-    max_speed: float
+    max_speed: Positive
     """rad/s."""
-    nominal_voltage: float | None = None
-    nominal_current: float | None = None
-    torque_constant: float | None = None
-    terminal_resistance: float | None = None
-    rotor_inertia: float | None = None
-    resistance_winding_housing: float | None = None
-    resistance_housing_ambient: float | None = None
-    time_constant_winding: float | None = None
-    time_constant_motor: float | None = None
-    max_winding_temperature: float | None = None
+    nominal_voltage: Positive | None = None
+    nominal_current: Positive | None = None
+    torque_constant: Positive | None = None
+    terminal_resistance: Positive | None = None
+    rotor_inertia: Positive | None = None
+    resistance_winding_housing: Positive | None = None
+    resistance_housing_ambient: Positive | None = None
+    time_constant_winding: Positive | None = None
+    time_constant_motor: Positive | None = None
+    max_winding_temperature: Positive | None = None
     """K."""
     torque_constant_per_kelvin: float | None = None
     """Relative change of the torque constant with the magnets' temperature, 1/K, negative."""
-    encoder_counts: int | None = None
+    encoder_counts: Annotated[int, Bound(above=0)] | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
     """Names of the figures that nobody could source for this motor; sources says what stands in and why."""
-    file: str | None = None
+    file: str | None = field(default=None, compare=False)
 
     @property
     def placeholder(self) -> bool:
         return bool(self.placeholders)
+
+    def _check(self) -> None:
+        drift = self.torque_constant_per_kelvin
+        if drift is not None and not LARGEST_DRIFT <= drift <= 0:
+            reason = "magnets weaken as they warm" if drift > 0 else "too small"
+            raise self._wrong("torque_constant_per_kelvin", reason, f"{LARGEST_DRIFT:g} to 0, such as -0.0011")
+        winding, motor = self.time_constant_winding, self.time_constant_motor
+        if winding is not None and motor is not None and winding >= motor:
+            raise self._wrong(
+                "time_constant_winding",
+                "longer than time_constant_motor: the winding warms faster than the motor as a whole; are they exchanged?",
+                f"less than {motor:g} s",
+            )

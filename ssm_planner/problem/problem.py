@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from ssm_planner.problem.limits import TASK as TASK
 from ssm_planner.problem.limits import LensClearance, Limit, Limited, RetinaClearance, task_limits
-from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.problem.robot import Robot, check_rotation
+from ssm_planner.problem.value import Matrix, NotNegative, Positive, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,29 +28,35 @@ class Target:
 
 
 @dataclass(frozen=True, eq=False)
-class Lens:
+class Lens(Value):
     """An ellipsoid that the shaft keeps clear of, base frame, m."""
 
-    centre: Array
+    centre: Vector
     """(3,)."""
-    semi_axes: Array
+    semi_axes: Vector
     """(3,), along the columns of `frame`."""
-    frame: Array
+    frame: Matrix
     """(3, 3), rotation base ← lens."""
+
+    def _check(self) -> None:
+        for i, length in enumerate(self.semi_axes.tolist()):
+            if not length > 0:
+                raise self._wrong(f"semi_axes[{i}]", "not the half of a lens", "above 0", length)
+        check_rotation(self, "frame")
 
 
 @dataclass(frozen=True, eq=False)
-class Eye:
+class Eye(Value):
     """The eye about the remote centre, base frame, m: the retina as a sphere, and the lens where there is one."""
 
-    centre: Array
+    centre: Vector
     """(3,)."""
-    radius: float
-    clearance: float
+    radius: Positive
+    clearance: NotNegative
     """Least distance of the tip from the retina."""
-    port: float
+    port: Positive
     """Within this distance of the remote centre there is no retina: the incision itself."""
-    shaft_radius: float = 0.0
+    shaft_radius: NotNegative = 0.0
     """Added around the shaft where it passes the lens."""
     lens: Lens | None = None
 
@@ -59,6 +67,50 @@ class Eye:
         if self.lens is None:
             return (retina,)
         return retina, LensClearance(self.shaft_radius, float(self.lens.semi_axes.min()))
+
+    def _check(self) -> None:
+        if not self.clearance < self.radius:
+            raise self._wrong("clearance", "nothing is left of the eye", f"less than the radius, {_mm(self.radius)}")
+        if self.lens is None:
+            return
+        for i, length in enumerate(self.lens.semi_axes.tolist()):
+            if not length < self.radius:
+                allowed = f"above 0 and below {_mm(self.radius)}"
+                raise self._wrong(f"lens.semi_axes[{i}]", "not the half of a lens", allowed, length)
+        if np.linalg.norm(self.lens.centre - self.centre) > self.radius:
+            allowed = f"within {_mm(self.radius)} of the eye's centre"
+            raise self._wrong("lens.centre", "outside the eye", allowed, self.lens.centre.tolist())
+
+    def check_port(self) -> None:
+        """Raises ProblemError where a tool through the remote centre could not work in this eye."""
+        distance = float(np.linalg.norm(self.centre))
+        if abs(distance - self.radius) > self.port:
+            raise self._wrong(
+                "centre",
+                f"the remote centre is {_mm(distance)} from the centre of an eye of radius {_mm(self.radius)}, "
+                f"so the port is not at its wall",
+                f"{_mm(self.radius - self.port)} to {_mm(self.radius + self.port)} from the remote centre",
+            )
+        # without this the tip could not get from the port into the eye and keep the clearance all the way
+        room = self.port - (distance - self.radius)
+        if not self.clearance < room:
+            reason = "the tip cannot keep this distance from the wall where it leaves the port"
+            raise self._wrong("clearance", reason, f"less than {_mm(room)}, or a larger port")
+        if self.lens is None:
+            return
+        ratio = float(np.linalg.norm(self.lens.frame.T @ self.lens.centre / self.lens.semi_axes))
+        least = 1 + self.shaft_radius / float(self.lens.semi_axes.min())
+        if ratio <= least:
+            raise self._wrong(
+                "lens.centre",
+                "the lens is where the shaft enters the eye",
+                f"a place from where the lens, enlarged {least:.4g} times, does not reach the remote centre",
+                self.lens.centre.tolist(),
+            )
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.5g} mm"
 
 
 @dataclass(frozen=True, eq=False)

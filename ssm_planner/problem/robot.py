@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
 import numpy as np
 
+from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     ContinuousTorque,
@@ -23,6 +25,8 @@ from ssm_planner.problem.limits import (
     task_limits,
 )
 from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.value import Interval, Matrix, NotNegative, Positive, Sign, Value, Vector, check_name
+from ssm_planner.problem.value import frozen as frozen
 from ssm_planner.typing import Array, Range
 
 L = TypeVar("L", bound=Limit)
@@ -31,54 +35,101 @@ JOINTS = ("roll", "tilt", "spin", "insertion")
 """Names by which limits and results speak of joints 1 to 4."""
 
 
-def frozen(value: object, shape: tuple[int, ...]) -> Array:
-    """A read-only float array of the given shape."""
-    array = np.array(value, dtype=float).reshape(shape)
-    array.setflags(write=False)
-    return array
+UNIT_TOLERANCE = 1e-6
+SMALLEST_ANGLE = math.radians(0.1)
+"""Between neighbouring axes; below it they count as parallel."""
+TRIANGLE_SLACK = 1e-6
+"""Of the triangle inequality, relative to the largest moment: printed figures are rounded."""
+POSSIBLE = "principal moments about the centre of mass that are positive, none above the sum of the other two"
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class Geometry(Value):
     """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1); unit vectors, shape (3,)."""
 
-    omega1: Array
-    omega2: Array
-    omega3: Array
-    tool_home: Array
+    omega1: Vector
+    omega2: Vector
+    omega3: Vector
+    tool_home: Matrix
     """R_0, (3, 3), base ← tool at q = 0; its z column is omega3."""
-    insertion_sign: int = -1
+    insertion_sign: Sign = -1
     """depth = insertion_sign · θ4."""
+
+    def _check(self) -> None:
+        for name in ("omega1", "omega2", "omega3"):
+            unit_vector(getattr(self, name), f"Geometry.{name}")
+        for first, second in ((1, 2), (2, 3)):
+            pair = getattr(self, f"omega{first}"), getattr(self, f"omega{second}")
+            if np.linalg.norm(np.cross(*pair)) < math.sin(SMALLEST_ANGLE):
+                reason = f"the axes of joints {first} and {second} are parallel"
+                raise self._wrong(f"omega{second}", reason, "at least 0.1 deg between neighbouring axes")
+        check_rotation(self, "tool_home")
+        if np.linalg.norm(self.tool_home[:, 2] - self.omega3) > UNIT_TOLERANCE:
+            found, wanted = (np.array2string(vector, precision=5) for vector in (self.tool_home[:, 2], self.omega3))
+            raise self._wrong(
+                "tool_home",
+                f"the z axis of the tool is the tool axis, {wanted}, but this frame has its z along {found}",
+                "rotations from the base to the tool at home, such as [y -113 deg, y 90 deg]",
+            )
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Value):
     """Inertial data of one moving body, in its own frame at the RCM."""
 
     name: str
-    mass: float
-    com: Array
+    mass: NotNegative
+    com: Vector
     """Centre of mass in the body frame, m, (3,)."""
-    inertia: Array
+    inertia: Matrix
     """Inertia tensor about the body frame's origin, kg·m², (3, 3), products with the tensor's sign (−∫xy dm)."""
-    frame: Array
+    frame: Matrix
     """Rotation base ← body at q = 0, (3, 3)."""
 
+    def _check(self) -> None:
+        check_rotation(self, "frame")
+        if self.mass == 0:
+            if np.any(self.inertia):
+                raise self._wrong("inertia", "a body without mass has no inertia", "zeros, or a mass")
+            return
+        if not np.allclose(self.inertia, self.inertia.T, rtol=0, atol=1e-9 * float(np.abs(self.inertia).max())):
+            raise self._wrong("inertia", "not symmetric", "a symmetric tensor, kg·m²")
+        moments = principal_moments(self.mass, self.com, self.inertia)
+        if not possible(moments):
+            listed = ", ".join(f"{moment:.4g}" for moment in moments)
+            reason = (
+                f"no body can have this inertia: its principal moments about the centre of mass are ({listed}) kg*m^2"
+            )
+            raise self._wrong("inertia", reason, POSSIBLE)
 
-@dataclass(frozen=True)
-class Joint:
+
+@dataclass(frozen=True, eq=False)
+class Joint(Value):
     """Limits and actuation of one joint; rad or m and their time derivatives."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
-    position: Range
-    velocity: float
-    acceleration: float
-    jerk: float | None = None
+    position: Interval
+    velocity: Positive
+    acceleration: Positive
+    jerk: Positive | None = None
     drive: Drive | None = None
     motor: Motor | None = None
-    motor_direction: Literal[-1, 1] = 1
+    motor_direction: Sign = 1
     """Sense in which the motor's controller counts when the joint moves forward."""
+
+    def _check(self) -> None:
+        check_name(self.name, JOINTS, "Joint.name", "not a joint known here")
+        drive = self.drive
+        if drive is None:
+            return
+        revolute = self.kind == "revolute"
+        if drive.friction is None:
+            raise self._wrong("drive", "the friction of this drive is still to be identified", "friction", drive.name)
+        if revolute != (drive.kind == "worm"):
+            turns = "turns: it needs a worm" if revolute else "slides: it needs a lead_screw or antibacklash_screw"
+            reason = f"a {drive.kind} drive, but this joint {turns}"
+            raise self._wrong("drive", reason, "worm" if revolute else "lead_screw, antibacklash_screw", drive.name)
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -110,16 +161,66 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot(Limited):
+class Robot(Value, Limited):
     name: str
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
     joints: tuple[Joint, Joint, Joint, Joint]
-    gravity: Array
+    gravity: Vector
     """Acceleration of gravity in the base frame, m/s², (3,)."""
     limits: tuple[Limit, ...] = ()
     """Ranges of task coordinates that the robot itself declares."""
-    file: str | None = None
+    file: str | None = field(default=None, compare=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "limits", task_limits(self.limits))
+    def _check(self) -> None:
+        task_limits(self.limits)
+        for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
+            if joint.name != name:
+                raise self._wrong(f"joints[{i}].name", "not in this place", name, joint.name)
+            kind = "prismatic" if name == "insertion" else "revolute"
+            if joint.kind != kind:
+                raise self._wrong(f"joints[{i}].kind", f"not the kind of joint {name}", kind, joint.kind)
+        low, high = self.travel
+        for name, (lower, upper) in self.ranges.items():
+            if name == "depth" and not max(low, lower) < min(high, upper):
+                allowed = f"within {low * 1e3:g} mm to {high * 1e3:g} mm"
+                raise self._wrong("limits.depth", "outside the travel of joint 4", allowed, (lower, upper))
+
+    @property
+    def travel(self) -> Range:
+        """Range of depth that joint 4 allows, m."""
+        low, high = sorted(self.geometry.insertion_sign * position + 0.0 for position in self.joints[3].position)
+        return low, high
+
+
+def unit_vector(vector: Array, where: str) -> Array:
+    """The vector (3,) at length 1. Raises ProblemError where its length differs by more than 1e-6."""
+    length = float(np.linalg.norm(vector))
+    if not abs(length - 1) <= UNIT_TOLERANCE:
+        reason = f"the vector has length {length:.7g}"
+        raise ProblemError(reason, key=where, value=vector.tolist(), allowed="a unit vector, within 1e-6")
+    return vector / length
+
+
+def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
+    """Principal moments about the centre of mass, ascending, kg·m², (3,); inertia (3, 3) is about the origin."""
+    about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
+    return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
+
+
+def possible(moments: Array) -> bool:
+    """Whether a body can have these principal moments: positive, none above the sum of the other two."""
+    low, middle, high = moments
+    return bool(low > 0 and high <= low + middle + TRIANGLE_SLACK * high)
+
+
+def check_rotation(value: Value, name: str) -> None:
+    """Raises ProblemError where the field holds no rotation."""
+    matrix = getattr(value, name)
+    if not np.allclose(matrix.T @ matrix, np.eye(3), rtol=0, atol=UNIT_TOLERANCE) or np.linalg.det(matrix) < 0:
+        raise ProblemError(
+            "not a rotation",
+            key=f"{type(value).__name__}.{name}",
+            value=matrix.tolist(),
+            allowed="orthogonal unit columns, right-handed",
+        )

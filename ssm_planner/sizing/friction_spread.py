@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array, Range
 
 VARIABLE = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
@@ -114,7 +115,7 @@ def drawn(drive: Drive, values: Mapping[str, Any]) -> Drive:
         now = friction.get("mu", given.mu) + friction.get("mu_stribeck", given.mu_stribeck)
         friction["mu_static"] = given.mu_static / moving * now
     preload: Any = values.get("preload", drive.preload)
-    return replace(drive, friction=replace(given, **friction), preload=preload)
+    return unchecked(drive, friction=unchecked(given, **friction), preload=preload)
 
 
 def _value(drive: Drive, name: str) -> float:

@@ -7,13 +7,14 @@ the rest: tau = tau_lossless(inertia) + tau_lossless(load) + bearings + (mesh wi
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.value import unchecked
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.typing import Array
 
@@ -86,9 +87,9 @@ def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:
 
 
 def _without_friction(drive: Drive) -> Drive:
-    bare = replace(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
-    return replace(drive, friction=bare)
+    bare = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
+    return unchecked(drive, friction=bare)
 
 
 def _with_bearings_only(drive: Drive) -> Drive:
-    return replace(drive, friction=replace(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0))
+    return unchecked(drive, friction=unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0))

@@ -137,7 +137,7 @@ def test_broadcasting_and_standstill():
 @given(st.floats(-1.0, 1.0))
 def test_a_self_locking_drive_holds_without_torque_and_another_does_not(load):
     assert tr.holding_torque(worm(), load) == 0.0
-    slippery = worm(friction=replace(FRICTION, mu=0.01, mu_static=0.01, b_c=0.0, b_oc=0.0))
+    slippery = worm(friction=replace(FRICTION, mu=0.01, mu_static=0.01, b_c=0.0, b_oc=0.0), self_locking=False)
     held = tr.holding_torque(slippery, load)
     down = slippery.gamma * math.tan(LAM - math.atan(0.01 / math.cos(slippery.pressure_angle)))
     assert held == pytest.approx(down * load, rel=1e-9, abs=1e-15)
@@ -157,7 +157,7 @@ def test_efficiencies_are_power_ratios_of_the_mesh(drive, mu):
     lam, phi = drive.lead_angle, float(tr.friction_angle(drive, mu))
     assert forward == pytest.approx(math.tan(lam) / math.tan(lam + phi), rel=1e-9)
     assert backward == pytest.approx(math.tan(lam - phi) / math.tan(lam), rel=1e-9, abs=1e-12)
-    bare = replace(drive, friction=Friction(mu=mu, mu_static=mu, b_c=0.0, b_v=0.0))
+    bare = replace(drive, friction=Friction(mu=mu, mu_static=mu, b_c=0.0, b_v=0.0), self_locking=False)
     power_in = tr.motor_torque(bare, 2.0, drive.ratio, 0.0) * drive.ratio
     assert 2.0 / power_in == pytest.approx(forward, rel=1e-9)
 
@@ -178,7 +178,11 @@ def test_antibacklash_screw_is_two_nuts_under_the_general_law(effort, sign, wd):
     f = drive.friction
     second = drive.preload + drive.second_nut_mass * wd / drive.ratio
     each = Drive(
-        **{**drive.__dict__, "kind": "lead_screw", "input_inertia": 0.0, "friction": replace(f, b_c=0.0, b_v=0.0)}
+        **{
+            **drive.__dict__,
+            **{"kind": "lead_screw", "input_inertia": 0.0, "friction": replace(f, b_c=0.0, b_v=0.0)},
+            **{"preload": 0.0, "second_nut_mass": 0.0},
+        }
     )
     nuts = tr.motor_torque(each, effort - drive.preload, sign, 0.0) + tr.motor_torque(each, second, sign, 0.0)
     expected = nuts + drive.input_inertia * wd + f.b_c * sign + f.b_v * sign
@@ -193,10 +197,9 @@ def test_contact_is_lost_where_the_load_exceeds_the_preload():
 
 
 def test_friction_laws_by_name():
-    base = replace(FRICTION, mu_stribeck=0.05, stribeck_speed=2.0)
-    assert friction_coefficient(base, 1.0) == 0.12
-    exponential = replace(base, law="stribeck_exponential")
-    gaussian = replace(base, law="stribeck_gaussian")
+    assert friction_coefficient(FRICTION, 1.0) == 0.12
+    exponential = replace(FRICTION, law="stribeck_exponential", mu_stribeck=0.05, stribeck_speed=2.0)
+    gaussian = replace(exponential, law="stribeck_gaussian")
     assert friction_coefficient(exponential, -1.0) == pytest.approx(0.12 + 0.05 * math.exp(-2 * 0.5))
     assert friction_coefficient(gaussian, 1.0) == pytest.approx(0.12 + 0.05 * math.exp(-0.25))
     for friction in (exponential, gaussian):

@@ -64,7 +64,7 @@ def test_every_optional_value_survives(robot: Robot) -> None:
     ("path", "value", "key"),
     [
         (("joints", 0, "velocity"), "fast", "robot.joints[0].velocity"),
-        (("joints", 0, "velocity"), -1.0, "robot.joints.roll.velocity"),
+        (("joints", 0, "velocity"), -1.0, "robot.joints[0].velocity"),
         (("joints", 0, "velocity"), None, "robot.joints[0].velocity"),
         (("joints", 2, "position"), [1.0], "robot.joints[2].position"),
         (("joints", 0, "kind"), "helical", "robot.joints[0].kind"),

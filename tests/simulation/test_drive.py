@@ -138,7 +138,7 @@ def test_a_self_locking_drive_stays_without_power_and_a_slippery_one_runs(name):
     ):
         assert np.all(motion.angle == 0.0)
         assert motion.energy_error == 0.0
-    slippery = replace(drive, friction=Friction(0.01, 0.01, 0.0, 0.0), preload=0.0)
+    slippery = replace(drive, friction=Friction(0.01, 0.01, 0.0, 0.0), preload=0.0, self_locking=False)
     motion = simulate_drive(slippery, off, lambda t: 0.0, 0.5, load=load, load_inertia=inertia)
     loaded = with_load(slippery, inertia)
     expected = slip_acceleration(loaded, 0.0, 0.0, load, 1, 0.01).wd
@@ -150,7 +150,7 @@ def test_a_self_locking_drive_stays_without_power_and_a_slippery_one_runs(name):
 def test_stick_slip_where_static_friction_exceeds_kinetic():
     drive, load, inertia = rig("rig3_worm")
     soft = Servo(2e-5, 2e-3, 0.02)
-    rough = replace(drive, friction=replace(FRICTION["rig3_worm"], law="coulomb", mu=0.12, mu_static=0.3, b_v=0.0))
+    rough = replace(drive, friction=Friction(0.12, 0.3, 5.5e-4, 0.0, 4e-3))
     motion = simulate_drive(rough, soft, lambda t: -1.0, 30.0, load=load, load_inertia=inertia)
     names = [name for _, name in motion.events]
     assert names.count("stops") >= 3

@@ -79,7 +79,7 @@ def test_without_ratings_nothing_passes(loads: tuple[JointLoad, ...]) -> None:
 
 
 def test_margins_by_hand(loads: tuple[JointLoad, ...]) -> None:
-    ratings = Ratings(2.0, 0.5, 200.0, 0.5, 0.06, 2.4e-3, "fixed-free")
+    ratings = Ratings(0.4, 0.5, 200.0, 0.5, 0.06, 2.4e-3, "fixed-free")
     for load in loads:
         found = checks_of(load, ratings, Conditions(pause=1.0))
         peak = np.abs(load.effort()).max()

@@ -1,0 +1,269 @@
+"""What all public values share: they check themselves when made, are equal by content, and never change.
+
+A value is a frozen dataclass derived from `Value`. The types of its fields say what each may hold; `_check` says what the
+fields may not be together. Lists become tuples, arrays are copied and made read-only.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import numpy as np
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.typing import Array
+
+V = TypeVar("V", bound="Value")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Of a number."""
+
+    above: float = -math.inf
+    at_least: float = -math.inf
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Of an array."""
+
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Names:
+    """Keys that a mapping may have."""
+
+    names: tuple[str, ...]
+
+
+class _Ascending:
+    """A pair whose first is below its second."""
+
+
+Positive = Annotated[float, Bound(above=0.0)]
+NotNegative = Annotated[float, Bound(at_least=0.0)]
+Count = Annotated[int, Bound(at_least=0)]
+Interval = Annotated[tuple[float, float], _Ascending()]
+Vector = Annotated[Array, Shape((3,))]
+Matrix = Annotated[Array, Shape((3, 3))]
+Sign = Literal[-1, 1]
+
+
+class Value:
+    """Base of the public values. Raises ProblemError naming type and field, the value, and what is allowed."""
+
+    def __post_init__(self) -> None:
+        cls: Any = type(self)
+        for name, hint in _hints(cls).items():
+            place = f"{cls.__name__}.{name}"
+            object.__setattr__(self, name, converted(hint, getattr(self, name), place))
+        self._check()
+
+    def _check(self) -> None:
+        """Raises ProblemError where fields contradict each other."""
+
+    def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
+        """The error of a field (or of a part of it: `strokes[2].joint`)."""
+        shown = getattr(self, field, None) if value is None else value
+        return ProblemError(reason, key=f"{type(self).__name__}.{field}", value=shown, allowed=allowed)
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        cls: Any = type(self)
+        return all(_same(getattr(self, name), getattr(other, name)) for name in _compared(cls))
+
+    def __hash__(self) -> int:
+        cls: Any = type(self)
+        return hash((cls.__name__, *(_hashable(getattr(self, name)) for name in _compared(cls))))
+
+
+def unchecked(value: V, **changes: Any) -> V:
+    """Like dataclasses.replace without checks, for use within a computation.
+
+    Trial values of a fit, arrays that stand for many drives at once, friction left out, others' mistakes reproduced.
+    """
+    copy = object.__new__(type(value))
+    copy.__dict__.update(value.__dict__, **changes)
+    return copy
+
+
+def frozen(value: object, shape: tuple[int, ...]) -> Array:
+    """A read-only float array of the given shape."""
+    array = np.array(value, dtype=float).reshape(shape)
+    array.setflags(write=False)
+    return array
+
+
+def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = None) -> Any:
+    """A dataclass from a mapping by its field names, those within it likewise. Raises ProblemError naming the key.
+
+    given: values of fields that are not in the data.
+    """
+    if not isinstance(data, Mapping):
+        raise wrong(where, data, f"a mapping with the keys of {cls.__name__}")
+    fields = {field.name: field for field in dataclasses.fields(cls)}
+    for key in data:
+        check_name(key, tuple(fields), f"{where}.{key}", "unknown key")
+    hints = _hints(cls)
+    values = dict(given or {})
+    for name, field in fields.items():
+        if name in values:
+            continue
+        if name in data:
+            values[name] = converted(hints[name], data[name], f"{where}.{name}", build=True)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise ProblemError("missing", key=f"{where}.{name}", allowed=f"the keys of {cls.__name__}")
+    try:
+        return cls(**values)
+    except ProblemError as error:
+        error.key = where + str(error.key).removeprefix(cls.__name__)
+        raise
+
+
+def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
+    """The value in the form that the hint names. Raises ProblemError; where: what the message calls it.
+
+    build: mappings become the values that the hint names.
+    """
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _annotated(parts, value, where, build)
+    if origin is typing.Union or origin is types.UnionType:
+        return _union(parts, value, where, build)
+    if origin is Literal:
+        if isinstance(value, bool) or value not in parts:
+            raise wrong(where, value, " or ".join(map(str, parts)))
+        return parts[parts.index(value)]
+    if origin is tuple:
+        return _tuple(parts, value, where, build)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        if not isinstance(value, Mapping):
+            raise wrong(where, value, "a mapping")
+        return {str(key): converted(parts[1], item, f"{where}.{key}", build) for key, item in value.items()}
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        if isinstance(value, hint):
+            return value
+        if build:
+            return built(hint, value, where)
+        raise wrong(where, value, f"a {hint.__name__}")
+    return _scalar(hint, value, where)
+
+
+def check_name(name: object, known: tuple[str, ...], where: str, reason: str) -> None:
+    """Raises ProblemError for a name that is not among the known ones, with the one probably meant."""
+    if name not in known:
+        close = difflib.get_close_matches(str(name), known, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise ProblemError(reason + hint, key=where, value=name, allowed=", ".join(known))
+
+
+def wrong(where: str, value: object, allowed: str) -> ProblemError:
+    """The error for a value that its field cannot hold."""
+    shown = "None" if value is None else value
+    return ProblemError("not what belongs here", key=where, value=shown, allowed=allowed)
+
+
+def _annotated(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> Any:
+    kind, *marks = parts
+    for mark in marks:
+        if isinstance(mark, Shape):
+            return _array(mark.shape, value, where)
+        value = converted(kind, value, where, build)
+        if isinstance(mark, Bound):
+            if not value > mark.above:
+                raise ProblemError("not greater than zero", key=where, value=value, allowed=f"above {mark.above:g}")
+            if not value >= mark.at_least:
+                raise ProblemError("negative", key=where, value=value, allowed=f"at least {mark.at_least:g}")
+        elif isinstance(mark, Names):
+            for key in value:
+                check_name(key, mark.names, f"{where}.{key}", "unknown key")
+        elif isinstance(mark, _Ascending) and not value[0] < value[1]:
+            raise ProblemError(
+                "the lower bound is not below the upper one", key=where, value=value, allowed="(lower, upper)"
+            )
+    return value
+
+
+def _union(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> Any:
+    if value is None and type(None) in parts:
+        return None
+    inner = [part for part in parts if part is not type(None)]
+    if len(inner) == 1:
+        return converted(inner[0], value, where, build)
+    if not isinstance(value, tuple(inner)):
+        raise wrong(where, value, " or ".join(f"a {part.__name__}" for part in inner))
+    return value
+
+
+def _tuple(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> tuple[Any, ...]:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not isinstance(value, (list, tuple)):
+        raise wrong(where, value, "a list")
+    hints = (parts[0],) * len(value) if parts[-1] is Ellipsis else parts
+    if len(hints) != len(value):
+        raise wrong(where, value, f"a list of {len(hints)}")
+    return tuple(
+        converted(hint, item, f"{where}[{i}]", build) for i, (hint, item) in enumerate(zip(hints, value, strict=True))
+    )
+
+
+_SCALARS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
+
+
+def _scalar(hint: Any, value: Any, where: str) -> Any:
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if hint is float and number and math.isfinite(value):
+        return float(value)
+    if hint is int and isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        return int(value)
+    if hint in (str, bool) and isinstance(value, hint):
+        return value
+    raise wrong(where, value, _SCALARS[hint])
+
+
+def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
+    allowed = f"finite numbers of shape {shape}"
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError) as error:
+        raise wrong(where, value, allowed) from error
+    if array.dtype.kind not in "iuf" or array.shape != shape or not np.isfinite(array).all():
+        raise wrong(where, value, allowed)
+    return frozen(array, shape)
+
+
+@cache
+def _hints(cls: type) -> dict[str, Any]:
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+
+
+@cache
+def _compared(cls: type) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(cls) if field.compare)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.array_equal(a, b)
+    return bool(a == b)
+
+
+def _hashable(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return (value.shape, *value.ravel().tolist())
+    if isinstance(value, Mapping):
+        return frozenset((key, _hashable(item)) for key, item in value.items())
+    return value
