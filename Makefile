@@ -1,12 +1,13 @@
 # make plan   the main job: plan problems/tilt_insert.yaml into results/tilt_insert/
 # make test   the tests;  make lint  ruff and mypy;  make clean  removes the environment
 # make api    docs/api.md from the docstrings of the public names
+# make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: plan test lint api bench clean
+.PHONY: plan test lint api wheel bench clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -22,6 +23,10 @@ lint: $(VENV)/.lint
 
 api: $(VENV)/.main
 	$(BIN)/python docs/make_api.py
+
+wheel: $(VENV)/.lint
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
 
 bench: $(VENV)/.bench
 	$(BIN)/python tests/benchmarks/bench.py $(BENCH)
