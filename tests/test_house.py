@@ -29,11 +29,10 @@ SELF_DESCRIBED = ("loading.schema",)
 COMMAND = {"add_arguments", "run"}
 """The two functions of every module of `cli`, described there once."""
 WAITING = {
-    "docstring": ("identification", "planning", "problem"),
+    "docstring": ("planning", "problem"),
     "shape": (
         "dynamics",
         "formats",
-        "identification",
         "kinematics",
         "loading",
         "planning",
@@ -41,8 +40,8 @@ WAITING = {
         "verification",
     ),
     "call": (
-        *("cli", "codegen", "comparison", "dynamics", "formats", "identification", "kinematics", "loading", "paper"),
-        *("pipeline", "planning", "reporting", "simulation", "sizing", "verification", "view"),
+        *("cli", "codegen", "comparison", "dynamics", "formats", "identification", "kinematics", "loading"),
+        *("pipeline", "planning", "reporting", "simulation", "sizing", "verification"),
     ),
 }
 """Rooms that a law does not cover yet."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.identification.estimates import Estimate
+from ssm_planner.identification.estimation import Estimate
 from ssm_planner.identification.fit import MapFit
 from ssm_planner.problem.drive import Drive
 

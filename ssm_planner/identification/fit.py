@@ -11,15 +11,17 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import nut_contact, output_effort
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification import least_squares as ls
-from ssm_planner.identification.estimates import (
+from ssm_planner.identification.estimation import (
     Estimate,
+    MapProblem,
+    Solution,
+    covariance,
     inseparable_groups,
     intervals_of,
     nearest_to_reference,
     separable_of,
+    solve,
 )
-from ssm_planner.identification.outliers import Outlier, find_outliers
 from ssm_planner.identification.parameters import (
     ALL,
     LAWS,
@@ -30,7 +32,7 @@ from ssm_planner.identification.parameters import (
     rest_coefficient,
     with_parameters,
 )
-from ssm_planner.identification.torque_map import TorqueMap
+from ssm_planner.identification.torque_map import Outlier, TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
 from ssm_planner.typing import Array
 
@@ -91,13 +93,16 @@ def fit_map(
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
     laws = LAWS if law == "auto" else (law,)
-    problems = {name: _problem(drive, data, weight, load, name, fixed, reference or {}, free) for name in laws}
+    problems = {
+        name: _problem(drive, data, weight, load, law=name, fixed=fixed, reference=reference or {}, free=free)
+        for name in laws
+    }
     problems = _with_enough_points(problems, len(data.w), law)
     solutions = {name: _best_of_starts(problem) for name, problem in problems.items()}
     criterion = {name: _aicc(s.cost, len(data.w), len(problems[name].names)) for name, s in solutions.items()}
     chosen = min(criterion, key=lambda name: criterion[name])
     believed = {"mu": TYPICAL_MU} | dict(reference or {})
-    return _report(problems[chosen], solutions[chosen], believed, data, outliers, criterion)
+    return _report(problems[chosen], solutions[chosen], believed, data, outliers=outliers, criterion=criterion)
 
 
 def _check_directions(data: TorqueMap) -> None:
@@ -114,16 +119,17 @@ def _problem(
     data: TorqueMap,
     weight: Array,
     load: float,
+    *,
     law: str,
     fixed: Mapping[str, float],
     reference: Mapping[str, float],
     free: Sequence[str],
-) -> ls.MapProblem:
+) -> MapProblem:
     names = tuple(n for n in (*names_of(law), *free) if n not in fixed)
     limits = bounds(drive, data.w, data.tau)
     guess = first_guess(drive, data.w, data.tau, load, {k: v for k, v in reference.items() if v})
     scale = np.array([guess[n] if guess[n] > 0 else 0.1 * limits[n][1] for n in names])
-    return ls.MapProblem(
+    return MapProblem(
         drive=drive,
         law=law,
         w=data.w,
@@ -140,7 +146,7 @@ def _problem(
     )
 
 
-def _with_enough_points(problems: dict[str, ls.MapProblem], points: int, law: str) -> dict[str, ls.MapProblem]:
+def _with_enough_points(problems: dict[str, MapProblem], points: int, law: str) -> dict[str, MapProblem]:
     enough = {name: p for name, p in problems.items() if points > len(p.names) + (2 if law == "auto" else 0)}
     if not enough:
         need = min(len(p.names) for p in problems.values()) + 1
@@ -151,7 +157,7 @@ def _with_enough_points(problems: dict[str, ls.MapProblem], points: int, law: st
     return enough
 
 
-def _starts(problem: ls.MapProblem) -> list[Array]:
+def _starts(problem: MapProblem) -> list[Array]:
     start = problem.anchor.copy()
     if "stribeck_speed" not in problem.names:
         return [start]
@@ -165,8 +171,8 @@ def _starts(problem: ls.MapProblem) -> list[Array]:
     return starts
 
 
-def _best_of_starts(problem: ls.MapProblem) -> ls.Solution:
-    return min((ls.solve(problem, q) for q in _starts(problem)), key=lambda s: s.cost)
+def _best_of_starts(problem: MapProblem) -> Solution:
+    return min((solve(problem, q) for q in _starts(problem)), key=lambda s: s.cost)
 
 
 def _aicc(cost: float, points: int, parameters: int) -> float:
@@ -175,28 +181,35 @@ def _aicc(cost: float, points: int, parameters: int) -> float:
 
 
 def _report(
-    problem: ls.MapProblem,
-    best: ls.Solution,
+    problem: MapProblem,
+    best: Solution,
     believed: Mapping[str, float],
     data: TorqueMap,
+    *,
     outliers: list[Outlier],
     criterion: dict[str, float],
 ) -> MapFit:
     points, names = len(problem.w), problem.names
     variance = best.cost / (points - len(names))
     jacobian = problem.jacobian(best.q)
-    intervals = intervals_of(problem, best, ls.covariance(jacobian, variance))
+    intervals = intervals_of(problem, best, covariance(jacobian, variance))
     separable = separable_of(jacobian[:points], best.q, intervals)
     chosen = nearest_to_reference(problem, best, believed, separable, variance)
     jacobian = problem.jacobian(chosen.q)
-    cov = ls.covariance(jacobian, variance)
+    cov = covariance(jacobian, variance)
     sigma = np.sqrt(np.diag(cov))
     correlation = cov / np.outer(sigma, sigma)
     values = {n: float(v) for n, v in zip(names, chosen.q * problem.scale, strict=True)}
     low, high = np.minimum(intervals[0], chosen.q), np.maximum(intervals[1], chosen.q)
     edge = np.minimum(chosen.q - problem.lower, problem.upper - chosen.q) < 1e-6 * (problem.upper - problem.lower)
     estimates = {
-        n: Estimate(values[n], low[k] * problem.scale[k], high[k] * problem.scale[k], False, separable[k], edge[k])
+        n: Estimate(
+            value=values[n],
+            low=low[k] * problem.scale[k],
+            high=high[k] * problem.scale[k],
+            separable=separable[k],
+            at_bound=edge[k],
+        )
         for k, n in enumerate(names)
     }
     estimates |= {n: Estimate(v, v, v, fixed=True) for n, v in problem.fixed.items()}
@@ -217,7 +230,7 @@ def _report(
     )
 
 
-def _notes(problem: ls.MapProblem, drive: Drive) -> tuple[str, ...]:
+def _notes(problem: MapProblem, drive: Drive) -> tuple[str, ...]:
     effort = output_effort(drive, problem.load, problem.w / drive.ratio, 0.0)
     lost = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
     if not lost:
@@ -225,7 +238,7 @@ def _notes(problem: ls.MapProblem, drive: Drive) -> tuple[str, ...]:
     return (f"the preload does not keep both half nuts in contact at {lost} points: the law does not hold there",)
 
 
-def _identified(problem: ls.MapProblem, values: Mapping[str, float], cov: Array) -> Drive:
+def _identified(problem: MapProblem, values: Mapping[str, float], cov: Array) -> Drive:
     drive = with_parameters(problem.drive, problem.law, {**problem.fixed, **values})
     table = {a: {b: float(cov[i, j]) for j, b in enumerate(problem.names)} for i, a in enumerate(problem.names)}
     friction = replace(

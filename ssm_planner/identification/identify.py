@@ -9,13 +9,12 @@ from typing import Any
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
-from ssm_planner.identification.estimates import Estimate
+from ssm_planner.identification.estimation import Estimate
 from ssm_planner.identification.fit import MapFit, fit_map
 from ssm_planner.identification.prediction import Prediction
 from ssm_planner.identification.prediction import predict as predict_recording
 from ssm_planner.identification.recordings import Recording, read_recordings
-from ssm_planner.identification.rig_figures import TABLE
-from ssm_planner.identification.torque_map import TorqueMap, kind_of, read_figures, torque_map
+from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Drive
 
@@ -91,7 +90,7 @@ def identify(
     load, inertia = _load(here)
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
     dynamic = fit_dynamic(fit.drive, moving, load, inertia) if moving else None
-    return Identification(fit, dynamic, data, tuple(moving), load, evidence)
+    return Identification(fit, dynamic, data, moving=tuple(moving), load=load, evidence=evidence)
 
 
 def predict(drive: str | Path, recordings: Sequence[str | Path]) -> list[Prediction]:

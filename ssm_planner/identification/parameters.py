@@ -56,7 +56,7 @@ def map_torque(drive: Drive, w: Array, load: float) -> Array:
 
 
 def bounds(drive: Drive, w: Array, tau: Array) -> dict[str, tuple[float, float]]:
-    """Physical bounds by name: nothing negative, nothing that alone would exceed the measured torque.
+    """Physical bounds by name from a map (points,): nothing negative, nothing that alone exceeds the measured torque.
 
     The coefficient of a drive that is known to lock itself stays above tan λ · cos θ_n.
     """
@@ -77,7 +77,7 @@ def bounds(drive: Drive, w: Array, tau: Array) -> dict[str, tuple[float, float]]
 
 
 def first_guess(drive: Drive, w: Array, tau: Array, load: float, reference: Mapping[str, float]) -> dict[str, float]:
-    """Where a fit starts: reference values where there are any, else typical ones."""
+    """Where a fit to a map (points,) starts: reference values where there are any, else typical ones."""
     fastest = float(np.abs(w).max())
     friction = 0.5 * float(np.mean(np.abs(tau)))
     return {

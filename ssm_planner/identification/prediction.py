@@ -44,7 +44,7 @@ class Prediction:
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
-    """Root mean square of predicted − measured over (max − min) of measured."""
+    """Root mean square of predicted − measured (samples,) over (max − min) of measured. Raises RecordingError."""
     span = float(np.ptp(measured))
     if span == 0.0:
         raise RecordingError("the measured torque is constant: NRMSD is not defined")

@@ -1,8 +1,15 @@
-"""The torque–velocity map: one point, mean speed and mean torque, per steady-state recording."""
+"""The torque–velocity map: one point, mean speed and mean torque, per steady-state recording; and its outliers.
+
+The maps of the three rigs ship as a table of figures. Regenerate it, from the project's folder, with
+
+    python -m ssm_planner.identification.torque_map problems/drives/rig_figures.csv \\
+        problems/drives/rig1_lead_screw.yaml=RECORDINGS/drive1_lead_screw/steady_state …
+"""
 
 from __future__ import annotations
 
 import csv
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.dynamics.friction import STANDSTILL
-from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recordings import Recording
+from ssm_planner.errors import RecordingError, SsmPlannerError
+from ssm_planner.identification.recordings import Recording, read_recordings
+from ssm_planner.loading.load import load_drive
 from ssm_planner.typing import Array
 
 FIGURES_HEADER = (
@@ -33,6 +41,23 @@ REST_SAMPLES = 6
 
 FLICKER = 0.05
 """Motions shorter than REST_SAMPLES and slower than this share of the usual speed are noise of the channel."""
+
+BEYOND = 5.0
+"""Robust standard deviations between a point and its neighbours' line that make it an outlier."""
+
+LEAST = 0.005
+"""Least deviation assumed, as a share of the torque range: what a bend of the map looks like between its points."""
+
+_KEEP = 3.0
+_FEWEST = 5
+
+TABLE = "rig_figures.csv"
+"""Name of the table, beside the drive files; its rigs are named by the files' stems."""
+
+SOURCE = """Mean motor speed and torque of steady-state recordings of three rigs, in each rig's positive direction.
+Computed by ssm_planner.identification.torque_map from the maxon EPOS4 recordings in the public repository
+RViMLab/TRO2021-Dynamic-Modelling (MIT licence, copyright its authors), made for "Friction-Inclusive Modeling of
+Sliding Contact Transmission Systems in Robotics", IEEE Transactions on Robotics 37(4), 2021."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,5 +175,95 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     table = np.array(rows)
     order = np.argsort(table[:, 0], kind="stable")
     table = table[order]
-    w, tau, w_deviation, tau_deviation, samples = np.ascontiguousarray(table.T)
-    return TorqueMap(tuple(names[k] for k in order), w, tau, w_deviation, tau_deviation, samples)
+    columns = dict(
+        zip(("w", "tau", "w_deviation", "tau_deviation", "samples"), np.ascontiguousarray(table.T), strict=True)
+    )
+    return TorqueMap(names=tuple(names[k] for k in order), **columns)
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A point of a map that stands apart from its neighbours."""
+
+    index: int
+    distance: float
+    """Measured torque − torque on the line through its neighbours, N·m."""
+    weight: float
+    """Factor of its residual in a fit, < 1."""
+
+
+def find_outliers(w: Array, tau: Array) -> list[Outlier]:
+    """Isolated points of a torque–velocity map sorted by speed (points,).
+
+    Every point is compared with the line through its two nearest neighbours of the same direction. A law that fits
+    badly makes no outliers, since neighbours then deviate alike. Fewer than five points in a direction show nothing.
+    """
+    left = np.ones(len(w), dtype=bool)
+    found: list[Outlier] = []
+    for _ in range(len(w) // 4):
+        score, distance, deviation = _scores(w, tau, left)
+        worst = int(np.argmax(np.abs(score)))
+        if not np.abs(score[worst]) > BEYOND:
+            break
+        left[worst] = False
+        weight = _KEEP * deviation / max(abs(distance[worst]), 1e-300)
+        found.append(Outlier(worst, float(distance[worst]), float(min(1.0, weight))))
+    return sorted(found, key=lambda outlier: outlier.index)
+
+
+def _scores(w: Array, tau: Array, left: Array) -> tuple[Array, Array, float]:
+    """Distance of every point left from its neighbours' line, over its expected deviation; and torque deviation."""
+    distance, spread = np.full(len(w), np.nan), np.ones(len(w))
+    for sign in (-1.0, 1.0):
+        side = np.flatnonzero(left & (np.sign(w) == sign))
+        if len(side) < _FEWEST:
+            continue
+        for place, k in enumerate(side):
+            a, b = _neighbours(side, place)
+            share = 0.5 if w[a] == w[b] else (w[k] - w[a]) / (w[b] - w[a])
+            distance[k] = tau[k] - (1 - share) * tau[a] - share * tau[b]
+            spread[k] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
+    known = np.isfinite(distance)
+    if not known.any():
+        return np.zeros(len(w)), np.zeros(len(w)), 0.0
+    deviation = 1.4826 * float(np.median(np.abs(distance[known] / spread[known])))
+    deviation = max(deviation, LEAST * float(np.ptp(tau)), 1e-300)
+    score = np.where(known, distance / (spread * deviation), 0.0)
+    return score, np.where(known, distance, 0.0), deviation
+
+
+def _neighbours(side: NDArray[np.intp], place: int) -> tuple[int, int]:
+    if place == 0:
+        return int(side[1]), int(side[2])
+    if place == len(side) - 1:
+        return int(side[-3]), int(side[-2])
+    return int(side[place - 1]), int(side[place + 1])
+
+
+def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
+    """The torque–velocity map of a rig from a folder of its recordings; start–stop recordings are left aside."""
+    rig = load_drive(drive_path).rig
+    nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
+    found = read_recordings([recordings], nominal_torque=nominal, direction=direction)
+    return torque_map([recording for recording in found if kind_of(recording) == "steady"])
+
+
+def main(arguments: list[str]) -> int:
+    """Write the table: OUTPUT DRIVE=RECORDINGS …"""
+    if len(arguments) < 2 or any("=" not in pair for pair in arguments[1:]):
+        print("usage: python -m ssm_planner.identification.torque_map OUTPUT DRIVE=RECORDINGS ...", file=sys.stderr)
+        return 2
+    try:
+        pairs = [pair.split("=", 1) for pair in arguments[1:]]
+        maps = {Path(drive).stem: rig_map(drive, recordings) for drive, recordings in pairs}
+    except SsmPlannerError as error:
+        print(error, file=sys.stderr)
+        return 2
+    write_figures(arguments[0], maps, SOURCE)
+    for rig, points in maps.items():
+        print(f"{rig}: {len(points.w)} recordings", *points.repairs, sep="\n  ", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

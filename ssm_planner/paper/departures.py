@@ -333,13 +333,13 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
     other = fit_map(drive, result.data, result.rig.F_payload, law="stribeck_gaussian", reference=result.rig.published)
     fits = (result.fits["stribeck_exponential"], other)
     return StribeckForms(
-        result.title,
-        tuple((_mu(exponential, s * speed), _mu(gaussian, s * speed)) for s in STRIBECK_SPEEDS),
-        (widest, _mu(exponential, widest * speed), _mu(gaussian, widest * speed)),
-        (result.map_nrmsd(exponential), result.map_nrmsd(gaussian)),
-        (fits[0].nrmsd, fits[1].nrmsd),
-        (fits[0].estimates["stribeck_speed"].value, fits[1].estimates["stribeck_speed"].value),
-        (fits[0].criterion["stribeck_exponential"], fits[1].criterion["stribeck_gaussian"]),
+        title=result.title,
+        mu=tuple((_mu(exponential, s * speed), _mu(gaussian, s * speed)) for s in STRIBECK_SPEEDS),
+        largest=(widest, _mu(exponential, widest * speed), _mu(gaussian, widest * speed)),
+        published_nrmsd=(result.map_nrmsd(exponential), result.map_nrmsd(gaussian)),
+        fitted_nrmsd=(fits[0].nrmsd, fits[1].nrmsd),
+        fitted_speed=(fits[0].estimates["stribeck_speed"].value, fits[1].estimates["stribeck_speed"].value),
+        criterion=(fits[0].criterion["stribeck_exponential"], fits[1].criterion["stribeck_gaussian"]),
     )
 
 

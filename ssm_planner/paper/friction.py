@@ -110,17 +110,17 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
         sheets = [np.array([map_torque(paper, sign * w, load) for load in loads]) for sign in (1.0, -1.0)]
         maps.append(
             FrictionMap(
-                joint,
-                paper,
-                w,
-                (map_torque(paper, w, 0.0), map_torque(paper, -w, 0.0)),
-                (map_torque(package, w, 0.0), map_torque(package, -w, 0.0)),
-                (
+                joint=joint,
+                drive=paper,
+                w=w,
+                unloaded=(map_torque(paper, w, 0.0), map_torque(paper, -w, 0.0)),
+                package=(map_torque(package, w, 0.0), map_torque(package, -w, 0.0)),
+                loaded=(
                     (sheets[0].min(axis=0), sheets[0].max(axis=0)),
                     (sheets[1].min(axis=0), sheets[1].max(axis=0)),
                 ),
-                (float(low[i]), float(high[i])),
-                float(breakaway_torque(paper, 0.0, 1.0)),
+                gravity=(float(low[i]), float(high[i])),
+                start=float(breakaway_torque(paper, 0.0, 1.0)),
             )
         )
     return tuple(maps)

@@ -15,8 +15,7 @@ from ssm_planner.identification.fit import MapFit, fit_map
 from ssm_planner.identification.parameters import map_torque, with_parameters
 from ssm_planner.identification.prediction import nrmsd, predict
 from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.rig_figures import TABLE
-from ssm_planner.identification.torque_map import TorqueMap, read_figures
+from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.paper.published import RIGS, Inputs
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
 from ssm_planner.problem.drive import Drive, FrictionLawName, Rig
@@ -90,7 +89,7 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
     fits = {law: fit_map(drive, data, rig.F_payload, law=law, reference=rig.published) for law in LAWS}
     criterion = {law: fit.criterion[law] for law, fit in fits.items()}
     chosen = min(criterion, key=lambda law: criterion[law])
-    result = RigResult(name, rig, data, published_drive(drive), fits, chosen)
+    result = RigResult(name, rig, data, published=published_drive(drive), fits=fits, chosen=chosen)
     folder = inputs.recordings / RIGS[name] / "start_stop"
     if not folder.is_dir():
         return replace(result, left_out="the recordings are not here: name their folder by --recordings")

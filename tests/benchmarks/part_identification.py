@@ -15,8 +15,7 @@ from ssm_planner.cli.drives import identify_command
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.identification.prediction import predict
 from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.rig_figures import TABLE
-from ssm_planner.identification.torque_map import read_figures
+from ssm_planner.identification.torque_map import TABLE, read_figures
 from ssm_planner.loading.load import load_drive
 from ssm_planner.paper.rigs import published_drive
 

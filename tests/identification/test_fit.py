@@ -11,9 +11,8 @@ import pytest
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.fit import fit_map
-from ssm_planner.identification.outliers import find_outliers
 from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.identification.torque_map import TorqueMap, read_figures
+from ssm_planner.identification.torque_map import TorqueMap, find_outliers, read_figures
 from ssm_planner.loading.load import load_drive
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"

@@ -19,8 +19,7 @@ from ssm_planner.identification.dynamic import fit_dynamic
 from ssm_planner.identification.fit import fit_map
 from ssm_planner.identification.prediction import Motion, nrmsd, predict, predict_torque
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.identification.rig_figures import rig_map
-from ssm_planner.identification.torque_map import read_figures
+from ssm_planner.identification.torque_map import read_figures, rig_map
 from ssm_planner.loading.load import load_drive
 from ssm_planner.reporting.figures.drive import map_figure, prediction_figure
 

@@ -1,10 +1,13 @@
-"""Bounded weighted least squares of a map's parameters, and the likelihood profile of each: the numerics of a fit."""
+"""Bounded weighted least squares of a map's parameters, and what they are worth.
+
+Intervals from the likelihood profile; which parameters the data determine; the choice among equally good fits.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +15,32 @@ from ssm_planner.identification.parameters import map_torque, with_parameters
 from ssm_planner.problem.drive import Drive
 from ssm_planner.typing import Array
 
+CONFIDENCE = 0.95
+COLLINEAR = 100.0
+"""Variance inflation beyond which the data do not separate a parameter from the others."""
+
+LINKED = 0.98
+"""Correlation from which two parameters count as given only together."""
+
+REFERENCE_SPREAD = 1.0
+"""Relative standard deviation with which a reference value is believed where the data decide nothing."""
+
 _STEP = 1e-6
 _GAUGE = 1e-6
 """Pull towards the anchors, in torque ranges per unit of q: enough to choose among equally good solutions, no more."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value and 95 % interval; low = high = value where it was given instead of fitted."""
+
+    value: float
+    low: float
+    high: float
+    fixed: bool = False
+    separable: bool = True
+    """False: the data alone do not determine it; the interval is what bounds and reference values leave."""
+    at_bound: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +92,10 @@ class MapProblem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
+    """A minimum of a MapProblem."""
+
     q: Array
+    """(parameters,)."""
     cost: float
     """Weighted sum of squares, residuals in units of the torque range."""
     residual: Array
@@ -123,11 +152,11 @@ def profile_interval(
     ends = []
     for sign in (-1.0, 1.0):
         edge = problem.lower[index] if sign < 0 else problem.upper[index]
-        ends.append(_profile_end(problem, best, index, rise, sign * deviation, edge))
+        ends.append(_profile_end(problem, best, index, rise=rise, step=sign * deviation, edge=edge))
     return ends[0], ends[1]
 
 
-def _profile_end(problem: MapProblem, best: Solution, index: int, rise: float, step: float, edge: float) -> float:
+def _profile_end(problem: MapProblem, best: Solution, index: int, *, rise: float, step: float, edge: float) -> float:
     """Secant search for the root of √(cost rise) along the profile, which is a straight line for a linear model."""
     target = math.sqrt(best.cost * rise)
     centre, reach = best.q[index], abs(edge - best.q[index])
@@ -179,7 +208,7 @@ def covariance(jacobian: Array, variance: float) -> Array:
 
 
 def groups(correlation: Array, names: Sequence[str], threshold: float) -> list[tuple[str, ...]]:
-    """Sets of parameters linked by correlations beyond the threshold."""
+    """Sets of parameters linked by correlations (parameters, parameters) beyond the threshold."""
     left, found = set(range(len(names))), []
     while left:
         group, frontier = set(), {left.pop()}
@@ -192,3 +221,56 @@ def groups(correlation: Array, names: Sequence[str], threshold: float) -> list[t
         if len(group) > 1:
             found.append(tuple(names[k] for k in sorted(group)))
     return found
+
+
+def intervals_of(problem: MapProblem, best: Solution, cov: Array) -> tuple[Array, Array]:
+    """(parameters,) ends in q of the likelihood-profile intervals: exact for a linear model, cut at the bounds."""
+    from scipy.stats import t as student
+
+    dof = len(problem.w) - len(problem.names)
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2, dof))
+    ends = []
+    for k in range(len(problem.names)):
+        guess = min(quantile * float(np.sqrt(cov[k, k])), 0.25 * float(problem.upper[k] - problem.lower[k]))
+        ends.append(profile_interval(problem, best, k, quantile**2 / dof, guess))
+    return np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+
+
+def separable_of(jacobian: Array, q: Array, intervals: tuple[Array, Array]) -> list[bool]:
+    """Whether the data determine each parameter: it is not collinear with the others, or precise all the same.
+
+    jacobian: (points, parameters); q and the ends of the intervals: (parameters,).
+    """
+    size = np.sum(jacobian**2, axis=0)
+    inflation = np.diag(covariance(jacobian, 1.0)) * size
+    precise = intervals[1] - intervals[0] < 0.5 * np.abs(q)
+    return [bool(v) for v in (size > 0) & ((inflation < COLLINEAR) | precise)]
+
+
+def nearest_to_reference(
+    problem: MapProblem, best: Solution, believed: Mapping[str, float], separable: list[bool], variance: float
+) -> Solution:
+    """Among nearly equally good fits, the one near the reference values of what the data leave open."""
+    trust, anchor = np.zeros(len(problem.names)), problem.anchor.copy()
+    for k, name in enumerate(problem.names):
+        if not separable[k] and believed.get(name):
+            anchor[k] = believed[name] / problem.scale[k]
+            trust[k] = np.sqrt(variance) / (REFERENCE_SPREAD * anchor[k])
+    if not trust.any():
+        return best
+    drawn = replace(problem, trust=trust, anchor=anchor)
+    starts = (best.q, np.where(trust > 0, anchor, best.q))
+    return min((solve(drawn, q) for q in starts), key=lambda s: s.cost)
+
+
+def inseparable_groups(
+    correlation: Array, names: tuple[str, ...], separable: list[bool]
+) -> tuple[tuple[str, ...], ...]:
+    """Groups of parameters that the data determine only together; those linked to no single other one form the last.
+
+    correlation: (parameters, parameters).
+    """
+    alone = [name for name, known in zip(names, separable, strict=True) if not known]
+    found = [g for g in groups(correlation, names, LINKED) if any(name in alone for name in g)]
+    rest = tuple(name for name in alone if not any(name in g for g in found))
+    return tuple(found) + ((rest,) if rest else ())
