@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ssm_planner.cli.output import OK, print_json, progress_reporter
 from ssm_planner.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ssm_planner.identification.identify import Identification
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 
@@ -36,20 +39,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    from ssm_planner.cli.drives import default_output, identify_command
+    from ssm_planner.identification.identify import identify
 
     fixed = dict(_known(text) for text in options.fix)
     progress(f"identifying {options.drive}")
-    output = options.output or default_output(options.drive)
-    result = identify_command(
-        options.drive, options.recordings, output, law=options.law, fixed=fixed, free=tuple(options.free)
-    )
+    found = identify(options.drive, options.recordings, law=options.law, fixed=fixed, free=tuple(options.free))
+    result = {**found.to_dict(), "files": _write(found, options.drive, options.output)}
     progress("done")
     if options.json:
         print_json(result)
     else:
         print("\n".join(_lines(result)))
     return OK
+
+
+def _write(found: Identification, drive: Path, output: Path | None) -> dict[str, str]:
+    """Write the identified drive file and its map; their paths by name. Raises ExportError."""
+    from ssm_planner.reporting.figures.drive import map_figure
+    from ssm_planner.reporting.figures.style import save_figure
+
+    path = output or Path("results") / drive.stem / f"{drive.stem}.yaml"
+    if path.is_dir():
+        path = path / f"{drive.stem}.yaml"
+    written = str(found.save(path))
+    figures = save_figure(map_figure(found.fit, found.data, found.load), path.with_name(f"{path.stem}_map"))
+    return {"drive": written, **dict(zip(("map", "map_pdf"), map(str, figures.values()), strict=True))}
 
 
 def _known(text: str) -> tuple[str, float]:

@@ -21,24 +21,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ssm_planner.cli.kinematics import ik_command
+    from ssm_planner.kinematics.of_robot import ik
     from ssm_planner.loading.load import load_robot
+    from ssm_planner.problem.problem import TASK
 
-    robot = load_robot(options.robot)
-    result = ik_command(
-        robot, options.roll, options.tilt, options.spin, options.depth, within_limits=options.within_limits
-    )
+    robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
+    found = ik(robot, **point, within_limits=options.within_limits)
     if options.json:
-        print_json(result)
+        print_json(found.to_dict())
     else:
         print("joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges")
-        for q, inside in zip(result["branches"], result["in_limits"], strict=True):
+        for q, inside in zip(found.joints, found.in_limits, strict=True):
             angles = "   ".join(f"{math.degrees(value):11.5f}" for value in q[:3])
             print(f"{angles}   {1e3 * q[3]:10.4f}   {'yes' if inside else 'no'}")
-        if not result["reachable"]:
-            error = result["error"]
+        if not found.reachable:
             print(
-                f"not reachable: the nearest is off by {math.degrees(error['orientation']):.6g} deg "
-                f"and {1e3 * error['tip']:.6g} mm"
+                f"not reachable: the nearest is off by {math.degrees(found.orientation_error):.6g} deg "
+                f"and {1e3 * found.tip_error:.6g} mm"
             )
-    return OK if result["reachable"] else FAILED
+    return OK if found.reachable else FAILED

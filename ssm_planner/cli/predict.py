@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ssm_planner.cli.output import OK, print_json, progress_reporter
+
+if TYPE_CHECKING:
+    from ssm_planner.identification.prediction import Prediction
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,10 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    from ssm_planner.cli.drives import predict_command
+    from ssm_planner.identification.identify import friction_origin, predict
 
     progress(f"predicting with {options.drive}")
-    results = predict_command(options.drive, options.recordings, options.output)
+    origin = friction_origin(options.drive)
+    results = [
+        {**prediction.to_dict(), "friction": origin, "files": _figures(prediction, options.output)}
+        for prediction in predict(options.drive, options.recordings)
+    ]
     progress("done")
     if options.json:
         print_json(results)
@@ -34,3 +42,15 @@ def run(options: argparse.Namespace) -> int:
         for path in result["files"].values():
             print(f"  figure: {path}")
     return OK
+
+
+def _figures(prediction: Prediction, folder: Path | None) -> dict[str, str]:
+    """Write the figure of one recording; its paths by name. Raises ExportError."""
+    if folder is None:
+        return {}
+    from ssm_planner.reporting.figures.drive import prediction_figure
+    from ssm_planner.reporting.figures.style import save_figure
+
+    name = prediction.recording.name.removesuffix(".csv").replace("/", "_")
+    written = save_figure(prediction_figure(prediction), folder / f"prediction_{name}")
+    return dict(zip(("figure", "pdf"), map(str, written.values()), strict=True))

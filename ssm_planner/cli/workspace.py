@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ssm_planner.cli.output import FAILED, OK, print_json, quantity_argument
 from ssm_planner.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ssm_planner.problem.robot import Robot
+    from ssm_planner.typing import Range
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,19 +29,60 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ssm_planner.cli.kinematics import workspace_command
     from ssm_planner.loading.load import load_robot
 
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
     robot = None if options.robot is None else load_robot(options.robot)
-    reach = None if options.reach is None else tuple(options.reach)
-    result = workspace_command(robot, reach, options.output, options.margin)
+    if robot is not None and options.reach is None:
+        result = _workspace(robot, options.output)
+    else:
+        low, high = sorted(options.reach)
+        result = _designs((low, high), options.margin, robot, options.output)
     if options.json:
         print_json(result)
     else:
         print("\n".join(_lines(result)))
     return OK if result.get("reachable", True) else FAILED
+
+
+def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
+    """{alpha, beta, tilt_range, home, extremes}, and where an output is given the figures' paths."""
+    from ssm_planner.kinematics.of_robot import workspace
+
+    result = workspace(robot).to_dict()
+    if output is not None:
+        from ssm_planner.kinematics.mechanism import Mechanism
+        from ssm_planner.reporting.figures.workspace import save_figures, workspace_figures
+
+        result["files"] = save_figures(workspace_figures(Mechanism.from_geometry(robot.geometry)), output)
+    return result
+
+
+def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | None) -> dict[str, Any]:
+    """{alpha, beta, region, margin, reachable} of the designs that reach a range, and what a robot has to spare."""
+    from ssm_planner.kinematics.design import design_margin, design_region
+    from ssm_planner.kinematics.of_robot import workspace
+
+    region = design_region(*reach, margin)
+    alpha, beta = region.smallest_alpha
+    result: dict[str, Any] = {
+        "alpha": None if region.empty else alpha,
+        "beta": None if region.empty else beta,
+        "region": region.vertices.tolist(),
+        "margin": margin,
+        "reachable": not region.empty,
+    }
+    built = None
+    if robot is not None:
+        own = workspace(robot)
+        built = own.alpha, own.beta
+        result["robot"] = {"alpha": own.alpha, "beta": own.beta, "margin": design_margin(*built, reach)}
+    if output is not None:
+        from ssm_planner.reporting.figures.workspace import design_region_figure, save_figures
+
+        result["files"] = save_figures({"design_region": design_region_figure(region, built)}, output)
+    return result
 
 
 def _lines(result: dict[str, Any]) -> list[str]:

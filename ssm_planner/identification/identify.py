@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import RecordingError
+from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
 from ssm_planner.identification.estimation import Estimate
 from ssm_planner.identification.fit import MapFit, fit_map
-from ssm_planner.identification.prediction import Prediction
-from ssm_planner.identification.prediction import predict as predict_recording
+from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
 from ssm_planner.loading.load import load_drive
+from ssm_planner.loading.shipped import find
 from ssm_planner.problem.drive import Drive
 
 
@@ -34,6 +35,8 @@ class Identification:
     """Constant effort on the output, N·m or N."""
     evidence: str
     """Where the map comes from, in words."""
+    file: Path
+    """The drive file that was identified."""
 
     @property
     def drive(self) -> Drive:
@@ -43,6 +46,11 @@ class Identification:
     @property
     def dynamic_estimates(self) -> dict[str, Estimate]:
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
+
+    def save(self, path: str | Path) -> Path:
+        """Write a drive file like the one identified, with the identified friction. Raises ProblemError."""
+        write_drive(path, self.file, self.drive, fit=self.fit, dynamic=self.dynamic_estimates, evidence=self.evidence)
+        return Path(path)
 
     def to_dict(self) -> dict[str, Any]:
         """The object that `identify --json` prints, without files; SI."""
@@ -90,7 +98,15 @@ def identify(
     load, inertia = _load(here)
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
     dynamic = fit_dynamic(fit.drive, moving, load, inertia) if moving else None
-    return Identification(fit, dynamic, data, moving=tuple(moving), load=load, evidence=evidence)
+    return Identification(
+        fit=fit,
+        dynamic=dynamic,
+        data=data,
+        moving=tuple(moving),
+        load=load,
+        evidence=evidence,
+        file=find(drive, "drives"),
+    )
 
 
 def predict(drive: str | Path, recordings: Sequence[str | Path]) -> list[Prediction]:

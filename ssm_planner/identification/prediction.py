@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,17 @@ class Prediction:
     contact_lost: float = 0.0
     """Share of the samples in which a half nut of an antibacklash screw lifts off: there the law does not hold."""
 
+    def to_dict(self) -> dict[str, Any]:
+        """The object that `predict --json` prints of one recording, without files."""
+        return {
+            "recording": self.recording.name,
+            "nrmsd": self.nrmsd,
+            "repairs": list(self.recording.repairs),
+            "samples": len(self.recording.time),
+            "rest_share": float(self.rest.mean()),
+            "contact_lost": self.contact_lost,
+        }
+
 
 def nrmsd(predicted: Array, measured: Array) -> float:
     """Root mean square of predicted − measured (samples,) over (max − min) of measured. Raises RecordingError."""
@@ -51,7 +63,7 @@ def nrmsd(predicted: Array, measured: Array) -> float:
     return float(np.sqrt(np.mean((predicted - measured) ** 2)) / span)
 
 
-def predict(drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0) -> Prediction:
+def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0) -> Prediction:
     """Predict the motor torque of a recording from its speed alone.
 
     load: constant effort on the output, N·m or N; load_inertia: what the payload adds to the output inertia.

@@ -11,8 +11,8 @@ from cases import ROOT
 from measuring import Spread, timed
 from section import Section
 
-from ssm_planner.cli.drives import identify_command
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
+from ssm_planner.identification.identify import identify
 from ssm_planner.identification.prediction import predict
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, read_figures
@@ -44,7 +44,7 @@ def run(quick: bool) -> Section:
         seconds: list[float] = []
         result: dict[str, Any] = {}
         for _ in range(1 if quick else 3):
-            took, result = timed(lambda drive=drive, sources=sources: identify_command(drive, sources))  # type: ignore[misc]
+            took, result = timed(lambda drive=drive, sources=sources: identify(drive, sources).to_dict())  # type: ignore[misc]
             seconds.append(took)
         fitted = [row["nrmsd"] for row in result["start_stop"]]
         published_map, published_motion = published_errors(drive, folder / recorded / "start_stop")

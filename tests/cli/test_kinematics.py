@@ -4,30 +4,47 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from ssm_planner.cli.kinematics import ik_command, workspace_command
+from ssm_planner.cli import main
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.of_robot import fk, ik
 from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.loading.load import load_robot
 from ssm_planner.problem.robot import Robot
 
 ROOT = Path(__file__).parents[2]
+ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
+
+
+Command = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def workspace(capsys: pytest.CaptureFixture[str]) -> Command:
+    """What `workspace … --json` prints."""
+
+    def run(*words: str | Path) -> dict[str, Any]:
+        assert main(["workspace", *map(str, words), "--json"]) in (0, 1)
+        return json.loads(capsys.readouterr().out)
+
+    return run
 
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return load_robot(ROOT / "problems/robots/vitreoretinal.yaml")
+    return load_robot(ROBOT)
 
 
-def test_workspace_of_the_robot(robot, tmp_path):
-    result = workspace_command(robot, figures_dir=tmp_path)
-    assert json.loads(json.dumps(result)) == result
+def test_workspace_of_the_robot(workspace, tmp_path):
+    result = workspace(ROBOT, "-o", tmp_path)
     assert math.degrees(result["alpha"]) == pytest.approx(30.0)
     assert math.degrees(result["beta"]) == pytest.approx(109.778393)
     assert np.degrees(result["tilt_range"]) == pytest.approx([-139.778393, -79.778393])
@@ -38,30 +55,38 @@ def test_workspace_of_the_robot(robot, tmp_path):
         assert Path(path).read_bytes().startswith(b"%PDF" if name.endswith("_pdf") else b"\x89PNG")
 
 
-def test_reach_returns_the_published_design(robot, tmp_path):
-    asked = (math.radians(-140.0), math.radians(-80.0))
-    result = workspace_command(None, reach=asked, figures_dir=tmp_path)
-    assert json.loads(json.dumps(result)) == result
+def test_reach_returns_the_published_design(workspace, tmp_path):
+    result = workspace("--reach", "-140deg", "-80deg", "-o", tmp_path)
     assert np.degrees([result["alpha"], result["beta"]]) == pytest.approx([30.0, 110.0])
     assert np.degrees(result["region"]) == pytest.approx(np.array([[30, 110], [110, 30], [150, 70], [70, 150]]))
     assert Path(result["files"]["design_region"]).exists()
-    with_robot = workspace_command(robot, reach=asked[::-1])
+    with_robot = workspace(ROBOT, "--reach", "-80deg", "-140deg")
     assert math.degrees(with_robot["robot"]["margin"]) == pytest.approx(-0.221607, abs=1e-6)
 
 
-def test_reach_of_the_impossible_is_an_answer():
-    result = workspace_command(None, reach=(-3.0, -0.1), margin=0.2)
+def test_reach_of_the_impossible_is_an_answer(workspace):
+    result = workspace("--reach", "-3.0rad", "-0.1rad", "--margin", "0.2rad")
     assert result == {"alpha": None, "beta": None, "region": [], "margin": 0.2, "reachable": False}
 
 
-def test_workspace_needs_something_to_work_on():
-    with pytest.raises(GeometryError, match="a robot file or a tilt range"):
-        workspace_command(None)
+def test_workspace_needs_something_to_work_on(capsys):
+    assert main(["workspace"]) == 2
+    assert "needs a robot file, or a tilt range" in capsys.readouterr().err
+
+
+def test_fk_of_ik_is_the_point_for_one_and_for_many(robot):
+    point = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.02}
+    found = ik(robot, **point)
+    many, one = fk(robot, found.joints), fk(robot, found.joints[0])
+    assert (many.rotation.shape, many.position.shape, many.task.shape) == ((2, 3, 3), (2, 3), (2, 4))
+    assert (one.rotation.shape, one.position.shape, one.task.shape) == ((3, 3), (3,), (4,))
+    assert np.abs(many.task - list(point.values())).max() < 1e-12
+    assert np.linalg.norm(one.position) == pytest.approx(point["depth"], abs=1e-15)
 
 
 def test_ik_returns_branches_that_reach(robot):
     target = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.02}
-    result = ik_command(robot, **target)
+    result = ik(robot, **target).to_dict()
     assert json.loads(json.dumps(result)) == result
     assert result["reachable"]
     assert result["error"] == {"orientation": 0.0, "tip": 0.0}
@@ -74,12 +99,12 @@ def test_ik_returns_branches_that_reach(robot):
 
 def test_ik_within_limits_drops_what_is_outside(robot):
     target = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.2}
-    assert ik_command(robot, **target)["in_limits"] == [False, False]
-    assert ik_command(robot, **target, within_limits=True)["branches"] == []
+    assert ik(robot, **target).to_dict()["in_limits"] == [False, False]
+    assert ik(robot, **target, within_limits=True).to_dict()["branches"] == []
 
 
 def test_ik_outside_the_workspace_says_by_how_much(robot):
-    result = ik_command(robot, roll=0.1, tilt=math.radians(-145.0), depth=0.02)
+    result = ik(robot, roll=0.1, tilt=math.radians(-145.0), depth=0.02).to_dict()
     excess = math.radians(145.0 - 139.77839335)
     assert not result["reachable"]
     assert len(result["branches"]) == 1  # at the boundary the branches meet
@@ -89,4 +114,4 @@ def test_ik_outside_the_workspace_says_by_how_much(robot):
 
 def test_ik_in_degrees_is_refused(robot):
     with pytest.raises(GeometryError, match="degrees"):
-        ik_command(robot, roll=0.1, tilt=-120.0)
+        ik(robot, roll=0.1, tilt=-120.0).to_dict()

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.cli.drives import identify_command, predict_command
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification.dynamic import fit_dynamic
 from ssm_planner.identification.fit import fit_map
-from ssm_planner.identification.prediction import Motion, nrmsd, predict, predict_torque
+from ssm_planner.identification.identify import identify, predict
+from ssm_planner.identification.prediction import Motion, nrmsd, predict_recording, predict_torque
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import read_figures, rig_map
 from ssm_planner.loading.load import load_drive
@@ -99,15 +99,14 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
 @pytest.mark.parametrize("name", FOLDERS)
 def test_start_stop_recordings_that_the_fit_has_not_seen(name, tmp_path):
     folder = RECORDINGS / FOLDERS[name]
-    result = identify_command(
-        DRIVES / f"{name}.yaml", [folder / "steady_state"], tmp_path / "drive.yaml", figures=False
-    )
-    assert result["nrmsd"] <= 0.02
-    predicted = predict_command(tmp_path / "drive.yaml", [folder / "start_stop"])
-    assert [p["nrmsd"] <= 0.05 for p in predicted] == [True]
-    both = identify_command(DRIVES / f"{name}.yaml", [folder], tmp_path / "dynamic.yaml", figures=False)
+    found = identify(DRIVES / f"{name}.yaml", [folder / "steady_state"])
+    assert found.fit.nrmsd <= 0.02
+    predicted = predict(found.save(tmp_path / "drive.yaml"), [folder / "start_stop"])
+    assert [p.nrmsd <= 0.05 for p in predicted] == [True]
+    found = identify(DRIVES / f"{name}.yaml", [folder])
+    both = found.to_dict()
     assert all(each["nrmsd"] <= each["nrmsd_map_only"] for each in both["start_stop"])
-    assert predict_command(tmp_path / "dynamic.yaml", [folder / "start_stop"])[0]["nrmsd"] == pytest.approx(
+    assert predict(found.save(tmp_path / "dynamic.yaml"), [folder / "start_stop"])[0].nrmsd == pytest.approx(
         both["start_stop"][0]["nrmsd"], rel=1e-4
     )
 
@@ -124,7 +123,9 @@ def test_shipped_figures_are_what_the_reader_computes(name):
 @pytest.mark.parametrize("name", FOLDERS)
 def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_path):
     began = clock.perf_counter()
-    result = identify_command(DRIVES / f"{name}.yaml", output=tmp_path / "drive.yaml", figures=False)
+    found = identify(DRIVES / f"{name}.yaml")
+    result = found.to_dict()
+    found.save(tmp_path / "drive.yaml")
     assert clock.perf_counter() - began < 3.0
     json.dumps(result)
     drive = load_drive(tmp_path / "drive.yaml")
@@ -141,19 +142,19 @@ def test_commands_refuse_what_they_cannot_use(tmp_path):
     copy = tmp_path / "rig3_worm.yaml"
     shutil.copy(DRIVES / "rig3_worm.yaml", copy)
     with pytest.raises(RecordingError, match="no steady-state recording"):
-        identify_command(copy)
+        identify(copy)
     with pytest.raises(RecordingError, match="no recording to predict"):
-        predict_command(copy, [])
+        predict(copy, [])
     lines = "\n".join(f"{k},30,{1 + k % 3}" for k in range(20))
     (tmp_path / "one.csv").write_text("time [s],velocity [rpm],torque [%]\n" + lines)
     with pytest.raises(RecordingError, match="direction"):
-        identify_command(copy, [tmp_path / "one.csv"])
+        identify(copy, [tmp_path / "one.csv"])
     still = "\n".join(f"{k},0,{1 + k % 3}" for k in range(20))
     (tmp_path / "still.csv").write_text("time [s],velocity [rpm],torque [%]\n" + still)
     with pytest.raises(RecordingError, match="never moves"):
-        identify_command(copy, [tmp_path / "still.csv"])
+        identify(copy, [tmp_path / "still.csv"])
     with pytest.raises(ProblemError):
-        identify_command(tmp_path / "absent.yaml")
+        identify(tmp_path / "absent.yaml")
 
 
 def test_figures_show_both_directions_and_the_prediction(tmp_path):
@@ -164,7 +165,7 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
     assert sorted(np.sign(line.get_xdata()[0]) for line in dashed) == [-1, 1]
     time, w = start_stop()
-    prediction = predict(fit.drive, Recording("a", time, w, np.sign(w) * 1e-3), drive.rig.F_payload)
+    prediction = predict_recording(fit.drive, Recording("a", time, w, np.sign(w) * 1e-3), drive.rig.F_payload)
     figure = prediction_figure(prediction)
     assert len(figure.axes) == 2
     assert figure.axes[0].get_ylabel().endswith("(mN·m)")
