@@ -13,7 +13,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.fit import MapFit, fit_map
 from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.identification.prediction import nrmsd, predict
+from ssm_planner.identification.prediction import nrmsd, predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.paper.published import RIGS, Inputs
@@ -106,8 +106,8 @@ def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
     return tuple(
         Tested(
             recording.name,
-            predict(result.published, recording, load, inertia).nrmsd,
-            predict(ours, recording, load, inertia).nrmsd,
+            predict_recording(result.published, recording, load, inertia).nrmsd,
+            predict_recording(ours, recording, load, inertia).nrmsd,
             recording.repairs,
         )
         for recording in found

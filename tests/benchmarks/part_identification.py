@@ -13,7 +13,7 @@ from section import Section
 
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.identification.identify import identify
-from ssm_planner.identification.prediction import predict
+from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, read_figures
 from ssm_planner.loading.load import load_drive
@@ -87,5 +87,5 @@ def published_errors(file: Path, folder: Path) -> tuple[float, list[float]]:
         if folder.is_dir()
         else []
     )
-    motion = [predict(drive, recording, rig.F_payload, rig.payload_inertia).nrmsd for recording in recordings]
+    motion = [predict_recording(drive, recording, rig.F_payload, rig.payload_inertia).nrmsd for recording in recordings]
     return float(np.sqrt(np.mean(error**2)) / np.ptp(data.tau)), motion
