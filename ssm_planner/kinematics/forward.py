@@ -32,7 +32,7 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     rotations, positions = np.empty((len(q), 9)), np.empty((len(q), 3))
     for block in blocks(len(q)):
         one, two, three = (_terms(q[block, i]) for i in range(3))
-        _pose(mechanism, q[block, 3], _products(one, two), three, rotations[block], positions[block])
+        _pose(mechanism, q[block, 3], _products(one, two), three, out=(rotations[block], positions[block]))
     return rotations.reshape(-1, 3, 3), positions
 
 
@@ -44,7 +44,7 @@ def forward_with_jacobian(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Ar
     for block in blocks(len(q)):
         one, two, three = (_terms(q[block, i]) for i in range(3))
         elbow = _products(one, two)
-        _pose(mechanism, q[block, 3], elbow, three, rotations[block], positions[block])
+        _pose(mechanism, q[block, 3], elbow, three, out=(rotations[block], positions[block]))
         np.matmul(elbow.T, space, out=jacobians[block])
     return rotations.reshape(-1, 3, 3), positions, jacobians.reshape(-1, 6, 4)
 
@@ -98,8 +98,12 @@ def _products(a: Array, b: Array) -> Array:
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
-def _pose(mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, rotations: Array, positions: Array) -> None:
-    """Write R and p of one block, from the products of joints 1 and 2 and the terms of joint 3."""
+def _pose(mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, out: tuple[Array, Array]) -> None:
+    """Write R (n, 9) and p (n, 3) of n configurations into `out`.
+
+    theta4: (n,); elbow: products of joints 1 and 2, (9, n); three: terms of joint 3, (3, n).
+    """
+    rotations, positions = out
     np.matmul(_products(elbow, three).T, mechanism.orientation_terms, out=rotations)
     np.multiply(rotations[:, 2::3], theta4[:, np.newaxis], out=positions)
 

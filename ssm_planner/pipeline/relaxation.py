@@ -71,7 +71,7 @@ class Cure:
     def text(self) -> str:
         words = self.relaxation.limit.described(self.value)
         if isinstance(self.outcome, Reason):
-            return f"{words}: tried, does not do alone: {self.outcome.message}"
+            return f"{words}: tried, still infeasible alone: {self.outcome.message}"
         return f"{words}: tried, takes {self.outcome:.4g} s"
 
 

@@ -39,7 +39,7 @@ def plan(
     begin = time.perf_counter()
     planned, certificate, reason = _attempt(problem, progress, found)
     if reason is not None:
-        progress("looking for what would do")
+        progress("looking for a relaxation")
         cure = search(problem, reason, _duration_or_reason)
         reason = reason if cure is None else replace(reason, relaxation=cure.text)
     return Plan(

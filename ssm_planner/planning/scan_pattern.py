@@ -26,7 +26,13 @@ def expand_scans(problem: Problem, mechanism: Mechanism) -> tuple[Motion, ...]:
         if motion.scan is None or motion.target is None or problem.eye is None:
             result.append(motion)
             continue
-        result += _motions(problem, mechanism, motion, motion.scan, problem.eye, motion.target)
+        task = _middle(problem, mechanism, motion, motion.target)
+        axis, side = _axis(mechanism, task)
+        for k, plane in enumerate(pattern(motion.scan), 1):
+            tips = _tips(problem, motion, spots_on_retina(problem.eye, axis, side, plane), motion.scan.distance)
+            spots = [Target(tip=(x, y, z), spin=float(task[2]), line=motion.line) for x, y, z in tips.tolist()]
+            name = motion.name if len(motion.scan.diameters) < 2 else f"{motion.name} {k}"
+            result += _visits(motion, name, spots, motion.scan)
     return tuple(result)
 
 
@@ -68,9 +74,8 @@ def _reach(eye: Eye, axis: Array, radius: float) -> Array:
         return np.asarray(along + np.sqrt(along**2 - eye.centre @ eye.centre + radius**2))
 
 
-def _motions(
-    problem: Problem, mechanism: Mechanism, motion: Motion, scan: Scan, eye: Eye, target: Target
-) -> list[Motion]:
+def _middle(problem: Problem, mechanism: Mechanism, motion: Motion, target: Target) -> Array:
+    """Task coordinates (4,) in which the tool points at the middle of the pattern."""
     task = np.array([(target.task or {}).get(name, 0.0) for name in TASK])
     low, high = tilt_interval(mechanism)
     if not low < task[1] < high:
@@ -82,34 +87,37 @@ def _motions(
             value=f"{np.degrees(task[1]):.6g} deg",
             allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded",
         )
-    axis, side = _axis(mechanism, task)
-    inside = eye.radius - scan.distance
+    return task
+
+
+def _tips(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:
+    """Tip positions (n, 3) from which the tool points at spots (n, 3) on the retina, `distance` away from it."""
+    assert problem.eye is not None
+    direction = spots / np.linalg.norm(spots, axis=1, keepdims=True)
+    depth = _reach(problem.eye, direction, problem.eye.radius - distance)
+    if not np.all(depth > 0):
+        raise ProblemError(
+            "from the port no spot of this scan can be reached at that distance from the retina",
+            file=problem.file,
+            line=motion.line,
+            key="scan",
+            allowed="a direction in which the tool's axis meets the retina deeper in the eye",
+        )
+    return np.asarray(direction * depth[:, None])
+
+
+def _visits(motion: Motion, name: str, spots: list[Target], scan: Scan) -> list[Motion]:
+    """Motions to the spots of one ring or raster: with a dwell at each, or through all of them; a ring is closed."""
     result: list[Motion] = []
-    spin = float(task[2])
-    for k, plane in enumerate(pattern(scan), 1):
-        spots = spots_on_retina(eye, axis, side, plane)
-        direction = spots / np.linalg.norm(spots, axis=1, keepdims=True)
-        depth = _reach(eye, direction, inside)
-        if not np.all(depth > 0):
-            raise ProblemError(
-                "from the port no spot of this scan can be reached at that distance from the retina",
-                file=problem.file,
-                line=motion.line,
-                key="scan",
-                allowed="a direction in which the tool's axis meets the retina deeper in the eye",
-            )
-        tips = direction * depth[:, None]
-        targets = [Target(tip=(p[0], p[1], p[2]), spin=spin, line=motion.line) for p in tips.tolist()]
-        ring = motion.name if len(scan.diameters) < 2 else f"{motion.name} {k}"
-        if scan.dwell > 0:
-            for n, spot in enumerate(targets, 1):
-                result.append(Motion("free", f"{ring}, spot {n}", spot, line=motion.line))
-                result.append(Motion("dwell", f"{ring}, laser {n}", duration=scan.dwell, line=motion.line))
-            continue
-        result.append(Motion("free", f"{ring}, approach", targets[0], line=motion.line))
-        rest = targets[1:] + (targets[:1] if scan.diameters else [])
-        if rest:
-            result.append(Motion("free", ring, rest[-1], line=motion.line, through=tuple(rest[:-1])))
+    if scan.dwell > 0:
+        for n, spot in enumerate(spots, 1):
+            result.append(Motion("free", f"{name}, spot {n}", spot, line=motion.line))
+            result.append(Motion("dwell", f"{name}, laser {n}", duration=scan.dwell, line=motion.line))
+        return result
+    result.append(Motion("free", f"{name}, approach", spots[0], line=motion.line))
+    rest = spots[1:] + (spots[:1] if scan.diameters else [])
+    if rest:
+        result.append(Motion("free", name, rest[-1], line=motion.line, through=tuple(rest[:-1])))
     return result
 
 

@@ -43,7 +43,7 @@ def summary_lines(plan: Plan) -> list[str]:
         reason = plan.reason.message if plan.reason else plan.status
         lines = [f"{plan.problem.name}: no plan ({plan.status})", f"  reason: {reason}"]
         if plan.reason is not None and plan.reason.relaxation:
-            lines.append(f"  would do: {plan.reason.relaxation}")
+            lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
     phases = [
@@ -58,7 +58,7 @@ def summary_lines(plan: Plan) -> list[str]:
     if plan.reason is not None:
         lines += ["", plan.reason.message]
         if plan.reason.relaxation:
-            lines.append(f"would do: {plan.reason.relaxation}")
+            lines.append(f"relaxation: {plan.reason.relaxation}")
     return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
 
 

@@ -1,4 +1,4 @@
-"""A motor that would get too hot over the whole motion: tightened where that helps, otherwise named with what would do."""
+"""A motor that would get too hot over the whole motion: tightened where that helps, otherwise named with its relaxation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(tilt_i
     assert f"it may do {1e3 * needed / 2:.6g} mN·m for all time" in reason.message
     assert reason.relaxation.startswith("continuous torque of joint roll of")
     assert reason.relaxation.endswith(f"tried, takes {fastest.duration:.4g} s")
-    assert f"would do: {reason.relaxation}" in summary_lines(result)
+    assert f"relaxation: {reason.relaxation}" in summary_lines(result)
     assert plan(with_nominal(tilt_insert, 0, reason.required * (1 + 1e-6))).passed
 
 

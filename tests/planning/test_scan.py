@@ -14,7 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.planner import phases_of
+from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.problem import Motion, Problem, Scan, Target
@@ -37,7 +37,7 @@ def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
 
 def phases(result: Plan) -> tuple[Phase, ...]:
     """The phases of a plan with the points that they pass."""
-    return phases_of(result.problem, Mechanism.from_geometry(result.problem.robot.geometry))[0]
+    return feasible_phases(result.problem, Mechanism.from_geometry(result.problem.robot.geometry))[0]
 
 
 def spots(result: Plan) -> list[Array]:
