@@ -10,7 +10,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.planner import phases_of
+from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.problem import Motion, Problem, Target
 from ssm_planner.problem.robot import Robot
@@ -59,7 +59,9 @@ def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
     start = Target(task={"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
     problem = dataclasses.replace(problem, start=start)
     result = plan(problem)
-    assert len(phases_of(problem, Mechanism.from_geometry(problem.robot.geometry))[0][0].straight.directions[0]) > 2
+    phases, _ = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    assert phases[0].path is not None
+    assert len(phases[0].path.directions[0]) > 2
     assert result.passed
     assert_certified_and_as_fast_as_toppra(problem)
 

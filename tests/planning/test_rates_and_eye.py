@@ -12,7 +12,7 @@ from ssm_planner.kinematics.eye import LENS, RETINA
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
-from ssm_planner.planning.planner import phases_of
+from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
@@ -143,7 +143,7 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     """Twice as many elements gain less than 0.2 %."""
     problem = moving(laser_scan, "free", SWING, FAR, eye=in_the_way(laser_scan))
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    points = phases_of(problem, mechanism)[0][0].points
+    points = feasible_phases(problem, mechanism)[0][0].points
     coarse, fine = (solve_free(problem, mechanism, points, count=n) for n in (40, 80))
     assert coarse.solved
     assert fine.solved

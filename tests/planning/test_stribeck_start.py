@@ -11,7 +11,7 @@ import pytest
 
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
-from ssm_planner.planning.diagnosis import too_weak
+from ssm_planner.planning.diagnosis import motor_too_weak
 from ssm_planner.planning.ocp.constraints import directed_torques
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
@@ -49,7 +49,7 @@ def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:
     needed = abs(float(breakaway_torque(drive, load[most], sign, mu=0.4)))
     motor = dataclasses.replace(joint.motor, max_torque=0.99 * needed)
     weak = dataclasses.replace(robot, joints=(dataclasses.replace(joint, drive=drive, motor=motor), *robot.joints[1:]))
-    reason = too_weak(SimpleNamespace(robot=weak), phase, path)
+    reason = motor_too_weak(SimpleNamespace(robot=weak), phase, path)
     assert reason is not None
     assert reason.joint == joint.name
     assert reason.required == pytest.approx(needed, rel=1e-12)
