@@ -156,6 +156,11 @@ class Cubic:
             self.a0 + c * rise,
         )
 
+    def at_time(self, t: Any) -> tuple[Any, Any, Any]:
+        """u, u̇ and ü at the time t."""
+        a0, jerk = self.a0, self.jerk
+        return self.u + t * (self.v + t * (a0 / 2 + t * jerk / 6)), self.v + t * (a0 + t * jerk / 2), a0 + t * jerk
+
     @property
     def end(self) -> tuple[Any, Any]:
         """u and u̇ at c = 1."""

@@ -29,7 +29,7 @@ SELF_DESCRIBED = ("loading.schema",)
 COMMAND = {"add_arguments", "run"}
 """The two functions of every module of `cli`, described there once."""
 WAITING = {
-    "docstring": ("planning", "problem"),
+    "docstring": ("problem",),
     "shape": (
         "dynamics",
         "formats",
@@ -40,7 +40,7 @@ WAITING = {
         "verification",
     ),
     "call": (
-        *("cli", "codegen", "comparison", "dynamics", "formats", "identification", "kinematics", "loading"),
+        *("cli", "comparison", "dynamics", "formats", "identification", "kinematics", "loading"),
         *("pipeline", "planning", "reporting", "simulation", "sizing", "verification"),
     ),
 }

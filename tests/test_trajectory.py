@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.trajectory import Trajectory, hermite, hold, join
+from ssm_planner.trajectory import Cubic, Trajectory, hermite, hold, join
 
 
 def random_trajectory(seed: int, pieces: int = 5) -> Trajectory:
@@ -70,3 +70,21 @@ def test_uniform_samples_end_exactly_at_the_end(rate: float) -> None:
 def test_what_is_no_trajectory_is_refused(breaks: list[float], coefficients: np.ndarray) -> None:
     with pytest.raises(TrajectoryError):
         Trajectory(np.array(breaks), coefficients, ())
+
+
+@given(seed=st.integers(0, 1000), c=st.floats(0.0, 1.0))
+def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float) -> None:
+    """Against NumPy's polynomials; the state at the end and the Bernstein coefficient of u̇ are what they say."""
+    u, v, a0, a1 = np.random.default_rng(seed).normal(size=4)
+    h = 0.7
+    cubic = Cubic(u, v, a0, a1, h)
+    acceleration = np.polynomial.Polynomial([a0, (a1 - a0) / h])
+    velocity = acceleration.integ(k=[v])
+    position = velocity.integ(k=[u])
+    exact = [polynomial(c * h) for polynomial in (position, velocity, acceleration)]
+    assert np.allclose(cubic.at(c), exact, rtol=1e-12, atol=1e-12)
+    assert np.allclose(cubic.at_time(c * h), exact, rtol=1e-12, atol=1e-12)
+    assert np.allclose(cubic.end, cubic.at(1.0)[:2], rtol=1e-12, atol=1e-12)
+    assert cubic.jerk == pytest.approx(acceleration.deriv()(0.0))
+    bernstein = np.array([v, cubic.middle_velocity, cubic.end[1]])
+    assert np.array([(1 - c) ** 2, 2 * c * (1 - c), c**2]) @ bernstein == pytest.approx(exact[1], rel=1e-9, abs=1e-12)

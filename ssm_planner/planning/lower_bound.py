@@ -84,8 +84,7 @@ class SCurve:
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration (from the right, at the end from the left) at times t (n,)."""
         piece = self._piece(t)
-        share = (t - self.switches[piece]) / self.lengths[piece]
-        return Cubic(*(values[piece] for values in self._pieces)).at(share)
+        return Cubic(*(values[piece] for values in self._pieces)).at_time(t - self.switches[piece])
 
     def jerk_at(self, t: Array) -> Array:
         """Slope of the acceleration, from the right, at times t (n,)."""

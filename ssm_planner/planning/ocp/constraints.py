@@ -62,6 +62,7 @@ def robot_key(robot: Robot) -> bytes:
 
 
 def limits_jerk(robot: Robot) -> bool:
+    """Whether any joint has a jerk limit."""
     return any(joint.jerk is not None for joint in robot.joints)
 
 

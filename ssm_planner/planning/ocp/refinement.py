@@ -141,14 +141,14 @@ def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: 
     total = float(fastest.solution.times.sum())
     if not fastest.solution.solved or (duration is None and objective == "time") or (duration or np.inf) < total:
         return fastest.solution
+    reached = Guess(fastest.solution.elements, fastest.solution.times)
     if duration is None:
-        begin = fastest.state.restarted(Guess(fastest.solution.elements, fastest.solution.times))
+        begin = fastest.state.restarted(reached)
         best = _refine(begin, "heat", duration=(0.0, (1 + LONGER) * total))
         if not (best.solution.solved and best.feasible):
             return fastest.solution
     else:
-        slower = Guess(fastest.solution.elements, fastest.solution.times).stretched(duration / total)
-        begin = _Refinement.begin(fastest.state.problem, slower)
+        begin = _Refinement.begin(fastest.state.problem, reached.stretched(duration / total))
         best = _refine(begin, "effort", duration=(duration, duration))
         if not best.solution.solved:  # then any motion that takes as long
             best = _refine(begin, "time", duration=(duration, duration))
@@ -177,7 +177,7 @@ class _Refinement:
         near = problem.row_maxima(elements).max(axis=0, initial=0.0) > NEAR
         active = problem.always_active | _chosen(problem.row_names, near)
         backoff = np.zeros((len(elements), len(problem.row_names)))
-        return cls(guess, problem, active, backoff, elements, guess.point)
+        return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
 
     def restarted(self, guess: Guess) -> _Refinement:
         """From another guess, with the same active rows and backoff."""
