@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     document: dict[str, Any] = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
     lines = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
     if options.what_if:
-        from ssm_planner.sizing.what_if import largest_payload, shortest_duration
+        from ssm_planner.sizing.size import largest_payload, shortest_duration
 
         progress("what if")
         motors = chosen_motors(sizing)

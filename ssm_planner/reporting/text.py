@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.sizing.assess import CONFIDENCE, ROTOR, MotorVerdict
-from ssm_planner.sizing.size import JointSizing, Sizing
-from ssm_planner.sizing.torque_breakdown import PARTS
-from ssm_planner.sizing.verdict import Check
-from ssm_planner.sizing.what_if import WhatIf
+from ssm_planner.sizing.checks import Check
+from ssm_planner.sizing.requirements import PARTS
+from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
 
 if TYPE_CHECKING:  # `check` prints tables and never loads the planner
     from ssm_planner.plans import Plan

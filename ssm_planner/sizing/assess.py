@@ -11,10 +11,8 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
-from ssm_planner.sizing.demand import Band, Name, linear_band, monte_carlo
-from ssm_planner.sizing.friction_spread import FrictionSpread, spread_of
-from ssm_planner.sizing.gear import gear_checks
-from ssm_planner.sizing.heat import FIGURES
+from ssm_planner.sizing.checks import Check, above, all_of, below, binding, gear_checks, unchecked
+from ssm_planner.sizing.demand import Band, FrictionSpread, Name, linear_band, monte_carlo, spread_of
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
@@ -27,7 +25,7 @@ from ssm_planner.sizing.motor_limits import (
     torque_constant,
 )
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
-from ssm_planner.sizing.verdict import Check, above, all_of, below, binding, unchecked
+from ssm_planner.sizing.thermal_network import FIGURES
 from ssm_planner.typing import Array
 
 CONFIDENCE = "confidence"

@@ -10,9 +10,9 @@ import numpy as np
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.demand import thinned
-from ssm_planner.sizing.heat import FIGURES, Cycle, ThermalModel, steady_state, time_until
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions, figure, missing
+from ssm_planner.sizing.thermal_network import FIGURES, Cycle, ThermalModel, steady_state, time_until
 
 STEPS = 60
 CLOSE = 1e-3
@@ -53,7 +53,7 @@ class Heat:
 def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: float) -> Heat | None:
     """Heat of the repeated motion whose RMS torque over motion and pause may reach worst_rms (N·m).
 
-    None where the motor file lacks one of heat.FIGURES.
+    None where the motor file lacks one of thermal_network.FIGURES.
     """
     if missing(motor, *FIGURES):
         return None

@@ -24,12 +24,11 @@ from sizing_cases import COMPLETE, with_covariance
 
 from ssm_planner.loading.load import load_motor
 from ssm_planner.plans import load_plan
-from ssm_planner.sizing.demand import linear_band, monte_carlo
+from ssm_planner.sizing.demand import linear_band, monte_carlo, spread_of
 from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.friction_spread import spread_of
-from ssm_planner.sizing.heat import Cycle, ThermalModel, steady_state, warm_up
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import size
+from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state, warm_up
 
 ROOT = Path(__file__).parents[2]
 DRAWS = 10_000

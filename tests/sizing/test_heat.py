@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sizing_cases import COMPLETE
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.sizing.heat import Cycle, ThermalModel, steady_state, time_until, warm_up
+from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state, time_until, warm_up
 
 MODEL = ThermalModel.from_motor(COMPLETE, 298.15)
 LINEAR = replace(MODEL, copper=0.0, magnet=0.0)

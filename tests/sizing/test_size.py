@@ -14,12 +14,12 @@ from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import assess
+from ssm_planner.sizing.checks import all_of
+from ssm_planner.sizing.demand import spread_of
 from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.friction_spread import spread_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import Sizing, size
-from ssm_planner.sizing.verdict import all_of
 
 KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)
 OPTIONAL = (
@@ -159,7 +159,7 @@ def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
 
 def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
     from ssm_planner.sizing.demand import thinned
-    from ssm_planner.sizing.heat import Cycle, ThermalModel, steady_state
+    from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state
 
     load = complete.loads()[0]
     heat = assess(load, COMPLETE, KNOWN).heat

@@ -9,7 +9,7 @@ import pytest
 
 from ssm_planner.problem.drive import Drive
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.torque_breakdown import PARTS, torque_split
+from ssm_planner.sizing.requirements import PARTS, torque_split
 
 
 def antibacklash(drive: Drive) -> Drive:

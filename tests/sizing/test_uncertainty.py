@@ -10,9 +10,8 @@ from sizing_cases import COMPLETE, random_trajectory, with_covariance
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.demand import DEMANDS, demands, linear_band, monte_carlo, thinned
+from ssm_planner.sizing.demand import DEMANDS, demands, drawn, linear_band, monte_carlo, spread_of, thinned
 from ssm_planner.sizing.duty import back_and_forth
-from ssm_planner.sizing.friction_spread import drawn, spread_of
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 
 JUDGED = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")

@@ -13,8 +13,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import DutyCycle, with_payload
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.sizing.size import size
-from ssm_planner.sizing.what_if import largest_payload, shortest_duration
+from ssm_planner.sizing.size import largest_payload, shortest_duration, size
 from ssm_planner.trajectory import Trajectory
 
 KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)

@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import AXIS, COLOURS, DASHES, LIMIT, RPM, SIZE, finish, new_figure, save_figure
 from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
-from ssm_planner.sizing.torque_breakdown import PARTS
+from ssm_planner.sizing.requirements import PARTS
 from ssm_planner.typing import Array, Indices
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ from ssm_planner.kinematics.task import task_from_joints, task_rates
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TASK, TaskLimits
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.sizing.heat import FIGURES, Cycle, ThermalModel, steady_state
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions, missing
-from ssm_planner.sizing.torque_breakdown import torque_split
+from ssm_planner.sizing.requirements import torque_split
+from ssm_planner.sizing.thermal_network import FIGURES, Cycle, ThermalModel, steady_state
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 

@@ -15,9 +15,9 @@ from ssm_planner.problem.problem import TASK, Eye, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Joint
 from ssm_planner.reporting.figures.style import RPM, unit_of
 from ssm_planner.reporting.html.channels import CELSIUS
-from ssm_planner.sizing.heat import FIGURES
 from ssm_planner.sizing.motor_limits import Conditions, available_torque, continuous_torque, missing
-from ssm_planner.sizing.torque_breakdown import PARTS
+from ssm_planner.sizing.requirements import PARTS
+from ssm_planner.sizing.thermal_network import FIGURES
 from ssm_planner.typing import Array, Range
 from ssm_planner.verification.limits import INSERTION_SPEED, RATES
 
