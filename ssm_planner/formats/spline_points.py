@@ -14,11 +14,11 @@ import numpy as np
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.points import Points, join_points
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import Symmetric
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
-from ssm_planner.verification.limits import INSERTION_SPEED, RATES
 
 PARTS = (1, 2, 4, 8)
 """Into how many parts each piece is cut, in the order of trial."""
@@ -26,9 +26,6 @@ SMOOTH = 1e-6
 """Largest jump of acceleration at a break, as a share of its limit, that quintics through the breaks do not mind."""
 LARGEST_STRETCH = 1e-3
 TRIALS = 4
-ORDER = {"velocity": 1, "motor speed": 1, "tip speed": 1, "acceleration": 2, "jerk": 3, "motor torque": 2}
-ORDER |= dict.fromkeys((*RATES, INSERTION_SPEED), 1)
-"""With which power of the speed a limited quantity falls at least, where the motion is slowed a little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     for _ in range(TRIALS):
         if best.certificate.passed or not certificate.passed:
             return best
-        stretch = best.stretch * max(_slower(limit) for limit in best.certificate.violations)
+        stretch = best.stretch * max(_slower(plan, limit) for limit in best.certificate.violations)
         if stretch > 1 + LARGEST_STRETCH:
             break
         best = _trial(plan, parts, best.with_acceleration, stretch, tick)
@@ -111,8 +108,13 @@ def _acceleration_jump(plan: Plan) -> float:
     return float(np.max(np.abs(jump) / [joint.acceleration for joint in plan.robot.joints], initial=0.0))
 
 
-def _slower(limit: LimitCheck) -> float:
-    """By which factor the motion must be slower to keep a limit; infinite where slowing does not help."""
-    if limit.name not in ORDER:
-        return np.inf
-    return (1 - 1.2 * limit.margin + 1e-7) ** (1 / ORDER[limit.name])
+def _slower(plan: Plan, found: LimitCheck) -> float:
+    """By which factor the motion must be slower to keep a limit; infinite where slowing does not help.
+
+    A quantity that depends on the nth derivative falls at least with the nth power of the speed, where the motion is
+    slowed a little.
+    """
+    for limit in plan.problem.all_limits:
+        if limit.key == (found.name, found.joint) and isinstance(limit, Symmetric) and limit.low < 0:
+            return float((1 - 1.2 * found.margin + 1e-7) ** (1 / limit.order))
+    return np.inf

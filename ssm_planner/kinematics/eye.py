@@ -13,11 +13,8 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.codegen.namespace import Namespace
+from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.problem import Eye, Lens
-
-RETINA = "retina clearance"
-LENS = "lens clearance"
-"""Names by which results speak of the two limits."""
 
 ROUNDING = 1e-3
 """Of the edge in retina_row."""
@@ -51,14 +48,14 @@ def lens_limit(eye: Eye) -> float:
     The lens E contains a ball of radius a, so a ball of radius r lies in (r/a) E, and E + (r/a) E = (1 + r/a) E because
     E is convex. An axis outside (1 + r/a) E is therefore at least r away from E; beside the longer semi-axes, further.
     """
-    return 1.0 if eye.lens is None else 1.0 + eye.shaft_radius / float(np.min(eye.lens.semi_axes))
+    return 1.0 if eye.lens is None else LensClearance(eye.shaft_radius, float(np.min(eye.lens.semi_axes))).low
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:
     """(value, least value allowed) by the name of the limit: retina in m and, where there is one, lens as ρ."""
-    limits = {RETINA: (retina_distance(xp, eye, tip), eye.clearance)}
+    limits = {RetinaClearance.name: (retina_distance(xp, eye, tip), eye.clearance)}
     if eye.lens is not None:
-        limits[LENS] = (lens_ratio(xp, eye.lens, tip), lens_limit(eye))
+        limits[LensClearance.name] = (lens_ratio(xp, eye.lens, tip), lens_limit(eye))
     return limits
 
 
@@ -83,9 +80,9 @@ def lens_row(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
 
 def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
     """The rows ≤ 0 by the name of the limit: retina and, where there is one, lens."""
-    rows = {RETINA: retina_row(xp, eye, tip)}
+    rows = {RetinaClearance.name: retina_row(xp, eye, tip)}
     if eye.lens is not None:
-        rows[LENS] = lens_row(xp, eye, eye.lens, tip)
+        rows[LensClearance.name] = lens_row(xp, eye, eye.lens, tip)
     return rows
 
 

@@ -8,8 +8,8 @@ static friction. Motor torques are held against what the motors may give for all
 
 from __future__ import annotations
 
-from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import self_locking_margin
+from ssm_planner.problem.limits import SelfLocking
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
@@ -17,7 +17,7 @@ from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.limits import Worst, quantities
 from ssm_planner.verification.pieces import Jumps, pieces_of
-from ssm_planner.verification.polylines import UNDEFINED, linear_limits
+from ssm_planner.verification.polylines import linear_limits
 from ssm_planner.verification.polynomial_extremes import find_extremes
 from ssm_planner.verification.sampled_extremes import Scan
 
@@ -42,7 +42,9 @@ def check(
     error of the points (rad, m); None where the pieces are smooth.
     """
     straight = resolution is not None
-    worst = [Worst(quantity) for quantity in quantities(robot, limits) if not (straight and quantity.name in UNDEFINED)]
+    # on straight pieces what depends on the acceleration is not defined
+    judged = [each for each in quantities(robot, limits) if not straight or each.limit.order < 2]
+    worst = [Worst(quantity) for quantity in judged]
     jumps = Jumps(robot)
     scan = Scan(trajectory, robot, worst, min(rate, INSTANTS / trajectory.duration), limits.eye)
     for pieces in pieces_of(trajectory):
@@ -57,7 +59,7 @@ def check(
     ]
     found += scan.heating.checks(robot, trajectory)
     if resolution is not None:
-        found, more = linear_limits(trajectory, robot, resolution, found)
+        found, more = linear_limits(trajectory, robot, resolution, dict(zip(judged, found, strict=True)))
         unchecked += more
     found += jumps.checks(straight)
     found += _locking(robot)
@@ -68,12 +70,11 @@ def _locking(robot: Robot) -> list[LimitCheck]:
     """φ_f > λ at the lowest plausible friction, for every drive the robot relies on to hold."""
     checks = []
     for joint in robot.joints:
-        drive = joint.drive
-        if drive is None or not drive.self_locking:
+        limit, drive = next((each for each in joint.limits if isinstance(each, SelfLocking)), None), joint.drive
+        if limit is None or drive is None:
             continue
-        friction = friction_of(drive)
-        lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
+        lowest = limit.friction
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
-        checks.append(LimitCheck("self-locking", joint.name, lowest, needed, float(in_mu) / needed, 0.0, "μ"))
+        checks.append(LimitCheck(limit.name, limit.joint, lowest, needed, float(in_mu) / needed, 0.0, limit.unit))
     return checks

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.dynamics.motors import STILL
+from ssm_planner.problem.limits import Jump
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices
@@ -148,13 +149,14 @@ class Jumps:
         """Joint by joint; of acceleration where the jerk is limited. straight: of position alone."""
         checks = []
         for i, joint in enumerate(self.robot.joints):
-            unit = "rad" if joint.kind == "revolute" else "m"
-            rows = [("position jump", JUMP, "")]
+            slides = joint.kind == "prismatic"
+            limits = [Jump(joint.name, JUMP, slides)]
             if not straight:
-                rows.append(("velocity jump", JUMP * joint.velocity, "/s"))
+                limits.append(Jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
             if not straight and joint.jerk is not None:
-                rows.append(("acceleration jump", JUMP * joint.acceleration, "/s²"))
-            for order, (name, limit, per) in enumerate(rows):
-                worst, time = float(self.worst[order, i]), float(self.time[order, i])
-                checks.append(LimitCheck(name, joint.name, worst, limit, (limit - worst) / limit, time, unit + per))
+                limits.append(Jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
+            for limit in limits:
+                worst, time = (float(values[limit.derivative, i]) for values in (self.worst, self.time))
+                margin = (limit.largest - worst) / limit.largest
+                checks.append(LimitCheck(limit.name, limit.joint, worst, limit.largest, margin, time, limit.unit))
         return checks

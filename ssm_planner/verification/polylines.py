@@ -9,27 +9,27 @@ So a jump that the acceleration limit does not allow is a violation, however the
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
-from ssm_planner.kinematics.forward import tip_velocity
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics.tool_speeds import tool_speed
+from ssm_planner.problem.limits import Jump, SpeedLimit
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import INSERTION_SPEED, RATES
+from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import BLOCK
 
 FINEST = 1e-12
 """rad or m: positions are never taken to be known better."""
-UNDEFINED = ("acceleration", "jerk", "motor torque", "nut contact")
-"""Quantities that mean nothing on straight pieces; without motor torque there is no continuous torque either."""
 
 
 def linear_limits(
-    trajectory: Trajectory, robot: Robot, resolution: Array, limits: list[LimitCheck]
+    trajectory: Trajectory, robot: Robot, resolution: Array, judged: Mapping[Quantity, LimitCheck]
 ) -> tuple[list[LimitCheck], list[str]]:
     """The limits with speeds judged within the rounding of the points, velocity jumps, and what is not defined.
 
@@ -38,7 +38,7 @@ def linear_limits(
     """
     resolution = np.maximum(resolution, FINEST)
     length = np.diff(trajectory.breaks)
-    found = [_within_rounding(limit, trajectory, robot, resolution, length) for limit in limits]
+    found = [_within_rounding(of, limit, trajectory, robot, resolution) for of, limit in judged.items()]
     for i, joint in enumerate(robot.joints):
         velocity = np.concatenate([[0.0], trajectory.coefficients[:, 1, i], [0.0]])
         mean = (np.append(length, 0.0) + np.append(0.0, length)) / 2
@@ -46,9 +46,10 @@ def linear_limits(
         jump = np.maximum(np.abs(np.diff(velocity)) - slack, 0.0)
         allowed = joint.acceleration * mean
         k = int(np.argmax(jump / allowed))
-        unit = "rad/s" if joint.kind == "revolute" else "m/s"
-        worst, limit, time = float(jump[k]), float(allowed[k]), float(trajectory.breaks[k])
-        found.append(LimitCheck("velocity jump", joint.name, worst, limit, 1 - worst / limit, time, unit))
+        limit = Jump(joint.name, float(allowed[k]), joint.kind == "prismatic", derivative=1)
+        worst, time = float(jump[k]), float(trajectory.breaks[k])
+        margin = 1 - worst / limit.largest
+        found.append(LimitCheck(limit.name, limit.joint, worst, limit.largest, margin, time, limit.unit))
     undefined = "acceleration, jerk, motor torque and continuous torque: "
     undefined += "not defined on straight pieces (linear interpolation); "
     undefined += "velocity jumps are held against what the acceleration limit allows within one interval"
@@ -59,24 +60,24 @@ def linear_limits(
 
 
 def _within_rounding(
-    limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array, length: Array
+    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
 ) -> LimitCheck:
     """Speed limits without the part of the speed that rounding of the points can explain."""
-    wrong = 2 * resolution / length[:, None]
+    wrong = 2 * resolution / np.diff(trajectory.breaks)[:, None]
     speeds = trajectory.coefficients[:, 1]
-    if limit.name in (*RATES, "tip speed"):
-        return _of_tool(limit, trajectory, robot, speeds, wrong)
-    if limit.name not in ("velocity", "motor speed", INSERTION_SPEED):
+    if of.limit.order != 1:
         return limit
-    i = 3 if limit.name == INSERTION_SPEED else [joint.name for joint in robot.joints].index(str(limit.joint))
-    drive = robot.joints[i].drive
-    scale = drive.ratio if limit.name == "motor speed" and drive is not None else 1.0
+    if of.order is None:
+        return _of_tool(of, limit, trajectory, robot, speeds, wrong)
+    i, scale = of.index, abs(of.scale)
     speed = scale * np.maximum(np.abs(speeds[:, i]) - wrong[:, i], 0.0)
     k = int(np.argmax(speed))
     return _replaced(limit, float(speed[k]), float(trajectory.breaks[k]))
 
 
-def _of_tool(limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: Array, wrong: Array) -> LimitCheck:
+def _of_tool(
+    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: Array, wrong: Array
+) -> LimitCheck:
     """A speed of the tool, at the start of every piece and at the worst instant found.
 
     speeds, wrong (pieces, 4): of the joints, and their errors.
@@ -86,9 +87,9 @@ def _of_tool(limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: Ar
     mechanism = Mechanism.from_geometry(robot.geometry)
 
     def values(q: Array, qd: Array) -> Array:
-        if limit.name == "tip speed":
-            return np.asarray(np.linalg.norm(tip_velocity(mechanism, q, qd), axis=1))
-        return np.abs(task_rates(mechanism, q, qd)[:, RATES.index(limit.name)])
+        if isinstance(of.limit, SpeedLimit):
+            return tool_speed(type(of.limit), mechanism, q, qd)
+        return np.abs(task_rates(mechanism, q, qd)[:, of.index])
 
     def unexplained(q: Array, piece: Indices) -> Array:
         explained = sum(values(q, np.eye(4)[i] * wrong[piece]) for i in range(4))

@@ -19,11 +19,11 @@ def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
         if quantity.order is None:
             continue
         bounds = [quantity.scale * bound[quantity.order, quantity.index] for bound in pieces.bounds]
-        for sign, limit in ((1.0, quantity.high), (-1.0, -quantity.low)):
-            known = limit + each.excess * quantity.half_width
+        for sign, limit in ((1.0, quantity.limit.high), (-1.0, -quantity.limit.low)):
+            known = limit + each.excess * quantity.limit.half_width
             if max(sign * bound for bound in bounds) <= known:
                 continue
             coefficients = pieces.bernstein[quantity.order][:, quantity.index] * (sign * quantity.scale)
-            value, piece, s = largest(coefficients, EXACT * quantity.half_width, known)
+            value, piece, s = largest(coefficients, EXACT * quantity.limit.half_width, known)
             time = float(pieces.start[piece] + s * pieces.length[piece])
-            each.offer((value - limit) / quantity.half_width, sign * value, time)
+            each.offer((value - limit) / quantity.limit.half_width, sign * value, time)

@@ -28,17 +28,17 @@ from ssm_planner.kinematics.forward import tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
+from ssm_planner.kinematics.tool_speeds import JACOBIANS
+from ssm_planner.problem.limits import ContinuousTorque, MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification import prefilter as screen
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import RATES, Quantity, Worst
+from ssm_planner.verification.limits import Quantity, Worst
 from ssm_planner.verification.pieces import Flags, Pieces, still
 
-CONTINUOUS = "continuous torque"
-"""Name of the limit."""
 FOUR_EIGHTHS = np.array([1.0, 3.0, 3.0, 1.0])[:, None] / 8
 """Weights of four instants at equal distances: exact for cubics (Simpson's 3/8 rule)."""
 WITHOUT_FIRST = np.array([0.0, 3.0, 0.0, 1.0])[:, None] / 4
@@ -49,7 +49,7 @@ class MeanSquares:
     """∫ τ² dt of every motor torque among the quantities of a scan, stretch after stretch."""
 
     def __init__(self, quantities: Sequence[Quantity]) -> None:
-        self.rows = [k for k, quantity in enumerate(quantities) if quantity.name == "motor torque"]
+        self.rows = [k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)]
         self.joints = [quantities[k].index for k in self.rows]
         self.integrals = np.zeros(len(self.rows))
 
@@ -66,11 +66,10 @@ class MeanSquares:
         """RMS torque against what the motor may give for all time, motor by motor; of the whole motion, so at its end."""
         checks = []
         for i, integral in zip(self.joints, self.integrals, strict=True):
-            joint = robot.joints[i]
-            assert joint.motor is not None
-            rms, limit = float(np.sqrt(integral / trajectory.duration)), joint.motor.nominal_torque
-            end = float(trajectory.breaks[-1])
-            checks.append(LimitCheck(CONTINUOUS, joint.name, rms, limit, 1 - rms / limit, end, "N·m"))
+            limit = robot.joints[i].limit(ContinuousTorque)
+            rms, end = float(np.sqrt(integral / trajectory.duration)), float(trajectory.breaks[-1])
+            margin = 1 - rms / limit.largest
+            checks.append(LimitCheck(limit.name, limit.joint, rms, limit.largest, margin, end, limit.unit))
         return checks
 
 
@@ -164,9 +163,9 @@ class Scan:
         """The quantities (k, n) at q, qd, qdd (4, n)."""
         values = self.law(q, qd, qdd, direction, breakaway)[0]
         for k, quantity in enumerate(self.quantities):
-            if quantity.name in ("roll range", "spin range"):
+            if isinstance(quantity.limit, TaskRange) and quantity.limit.coupled:
                 values[k] = nearest_turn(values[k], 0.0)
-            elif quantity.name == "nut contact":
+            elif isinstance(quantity.limit, NutContact):
                 drive = self.robot.joints[quantity.index].drive
                 if drive is not None:
                     values[k] = nut_contact(drive, values[k], drive.ratio * qdd[quantity.index])
@@ -238,16 +237,17 @@ def _law(robot: Robot, eye: Eye | None, wanted: tuple[Quantity, ...]) -> Vectori
     about_eye = {} if eye is None else eye_limits(casadi_namespace(), eye, (tip[0], tip[1], tip[2]))
     rows = []
     for quantity in wanted:
-        if quantity.name == "motor torque":
+        limit = quantity.limit
+        if isinstance(limit, MotorTorque):
             rows.append(torque[quantity.index])
-        elif quantity.name == "nut contact":
+        elif isinstance(limit, NutContact):
             rows.append(effort[quantity.index])
-        elif quantity.name == "tip speed":
-            rows.append(ca.norm_2(ca.jtimes(tip, q, qd)))
-        elif quantity.name in RATES:
+        elif isinstance(limit, SpeedLimit):
+            rows.append(ca.norm_2(JACOBIANS[type(limit)](mechanism, q) @ qd))
+        elif isinstance(limit, TaskRate):
             rows.append(rates[quantity.index])
-        elif quantity.name in about_eye:
-            rows.append(about_eye[quantity.name][0])
-        else:
+        elif isinstance(limit, TaskRange):
             rows.append(task[quantity.index])
+        else:
+            rows.append(about_eye[limit.name][0])
     return Vectorised(dense("limits", [q, qd, qdd, direction, breakaway], [ca.vertcat(*rows)]))

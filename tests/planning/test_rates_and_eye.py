@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.kinematics.eye import LENS, RETINA
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.limits import LensClearance, Limit, RetinaClearance, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
 from ssm_planner.problem.robot import frozen
 from ssm_planner.verification.certificate import LimitCheck
@@ -72,11 +71,11 @@ def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: 
     with_eye = moving(laser_scan, "free", start, goal)
     without = plan(dataclasses.replace(with_eye, eye=None))
     against = check(without.trajectory, laser_scan.robot, with_eye.task_limits)
-    violated = next(found for found in against.limits if found.name == RETINA)
+    violated = next(found for found in against.limits if found.name == RetinaClearance.name)
     assert violated.margin < -1e-3
     result = plan(with_eye)
     assert result.passed
-    assert limit(result, RETINA).margin >= -1e-6
+    assert limit(result, RetinaClearance.name).margin >= -1e-6
     assert result.duration > without.duration * (1 - 1e-6)
 
 
@@ -90,16 +89,16 @@ def test_a_motion_may_end_at_the_edge_of_the_port(laser_scan: Problem) -> None:
     begin = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.001}
     result = plan(moving(laser_scan, "free", begin, edge_of_the_port(laser_scan)))
     assert result.passed, result.reason
-    assert limit(result, RETINA).margin >= -1e-6
+    assert limit(result, RetinaClearance.name).margin >= -1e-6
 
 
 def test_where_no_way_is_found_the_clearance_that_would_do_is_tried(laser_scan: Problem) -> None:
     """Inwards from there only one way leads, on which the tip stays at the edge until it has swung far enough."""
     result = plan(moving(laser_scan, "free", edge_of_the_port(laser_scan), FAR))
     if result.passed:
-        assert limit(result, RETINA).margin >= -1e-6
+        assert limit(result, RetinaClearance.name).margin >= -1e-6
         return
-    assert result.reason.constraint == RETINA
+    assert result.reason.constraint == RetinaClearance.name
     assert result.reason.available < result.reason.required
     assert "clearance" in result.reason.relaxation
     assert "tried" in result.reason.relaxation
@@ -120,10 +119,10 @@ def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective:
     problem = moving(laser_scan, "free", SWING, FAR, objective=objective, eye=in_the_way(laser_scan))
     without = plan(dataclasses.replace(problem, eye=None))
     against = check(without.trajectory, problem.robot, problem.task_limits)
-    assert next(found for found in against.limits if found.name == LENS).margin < -0.02
+    assert next(found for found in against.limits if found.name == LensClearance.name).margin < -0.02
     result = plan(problem)
     assert result.passed
-    assert -1e-6 <= limit(result, LENS).margin < 1e-2
+    assert -1e-6 <= limit(result, LensClearance.name).margin < 1e-2
     assert result.duration > without.duration
     tilted = result.trajectory.uniform(1000.0)
     straight = SWING["depth"] + (FAR["depth"] - SWING["depth"]) * 0.5
@@ -134,7 +133,7 @@ def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective:
 def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -> None:
     problem = moving(laser_scan, "straight", SWING, FAR, eye=in_the_way(laser_scan))
     result = plan(problem)
-    assert (result.status, result.reason.constraint) == ("infeasible", LENS)
+    assert (result.status, result.reason.constraint) == ("infeasible", LensClearance.name)
     assert result.reason.available < 1 < result.reason.required
     assert "% of the way" in result.reason.where
 

@@ -9,10 +9,12 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.eye import eye_limits
-from ssm_planner.kinematics.forward import tip_position, tip_velocity
+from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
+from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import LensClearance, RetinaClearance, SpeedLimit, TipSpeed
 from ssm_planner.problem.problem import TASK, TaskLimits
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -27,6 +29,9 @@ RATE, FEWEST, MOST = 400.0, 1200, 4000
 LOAD_RATE = 500.0
 """Hz at which the motors are computed, besides every instant at which a torque jumps."""
 CELSIUS = 273.15
+
+
+EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
 
 
 def time_grid(duration: float) -> Array:
@@ -57,6 +62,11 @@ def encoded(channels: dict[str, Array]) -> dict[str, str]:
     }
 
 
+def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
+    """Speeds of the tool that the page shows: the tip's, and what else is limited."""
+    return [TipSpeed, *(type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed))]
+
+
 def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> dict[str, Array]:
     """Task coordinates, their rates, tip position and speed and, where there is an eye, what is limited about it; SI."""
     task = task_from_joints(mechanism, samples.q)
@@ -64,12 +74,12 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
         task[:, column] = np.unwrap(task[:, column])
     rates = task_rates(mechanism, samples.q, samples.qd)
     tip = tip_position(mechanism, samples.q)
-    channels = {"tip_speed": np.linalg.norm(tip_velocity(mechanism, samples.q, samples.qd), axis=1)}
+    channels = {kind.field: tool_speed(kind, mechanism, samples.q, samples.qd) for kind in limited_speeds(limits)}
     channels |= {f"tip{i}": tip[:, i] for i in range(3)}
     channels |= {f"task{i}": task[:, i] for i in range(4)}
     channels |= {f"task_rate{i}": rates[:, i] for i in range(4) if TASK[i] in limits.rates}
     if limits.eye is not None:
-        channels |= {name.split()[0]: value for name, (value, _) in eye_limits(NUMPY, limits.eye, tip.T).items()}
+        channels |= {EYE_CHANNELS[name]: value for name, (value, _) in eye_limits(NUMPY, limits.eye, tip.T).items()}
     return channels
 
 

@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.kinematics.eye import LENS, RETINA, lens_limit
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import (
+    TASK,
+    JointAcceleration,
+    JointJerk,
+    JointPosition,
+    JointVelocity,
+    Limit,
+    MotorSpeed,
+    MotorTorque,
+    RetinaClearance,
+    SpeedLimit,
+    TaskRange,
+    TaskRate,
+)
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.problem import TASK, Eye, TaskLimits
+from ssm_planner.problem.problem import Eye, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Joint
 from ssm_planner.reporting.figures.style import RPM, unit_of
-from ssm_planner.reporting.html.channels import CELSIUS
+from ssm_planner.reporting.html.channels import CELSIUS, limited_speeds
 from ssm_planner.sizing.motor_limits import Conditions, available_torque, continuous_torque, missing
 from ssm_planner.sizing.requirements import PARTS
 from ssm_planner.sizing.thermal_network import FIGURES
-from ssm_planner.typing import Array, Range
-from ssm_planner.verification.limits import INSERTION_SPEED, RATES
+from ssm_planner.typing import Array
 
 Panel = dict[str, Any]
+T = TypeVar("T", TaskRange, TaskRate)
 NEAR = 0.005
 """A limit is active where the value is within this share of it, of a range within half this share of its width."""
 GAP = 0.01
 """Stretches nearer to each other than this, s, are one."""
 GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
-RATE_NAMES = (*RATES, INSERTION_SPEED)
 TEMPERATURE = "Temperature, the motion repeated without pause in surroundings of 25\N{NO-BREAK SPACE}°C"
 POINTS = 81
 
@@ -38,15 +50,16 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     kinds = [(kind, [i for i, joint in enumerate(joints) if joint.kind == kind]) for kind in ("revolute", "prismatic")]
     tool = tool_panels(plan.limits)
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
-    for field, title, per, key in (
-        ("q", "Position", "", "position"),
-        ("qd", "Velocity", "/s", "velocity"),
-        ("qdd", "Acceleration", "/s²", "acceleration"),
-        ("qddd", "Jerk", "/s³", "jerk"),
+    for field, per, limited in (
+        ("q", "", JointPosition),
+        ("qd", "/s", JointVelocity),
+        ("qdd", "/s²", JointAcceleration),
+        ("qddd", "/s³", JointJerk),
     ):
         for kind, which in kinds:
             if which:
-                panels.append(_joint_panel(joints, field, title, per, key, kind, which))
+                unit = ("rad" if kind == "revolute" else "m") + per
+                panels.append(_joint_panel([(i, joints[i]) for i in which], field, unit, limited))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += split_panels(channels)
@@ -73,13 +86,24 @@ def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, 
 
 
 def new_limit(
-    name: str, joint: str, index: int, low: float, high: float, channel: str | None, size: float | None = None
+    name: str, of: str, index: int, low: float, high: float, channel: str | None, size: float | None = None
 ) -> dict[str, Any]:
-    """of: joint or coordinate; channel: the one whose active stretches are marked; None for a line that only orients.
+    """of: joint or coordinate; index: of the colour; channel: whose active stretches are marked, None for none.
 
     size: what margins are relative to, where that is not the limit itself or the width of the range.
     """
-    return {"name": name, "of": joint, "joint": index, "low": low, "high": high, "channel": channel, "size": size}
+    ends = {"low": low, "high": high, "channel": channel, "size": size}
+    return {"name": name, "of": of, "label": f"{name}, {of}" if of else name, "joint": index, **ends}
+
+
+def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
+    """A limit as the page draws it; index: of the colour."""
+    low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # a speed is never negative
+    size = limit.half_width if isinstance(limit, RetinaClearance) else None
+    if isinstance(limit, TaskRange):
+        # its name says of which coordinate
+        return {**new_limit(limit.name, limit.coordinate, index, low, limit.high, channel), "label": limit.name}
+    return new_limit(limit.name, limit.joint or "", index, low, limit.high, channel, size)
 
 
 def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
@@ -87,14 +111,12 @@ def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
     for limit in panel["limits"]:
         if limit["channel"] is None:
             continue
-        own = limit["name"].removesuffix(" range") == limit["of"]
-        label = limit["name"] if own or not limit["of"] else f"{limit['name']}, {limit['of']}"
         for start, end, side in active_stretches(
             channels["t"], channels[limit["channel"]], limit["low"], limit["high"], limit["size"]
         ):
             value = limit["high"] if side > 0 else limit["low"]
             stretch = {
-                "label": label,
+                "label": limit["label"],
                 "joint": limit["joint"],
                 "start": start,
                 "end": end,
@@ -146,17 +168,14 @@ def _runs(t: Array, at: NDArray[np.bool_]) -> list[tuple[float, float]]:
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     """(limit, from, to, unit) of everything that limits the tool."""
-    found = [(f"{name} range", *ends, "m" if name == "depth" else "rad") for name, ends in limits.ranges.items()]
-    for k, name in enumerate(TASK):
-        if name in limits.rates:
-            found.append((RATE_NAMES[k], -np.inf, limits.rates[name], "m/s" if name == "depth" else "rad/s"))
-    if limits.tip_speed is not None:
-        found.append(("tip speed", -np.inf, limits.tip_speed, "m/s"))
+    found = [(limit.name, limit.low, limit.high, limit.unit) for limit in limits.limits if isinstance(limit, TaskRange)]
+    rates = sorted((r for r in limits.limits if isinstance(r, TaskRate)), key=lambda r: TASK.index(r.coordinate))
+    found += [(limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.speeds)]
     eye = limits.eye
     if eye is not None:
-        found.append((f"{RETINA}, radius {1e3 * eye.radius:g} mm", eye.clearance, np.inf, "m"))
-        if eye.lens is not None:
-            found.append((f"{LENS}, shaft radius {1e3 * eye.shaft_radius:g} mm", lens_limit(eye), np.inf, ""))
+        about = (f"radius {1e3 * eye.radius:g} mm", f"shaft radius {1e3 * eye.shaft_radius:g} mm")
+        for limit, size in zip(eye.limits, about, strict=False):
+            found.append((f"{limit.name}, {size}", limit.low, limit.high, limit.unit))
     rows = []
     for name, low, high, si in found:
         unit, scale = unit_of(si)
@@ -193,36 +212,38 @@ def motor_map(i: int, motor: Motor) -> dict[str, Any]:
 
 
 def _joint_panel(
-    joints: tuple[Joint, ...], field: str, title: str, per: str, key: str, kind: str, which: list[int]
+    joints: list[tuple[int, Joint]],
+    field: str,
+    unit: str,
+    limited: type[JointPosition | JointVelocity | JointAcceleration | JointJerk],
 ) -> Panel:
-    base = "rad" if kind == "revolute" else "m"
-    named = ", ".join(joints[i].name for i in which)
-    panel = new_panel("Joints", f"{title}: {named}", base + per, [(f"{field}{i}", joints[i].name, i) for i in which])
+    """One derivative of the joints (index, joint), with the limits of one kind."""
+    title = f"{limited.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
+    panel = new_panel("Joints", title, unit, [(f"{field}{i}", joint.name, i) for i, joint in joints])
     unlimited = []
-    for i in which:
-        allowed = getattr(joints[i], key)
-        if allowed is None:
-            unlimited.append(joints[i].name)
-            continue
-        low, high = allowed if key == "position" else (-allowed, allowed)
-        panel["limits"].append(new_limit(key, joints[i].name, i, low, high, f"{field}{i}"))
+    for i, joint in joints:
+        limit = next((each for each in joint.limits if isinstance(each, limited)), None)
+        if limit is None:
+            unlimited.append(joint.name)
+        else:
+            panel["limits"].append(limit_line(limit, i, f"{field}{i}"))
     if unlimited:
-        panel["missing"].append(f"no {key} limit" + (f": {', '.join(unlimited)}" if panel["limits"] else ""))
+        panel["missing"].append(f"no {limited.name} limit" + (f": {', '.join(unlimited)}" if panel["limits"] else ""))
     return panel
 
 
 def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list[Panel]:
     panels = []
     driven = [i for i in range(4) if f"tau{i}" in channels]
-    for name, title, unit in (("w", "Motor speed", "rpm"), ("tau", "Motor torque", "N·m")):
+    for name, limited, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
         for i in driven:
             joint, motor = joints[i], joints[i].motor
-            panel = new_panel("Motors", f"{title}: {joint.name}", unit, [(f"{name}{i}", joint.name, i)])
+            title = f"{limited.name.capitalize()}: {joint.name}"
+            panel = new_panel("Motors", title, unit, [(f"{name}{i}", joint.name, i)])
             if motor is None:
                 panel["missing"].append("no motor given")
             else:
-                largest = motor.max_speed if name == "w" else motor.max_torque
-                panel["limits"].append(new_limit(title.lower(), joint.name, i, -largest, largest, f"{name}{i}"))
+                panel["limits"].append(limit_line(joint.limit(limited), i, f"{name}{i}"))
             if motor is not None and name == "tau":
                 nominal = motor.nominal_torque
                 panel["limits"].append(new_limit("nominal torque", joint.name, i, -nominal, nominal, None))
@@ -256,36 +277,41 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
     panels = []
     for which, unit, title in GROUPS:
         panels.append(new_panel("Task coordinates", title, unit, [(f"task{i}", TASK[i], i) for i in which]))
-        panels[-1]["limits"] = _ranges(limits.ranges, which)
+        panels[-1]["limits"] = [
+            limit_line(limit, TASK.index(limit.coordinate), f"task{TASK.index(limit.coordinate)}")
+            for limit in _in_order(limits, TaskRange, which)
+        ]
     for which, unit, _ in GROUPS:
-        limited = [i for i in which if TASK[i] in limits.rates]
-        if limited:
-            named = "Insertion speed" if which == [3] else "Rate: " + ", ".join(TASK[i] for i in limited)
-            series = [(f"task_rate{i}", TASK[i], i) for i in limited]
-            panels.append(new_panel("Task coordinates", named, f"{unit}/s", series))
-            panels[-1]["limits"] = [_rate(i, limits.rates[TASK[i]]) for i in limited]
-    panels.append(new_panel("Tool tip", "Tip speed", "m/s", [("tip_speed", "tip", 3)]))
-    if limits.tip_speed is not None:
-        panels[-1]["limits"] = [new_limit("tip speed", "", 3, -np.inf, limits.tip_speed, "tip_speed")]
+        rates = _in_order(limits, TaskRate, which)
+        if rates:
+            named = rates[0].name.capitalize() if which == [3] else "Rate: " + ", ".join(r.coordinate for r in rates)
+            indices = [TASK.index(rate.coordinate) for rate in rates]
+            panels.append(
+                new_panel("Task coordinates", named, f"{unit}/s", [(f"task_rate{i}", TASK[i], i) for i in indices])
+            )
+            lines = zip(rates, indices, strict=True)
+            panels[-1]["limits"] = [limit_line(rate, i, f"task_rate{i}") for rate, i in lines]
+    for kind in limited_speeds(limits):
+        limit = next((each for each in limits.speeds if type(each) is kind), None)
+        panels.append(new_panel("Tool tip", kind.name.capitalize(), kind.unit, [(kind.field, "tip", 3)]))
+        panels[-1]["limits"] = [] if limit is None else [limit_line(limit, 3, kind.field)]
     return panels if limits.eye is None else panels + _eye_panels(limits.eye)
 
 
-def _ranges(ranges: Mapping[str, Range], which: list[int]) -> list[dict[str, object]]:
-    return [new_limit(f"{TASK[i]} range", TASK[i], i, *ranges[TASK[i]], f"task{i}") for i in which if TASK[i] in ranges]
-
-
-def _rate(i: int, largest: float) -> dict[str, object]:
-    return new_limit(RATE_NAMES[i], "", i, -largest, largest, f"task_rate{i}")
+def _in_order(limits: TaskLimits, kind: type[T], which: list[int]) -> list[T]:
+    """Limits of one kind on these coordinates, in the order of TASK."""
+    found = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)}
+    return [found[TASK[i]] for i in which if TASK[i] in found]
 
 
 def _eye_panels(eye: Eye) -> list[Panel]:
-    panels = [new_panel("Tool tip", "Tip to retina", "m", [("retina", "tip", 3)])]
-    size = eye.radius - eye.clearance
-    panels[0]["limits"] = [new_limit(RETINA, "", 3, eye.clearance, np.inf, "retina", size)]
+    retina, *lens = eye.limits
+    panels = [new_panel("Tool tip", "Tip to retina", retina.unit, [("retina", "tip", 3)])]
+    panels[0]["limits"] = [limit_line(retina, 3, "retina")]
     panels[0]["missing"].append(
         f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus the distance to its edge"
     )
-    if eye.lens is not None:
+    for limit in lens:
         panels.append(new_panel("Tool tip", "Shaft to lens", "lens sizes", [("lens", "shaft", 3)]))
-        panels[1]["limits"] = [new_limit(LENS, "", 3, lens_limit(eye), np.inf, "lens")]
+        panels[1]["limits"] = [limit_line(limit, 3, "lens")]
     return panels
