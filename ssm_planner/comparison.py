@@ -174,7 +174,13 @@ def compare(
         notes.append(f"the recording holds {100 * covered:.0f} % of the motion")
     limits = _limits(robot, i, certificate, measured, q)
     return AxisComparison(
-        measured.joint, measured.name, alignment, covered, differences, limits, (*measured.repairs, *notes)
+        measured.joint,
+        measured.name,
+        alignment=alignment,
+        covered=covered,
+        differences=differences,
+        limits=limits,
+        notes=(*measured.repairs, *notes),
     )
 
 
@@ -240,7 +246,15 @@ def _limits(robot: Robot, i: int, certificate: Certificate | None, measured: Mea
         rows.append(_row("motor speed", joint.motor.max_speed, speed, measured.speed_resolution, "rad/s"))
         rows.append(_row("motor torque", joint.motor.max_torque, torque, measured.torque_resolution, "N·m"))
     return tuple(
-        Kept(name, limit, stated.get(name), worst, float(margin), bool(margin >= -allowance), per)
+        Kept(
+            name,
+            limit,
+            planned_margin=stated.get(name),
+            measured=worst,
+            margin=float(margin),
+            held=bool(margin >= -allowance),
+            unit=per,
+        )
         for name, limit, worst, margin, allowance, per in rows
     )
 

@@ -42,13 +42,13 @@ def read_measured(path: Path, robot: Robot, joint: str, counts_per_turn: int | N
     return Measured(
         joint,
         recording.name,
-        recording.time,
-        recording.w,
-        recording.tau,
-        _position(path, axis, recording.time, counts_per_turn),
-        recording.quantum,
-        float(steps.min()) if len(steps) else 0.0,
-        recording.repairs,
+        time=recording.time,
+        w=recording.w,
+        tau=recording.tau,
+        q=_position(path, axis, recording.time, counts_per_turn),
+        speed_resolution=recording.quantum,
+        torque_resolution=float(steps.min()) if len(steps) else 0.0,
+        repairs=recording.repairs,
     )
 
 

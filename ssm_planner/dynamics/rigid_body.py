@@ -100,7 +100,7 @@ class RigidBody:
         return kinetic[:, 0], potential[:, 0]
 
     def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-        return inverse_dynamics_symbolic(self.geometry, self.bodies, self.gravity, q, qd, qdd)
+        return inverse_dynamics_symbolic(self.geometry, self.bodies, gravity=self.gravity, q=q, qd=qd, qdd=qdd)
 
     @cached_property
     def _inverse_dynamics(self) -> ca.Function:

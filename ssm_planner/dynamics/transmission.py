@@ -159,7 +159,7 @@ def efficiency(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]
 
 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
-    """(μ − cos θ_n·tan λ, φ − λ in rad): positive while the mesh locks itself, by its own friction alone."""
+    """(μ − cos θ_n·tan λ, φ − λ in rad), shape of mu: positive while the mesh locks itself, by its own friction alone."""
     mu = friction_of(drive).mu if mu is None else mu
     return mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle), friction_angle(drive, mu) - drive.lead_angle
 
@@ -167,7 +167,8 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
 def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     """Smallest contact force of the two half nuts of an antibacklash screw, N; ≤ 0 means contact is lost.
 
-    Main nut P − F, second nut P + m₂·qdd: beyond that the law does not hold. Infinite for the other drives.
+    F: output effort, N; wd: motor acceleration, rad/s²; the result has their broadcast shape. Main nut P − F, second nut
+    P + m₂·qdd: beyond that the law does not hold. Infinite for the other drives.
     """
     F = np.asarray(F, dtype=float)
     if drive.kind != "antibacklash_screw":

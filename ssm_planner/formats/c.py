@@ -94,7 +94,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
     # the closed form takes a branch as a number: both are written, one is chosen
     ahead, behind = (joints_from_task_symbolic(mechanism, task, k, near) for k in (1, -1))
     direction, breakaway = directions_law(robot, qd, qdd, qddd, 1)
-    _, torque, _ = motor_law(robot, q, qd, qdd, direction, breakaway)
+    _, torque, _ = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
     four = (Argument("q", 4), Argument("qd", 4), Argument("qdd", 4))
     return [
         CFunction(

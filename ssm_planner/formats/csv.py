@@ -44,7 +44,7 @@ DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 def trajectory_table(
     trajectory: Trajectory, robot: Robot, rate: float = RATE, columns: Sequence[str] = DEFAULT
 ) -> tuple[list[str], Array]:
-    """Header and rows: time, and for every group of `columns` the values of the joints or motors.
+    """Header and rows (samples, columns): time, and for every group of `columns` the values of the joints or motors.
 
     At a break the row holds what follows it; the last row is the end of the motion, whatever the rate.
     """

@@ -92,7 +92,7 @@ def period_ms(rate: float) -> int:
 
 
 def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict[str, float]:
-    """Largest effect of rounding to increments on position, speed and acceleration; rad or m, s."""
+    """Largest effect of rounding positions q (n,) to increments (n,) on position, speed and acceleration; rad or m, s."""
     error = counts / axis.increments_per_unit - q
     return {
         "position": float(np.abs(error).max()),

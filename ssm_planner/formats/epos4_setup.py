@@ -62,7 +62,12 @@ def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> di
         counts = _counts(joint, counts_per_turn)
         per_unit = joint.motor_direction * drive.ratio * counts / (2 * np.pi)
         axes[joint.name] = Axis(
-            joint.name, joint, joint.motor_direction, counts, float(per_unit), float(motor.nominal_torque)
+            joint.name,
+            joint,
+            direction=joint.motor_direction,
+            counts_per_turn=counts,
+            increments_per_unit=float(per_unit),
+            rated_torque=float(motor.nominal_torque),
         )
     if not axes:
         raise ExportError(f"{robot.file}: no joint of robot {robot.name} has a drive")
@@ -70,7 +75,7 @@ def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> di
 
 
 def fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
-    """Whole numbers that a drive's object holds. Raises ExportError naming joint, value and what is allowed."""
+    """Whole numbers (n,) that a drive's object holds. Raises ExportError naming joint, value and what is allowed."""
     k = int(np.argmax(np.abs(values)))
     if not np.isfinite(values).all() or abs(values[k]) > largest:
         raise ExportError(

@@ -41,7 +41,7 @@ def export(
     folder = Path(path) if path is not None else source.path.parent / to
     with staging(folder, MANIFEST) as temporary:
         details = write(source, certificate, temporary, suffix, **options)
-        manifest = write_manifest(temporary, to, source, certificate, passed, details)
+        manifest = write_manifest(temporary, to, plan=source, certificate=certificate, verified=passed, details=details)
     files = {name: folder / name for name in manifest["files"]}
     return {**files, "manifest": folder / MANIFEST}, manifest
 

@@ -30,10 +30,10 @@ def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Messag
     return Message(
         tuple(joint.name for joint in plan.robot.joints),
         s.t,
-        s.q.tolist(),
-        s.qd.tolist(),
-        s.qdd.tolist() if points.with_acceleration else empty,
-        efforts,
+        positions=s.q.tolist(),
+        velocities=s.qd.tolist(),
+        accelerations=s.qdd.tolist() if points.with_acceleration else empty,
+        effort=efforts,
     )
 
 
@@ -108,10 +108,10 @@ def read_message(message: Message, robot: Robot, where: str, notes: tuple[str, .
     points = Points(
         message.time,
         q,
-        qd if has_qd.any() else None,
-        qdd if has_qdd.any() else None,
-        None if has_qd.all() else has_qd,
-        None if has_qdd.all() else has_qdd,
+        qd=qd if has_qd.any() else None,
+        qdd=qdd if has_qdd.any() else None,
+        has_qd=None if has_qd.all() else has_qd,
+        has_qdd=None if has_qdd.all() else has_qdd,
         place=lambda k: f"{where}: point {k}",
     )
     return join_points(points, robot, (*notes, *remarks))

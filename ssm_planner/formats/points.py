@@ -145,7 +145,7 @@ FACTORS = ((180 / math.pi, "degrees where radians are meant"), (1000.0, "millime
 
 
 def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str]) -> None:
-    """Positions that no joint of this kind has. Raises TrajectoryError naming the point."""
+    """Refuse positions q (n, 4) that no joint of its kind has. Raises TrajectoryError naming the point."""
     for i, joint in enumerate(robot.joints):
         revolute = joint.kind == "revolute"
         k = int(np.argmax(np.abs(q[:, i])))

@@ -59,7 +59,7 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
 
 
 def state_times(duration: float, rate: float) -> Array:
-    """Instants at a rate from 0, and the end."""
+    """Instants (n,), s, at a rate in Hz from 0, and the end."""
     t = np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate
     return t if duration - t[-1] < 1e-9 else np.append(t, duration)
 
@@ -175,15 +175,15 @@ def _latched() -> Any:
 
     never = QosTime(2147483647, 4294967295)
     return Qos(
-        QosHistory.KEEP_LAST,
-        1,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL,
-        never,
-        never,
-        QosLiveliness.AUTOMATIC,
-        never,
-        False,
+        history=QosHistory.KEEP_LAST,
+        depth=1,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL,
+        deadline=never,
+        lifespan=never,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=never,
+        avoid_ros_namespace_conventions=False,
     )
 
 
@@ -227,8 +227,8 @@ def _of_states(messages: list[Any]) -> Message:
     return Message(
         tuple(messages[0].name),
         np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps]),
-        [m.position for m in messages],
-        [m.velocity for m in messages],
-        empty,
-        empty,
+        positions=[m.position for m in messages],
+        velocities=[m.velocity for m in messages],
+        accelerations=empty,
+        effort=empty,
     )

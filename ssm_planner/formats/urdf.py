@@ -71,7 +71,7 @@ def urdf(robot: Robot, mark: str = "") -> str:
 
 
 def rpy(rotation: Array) -> Array:
-    """Roll, pitch, yaw of R = Rz(yaw) Ry(pitch) Rx(roll), accurate also where the pitch is ±90°."""
+    """Roll, pitch, yaw (3,), rad, of R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3), accurate at ±90° too."""
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     if math.hypot(rotation[0, 0], rotation[1, 0]) < 1e-12:
         yaw = 0.0

@@ -139,7 +139,7 @@ def parse_table(text: str, path: Path) -> Table:
         if second and not any(NUMBER.fullmatch(f) for f in second):
             units, first = second, first + 1
     names, units = _align(names, units)
-    return _samples(lines, first, separator, names, units, header, path)
+    return _samples(lines, first, separator=separator, names=names, units=units, header=header, path=path)
 
 
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
@@ -260,4 +260,4 @@ def _samples(
     promised = header.get("recorded samples", "")
     if promised.isdigit() and int(promised) != len(rows):
         notes.add(f"the header promises {promised} samples, {len(rows)} were found")
-    return Table(names, units, np.array(rows, dtype=float), numbers, notes.all(), header)
+    return Table(names, units, values=np.array(rows, dtype=float), lines=numbers, repairs=notes.all(), header=header)

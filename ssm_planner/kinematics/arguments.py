@@ -68,7 +68,7 @@ def split_homogeneous(name: str, value: ArrayLike) -> tuple[Array, Array]:
 
 
 def finite(name: str, array: Array) -> None:
-    """Refuse NaN and infinity."""
+    """Refuse NaN and infinity in an array of any shape. Raises GeometryError naming the index."""
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise GeometryError(f"{name} of shape {array.shape} is not finite at {list(index)}: {array[index]}")

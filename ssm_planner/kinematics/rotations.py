@@ -48,7 +48,7 @@ def rotation_symbolic(omega: ArrayLike, angle: Any) -> casadi.SX:
 
 
 def constant(value: ArrayLike) -> casadi.DM:
-    """A CasADi constant without its zeros, and without rounding errors in their place."""
+    """A CasADi constant (rows, columns) without its zeros, and without rounding errors in their place."""
     import casadi
 
     matrix = np.array(value, dtype=float)

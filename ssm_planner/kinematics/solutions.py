@@ -45,7 +45,7 @@ class Solutions:
 
 
 def select(solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike | None) -> Solutions:
-    """Solutions marked by joint limits and ordered by distance to a reference, where these are given."""
+    """Solutions marked by joint limits (4, 2) and ordered by distance to a reference (..., 4), where these are given."""
     if limits is not None:
         solutions = within_limits(solutions, limits, reference)
     if reference is not None:
@@ -128,7 +128,7 @@ def joint_limits(name: str, value: ArrayLike) -> Array:
 
 
 def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
-    """The 2π-equivalent of each angle in (centre − π, centre + π]."""
+    """The 2π-equivalent of each angle in (centre − π, centre + π]; broadcast shape of both, rad."""
     moved: Array = angle - TURN * np.ceil((angle - np.asarray(centre)) / TURN - 0.5)
     return moved
 

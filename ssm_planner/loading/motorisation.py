@@ -31,7 +31,16 @@ def motorisation_from(section: Section) -> Motorisation:
             raise here.error(f"{len(given)} joints in one run", allowed="one joint per run: roll, tilt or insertion")
         (joint,) = given
         stroke = getattr(run, joint)
-        strokes.append(Stroke(joint, stroke.centre, stroke.reach, stroke.velocity, stroke.acceleration, model.held))
+        strokes.append(
+            Stroke(
+                joint,
+                stroke.centre,
+                reach=stroke.reach,
+                velocity=stroke.velocity,
+                acceleration=stroke.acceleration,
+                home=model.held,
+            )
+        )
     keys = {f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint) for i, stroke in enumerate(strokes)}
     with located(section, keys):
         return Motorisation(model.name or section.file.stem, robot, tuple(strokes), str(section.file))

@@ -134,7 +134,7 @@ def _motion(section: Section, entry: EntryModel, robot: Robot, limits: Mapping[s
         target = _target(here, entry.free.to, robot, limits)
         passed = enumerate(entry.free.through)
         through = tuple(_target(section.sub(name, "through", k), point, robot, limits) for k, point in passed)
-        return Motion("free", name, target, entry.free.duration, line, through)
+        return Motion("free", name, target=target, duration=entry.free.duration, line=line, through=through)
     if entry.straight is not None:
         return Motion("straight", name, _target(here, entry.straight.to, robot, limits), entry.straight.duration, line)
     coordinate = "depth" if name == "insert" else name
@@ -155,7 +155,7 @@ def _scan(section: Section, model: ScanModel, robot: Robot, limits: Mapping[str,
     if any(diameter >= eye.radius for diameter in diameters):
         raise section.error("larger than the eye's radius", "diameter" if model.pattern == "ring" else "diameters")
     rows, columns = int(model.rows or 0), int(model.columns or 0)
-    scan = Scan(diameters, rows, columns, model.spacing, model.distance, model.dwell)
+    scan = Scan(diameters, rows, columns=columns, spacing=model.spacing, distance=model.distance, dwell=model.dwell)
     target = _target(section.sub("at"), model.at, robot, limits)
     return Motion("scan", model.pattern, target, line=section.line(), scan=scan)
 

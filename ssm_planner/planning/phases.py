@@ -48,7 +48,7 @@ class Phase:
 
 
 def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
-    """Start configurations to try: as given, or every closed-form solution with its whole turns."""
+    """Start configurations (4,) to try: as given, or every closed-form solution with its whole turns."""
     target = problem.start
     if target.joints is not None:
         return [np.array(target.joints)]

@@ -214,6 +214,10 @@ class JointPosition(Between):
 
 @dataclass(frozen=True)
 class JointVelocity(JointLimit):
+    """|q̇| of one joint, rad/s or m/s."""
+
+    """|q̇| of one joint, rad/s or m/s."""
+
     name = "velocity"
     order = 1
 
@@ -226,6 +230,10 @@ class JointVelocity(JointLimit):
 
 @dataclass(frozen=True)
 class JointAcceleration(JointLimit):
+    """|q̈| of one joint, rad/s² or m/s²."""
+
+    """|q̈| of one joint, rad/s² or m/s²."""
+
     name = "acceleration"
     order = 2
 
@@ -238,6 +246,10 @@ class JointAcceleration(JointLimit):
 
 @dataclass(frozen=True)
 class JointJerk(JointLimit):
+    """Third derivative of one joint's position, by magnitude, rad/s³ or m/s³."""
+
+    """Third derivative of one joint's position, by magnitude, rad/s³ or m/s³."""
+
     name = "jerk"
     order = 3
 
@@ -247,6 +259,10 @@ class JointJerk(JointLimit):
 
 @dataclass(frozen=True)
 class MotorSpeed(JointLimit):
+    """Speed of one joint's motor by magnitude, rad/s."""
+
+    """Speed of one joint's motor by magnitude, rad/s."""
+
     name = "motor speed"
     order = 1
     unit = "rad/s"

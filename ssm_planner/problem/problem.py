@@ -169,6 +169,8 @@ Planner = Literal["optimal", "toppra"]
 
 @dataclass(frozen=True, eq=False)
 class Problem(Limited):
+    """What is to be planned: a robot, where it starts, its motion phase after phase, and the limits it keeps."""
+
     name: str
     robot: Robot
     start: Target

@@ -162,6 +162,8 @@ class Joint(Value):
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value, Limited):
+    """A serial spherical mechanism: geometry, bodies and joints with their limits, drives and motors; SI."""
+
     name: str
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
@@ -209,7 +211,7 @@ def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
 
 
 def possible(moments: Array) -> bool:
-    """Whether a body can have these principal moments: positive, none above the sum of the other two."""
+    """Whether a body can have these principal moments (3,), ascending: positive, none above the sum of the other two."""
     low, middle, high = moments
     return bool(low > 0 and high <= low + middle + TRIANGLE_SLACK * high)
 

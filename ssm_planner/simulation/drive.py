@@ -36,7 +36,7 @@ def drive_step(drive: Drive, w: ca.SX, rest: ca.SX, tau: ca.SX, load: ca.SX, *, 
     forwards, backwards = (breakaway_torque(drive, load, sign, mu_rest) for sign in (1.0, -1.0))
     starts = ca.if_else(tau > forwards, 1, ca.if_else(tau < backwards, -1, 0))
     sign = ca.if_else(w == 0, starts, ca.sign(w))
-    wd, effort = motor_acceleration(drive, tau, w, load, sign, mu)
+    wd, effort = motor_acceleration(drive, tau, w=w, load=load, direction=sign, mu=mu)
     free = w + h * wd
     stops = sign * free <= 0
     after = ca.if_else(ca.logic_or(sign == 0, stops), 0, free)

@@ -193,9 +193,9 @@ def _check(
         return unchecked(name, *needs)
     worst, nominal = factor * band.high(demand, conditions.confidence), factor * band.at(demand)
     if math.isinf(limit):
-        return Check(name, 1.0, worst, None, unit, nominal, 1.0)
+        return Check(name, 1.0, worst=worst, limit=None, unit=unit, nominal=nominal, probability=1.0)
     probability = float(np.mean(factor * getattr(band.worst, demand) <= limit)) if band.known else None
-    return below(name, worst, limit, unit, nominal, probability)
+    return below(name, worst, limit=limit, unit=unit, nominal=nominal, probability=probability)
 
 
 def _together(band: Band, limits: dict[str, Limit]) -> float:

@@ -71,12 +71,28 @@ def below(
 ) -> Check:
     """A check of an upper limit; where the limit is 0 nothing is allowed and the margin is −1."""
     margin = (limit - worst) / limit if limit > 0 else -1.0
-    return Check(name, margin, worst, limit, unit, worst if nominal is None else nominal, probability)
+    return Check(
+        name,
+        margin,
+        worst=worst,
+        limit=limit,
+        unit=unit,
+        nominal=worst if nominal is None else nominal,
+        probability=probability,
+    )
 
 
 def above(name: str, worst: float, limit: float, unit: str, nominal: float | None = None) -> Check:
     """A check of a lower limit > 0."""
-    return Check(name, (worst - limit) / limit, worst, limit, unit, worst if nominal is None else nominal, 1.0)
+    return Check(
+        name,
+        (worst - limit) / limit,
+        worst=worst,
+        limit=limit,
+        unit=unit,
+        nominal=worst if nominal is None else nominal,
+        probability=1.0,
+    )
 
 
 def binding(checks: Iterable[Check]) -> Check | None:
@@ -155,7 +171,14 @@ def _output(drive: Drive, ratings: Ratings, band: Band, conditions: Conditions) 
             yield unchecked(name, f"ratings.{key}")
         else:
             probability = float(np.mean(getattr(band.worst, demand) <= limit)) if band.known else None
-            yield below(name, band.high(demand, conditions.confidence), limit, unit, band.at(demand), probability)
+            yield below(
+                name,
+                band.high(demand, conditions.confidence),
+                limit=limit,
+                unit=unit,
+                nominal=band.at(demand),
+                probability=probability,
+            )
 
 
 def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
@@ -190,9 +213,9 @@ def _screw(load: JointLoad, ratings: Ratings, band: Band, conditions: Conditions
         below(
             "buckling",
             band.high("peak_effort", conditions.confidence),
-            column,
-            "N",
-            band.at("peak_effort"),
-            probability,
+            limit=column,
+            unit="N",
+            nominal=band.at("peak_effort"),
+            probability=probability,
         ),
     ]

@@ -137,7 +137,10 @@ def monte_carlo(load: JointLoad, drive: Drive, spread: FrictionSpread, count: in
     worst, best = (
         {int(extreme(np.nan_to_num(column))) for column in at_corners.T} for extreme in (np.argmax, np.argmin)
     )
-    tables = {i: _drawn_demands(few, drive, spread, deviations, corners[i], motor) for i in sorted(worst | best)}
+    tables = {
+        i: _drawn_demands(few, drive, spread=spread, deviations=deviations, corner=corners[i], motor=motor)
+        for i in sorted(worst | best)
+    }
     high = reduce(np.maximum, (tables[i] for i in worst))
     low = reduce(np.minimum, (tables[i] for i in best))
     return Band(nominal, Demands.of(high), Demands.of(low), True)

@@ -63,16 +63,18 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
     cycle = Cycle.from_torque(few.t, few.torque(), conditions.pause)
     rms = float(np.sqrt(cycle.mean(cycle.square)))
     if rms == 0.0:
-        return Heat(np.inf, limit, conditions.ambient, conditions.ambient, model, cycle)
+        return Heat(
+            np.inf, limit, nominal_winding=conditions.ambient, winding=conditions.ambient, model=model, cycle=cycle
+        )
     nominal, hot = steady_state(model, cycle), cycle.scaled(worst_rms / rms)
     worst = steady_state(model, hot)
     return Heat(
         _largest_factor(model, cycle, limit) * rms,
         limit,
-        nominal.peak if nominal.steady else None,
-        worst.peak if worst.steady else None,
-        model,
-        hot,
+        nominal_winding=nominal.peak if nominal.steady else None,
+        winding=worst.peak if worst.steady else None,
+        model=model,
+        cycle=hot,
     )
 
 

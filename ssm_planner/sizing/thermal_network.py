@@ -149,12 +149,12 @@ class ThermalModel:
         return cls(
             inner,
             outer,
-            figure(motor, "time_constant_winding") / inner,
-            figure(motor, "time_constant_motor") / outer,
-            ambient,
-            resistance(motor) / torque_constant(motor) ** 2,
-            COPPER,
-            magnet_drift(motor),
+            c_winding=figure(motor, "time_constant_winding") / inner,
+            c_housing=figure(motor, "time_constant_motor") / outer,
+            ambient=ambient,
+            loss=resistance(motor) / torque_constant(motor) ** 2,
+            copper=COPPER,
+            magnet=magnet_drift(motor),
         )
 
     def power(self, square: Array, winding: Array) -> Array:

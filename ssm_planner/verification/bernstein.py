@@ -29,7 +29,7 @@ def from_powers(powers: Array) -> Array:
 
 
 def to_powers(coefficients: Array) -> Array:
-    """The inverse of `from_powers`."""
+    """The inverse of `from_powers`; (degree + 1, ...) to the same shape."""
     degree = len(coefficients) - 1
     powers = coefficients.copy()
     for row in range(degree, 0, -1):

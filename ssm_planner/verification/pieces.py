@@ -92,7 +92,7 @@ def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
 
 
 def chosen_pieces(trajectory: Trajectory, chosen: Indices) -> Pieces:
-    """Some pieces of a trajectory, together."""
+    """Some pieces of a trajectory, by their indices (m,), together."""
     start = trajectory.breaks[chosen]
     return _pieces(start, trajectory.breaks[chosen + 1] - start, trajectory.coefficients[chosen])
 

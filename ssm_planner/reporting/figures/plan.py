@@ -34,7 +34,9 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
     """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed."""
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
-    figure, panels = new_panels(9.0, 6.4, 3, 2, (0.75, 0.1, 0.5, 0.55), (0.85, 0.2), sharex=True)
+    figure, panels = new_panels(
+        9.0, 6.4, rows=3, columns=2, edges=(0.75, 0.1, 0.5, 0.55), gaps=(0.85, 0.2), sharex=True
+    )
     rows = (
         ("q", "position", "", None),
         ("qd", "velocity", "/s", "velocity"),
@@ -61,7 +63,9 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
 def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:
     """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures."""
     rows = len(requirements)
-    figure, panels = new_panels(9.0, 2.3 * rows + 0.2, rows, 2, (0.8, 0.1, 0.5, 0.45), (0.35, 0.6), sharey="row")
+    figure, panels = new_panels(
+        9.0, 2.3 * rows + 0.2, rows=rows, columns=2, edges=(0.8, 0.1, 0.5, 0.45), gaps=(0.35, 0.6), sharey="row"
+    )
     names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
         i = names.index(requirement.joint)

@@ -102,7 +102,7 @@ def serve() -> None:
     from ssm_planner.reporting.figures.style import drawn
 
     # the first figure of a process loads fonts and half of matplotlib
-    warm, panels = new_panels(2.0, 2.0, 1, 1, (0.5,) * 4, (0.0, 0.0))
+    warm, panels = new_panels(2.0, 2.0, rows=1, columns=1, edges=(0.5,) * 4, gaps=(0.0, 0.0))
     panels[0, 0].plot([0, 1], label="warm")
     warm.legend()
     drawn(warm, pdf=False)

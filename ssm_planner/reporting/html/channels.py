@@ -55,7 +55,7 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
 
 
 def encoded(channels: dict[str, Array]) -> dict[str, str]:
-    """Channels as base64 of little-endian doubles: exact, and quick to read in a browser."""
+    """Channels (n,) as base64 of little-endian doubles: exact, and quick to read in a browser."""
     return {
         name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
         for name, values in channels.items()

@@ -45,7 +45,7 @@ POINTS = 81
 
 
 def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
-    """Panels in the order of the page, each with its channels, limits and the stretches where these are active."""
+    """Panels in the order of the page, each with its channels (n,), limits and the stretches where these are active."""
     joints = plan.robot.joints
     kinds = [(kind, [i for i, joint in enumerate(joints) if joint.kind == kind]) for kind in ("revolute", "prismatic")]
     tool = tool_panels(plan.limits)
@@ -102,12 +102,15 @@ def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
     if isinstance(limit, TaskRange):
         # its name says of which coordinate
-        return {**new_limit(limit.name, limit.coordinate, index, low, limit.high, channel), "label": limit.name}
-    return new_limit(limit.name, limit.joint or "", index, low, limit.high, channel, size)
+        return {
+            **new_limit(limit.name, limit.coordinate, index=index, low=low, high=limit.high, channel=channel),
+            "label": limit.name,
+        }
+    return new_limit(limit.name, limit.joint or "", index=index, low=low, high=limit.high, channel=channel, size=size)
 
 
 def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
-    """Add the stretches in which a limit is active."""
+    """Add the stretches in which a limit on one of the channels (n,) is active."""
     for limit in panel["limits"]:
         if limit["channel"] is None:
             continue
@@ -185,7 +188,7 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
 
 
 def without_temperature(channels: dict[str, Array], motors: dict[int, Motor]) -> list[str]:
-    """Why a motor has no temperature here."""
+    """Why a motor has no temperature among the channels (n,)."""
     reasons = []
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
@@ -246,13 +249,15 @@ def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list
                 panel["limits"].append(limit_line(joint.limit(limited), i, f"{name}{i}"))
             if motor is not None and name == "tau":
                 nominal = motor.nominal_torque
-                panel["limits"].append(new_limit("nominal torque", joint.name, i, -nominal, nominal, None))
+                panel["limits"].append(
+                    new_limit("nominal torque", joint.name, index=i, low=-nominal, high=nominal, channel=None)
+                )
             panels.append(panel)
     return panels
 
 
 def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
-    """One panel for each driven joint, a line for each part."""
+    """One panel for each driven joint, a line for each part; channels (n,)."""
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{PARTS[0]}" in channels:
             series = [(f"split{i}_{name}", name.replace("_", " "), k) for k, name in enumerate(PARTS)]
@@ -260,7 +265,7 @@ def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
 
 
 def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> Iterator[Panel]:
-    """Winding and housing of each motor; of one without the figures only what is missing."""
+    """Winding and housing of each motor whose channels (n,) are there."""
     for i, motor in motors.items():
         series = [(f"winding{i}", "winding", 1), (f"housing{i}", "housing", 0)]
         if f"winding{i}" not in channels:
@@ -268,7 +273,9 @@ def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> 
         panel = new_panel(TEMPERATURE, f"Motor of {JOINTS[i]}", "°C", series)
         if motor.max_winding_temperature is not None:
             high = motor.max_winding_temperature - CELSIUS
-            panel["limits"] = [new_limit("winding temperature", JOINTS[i], 1, -np.inf, high, f"winding{i}")]
+            panel["limits"] = [
+                new_limit("winding temperature", JOINTS[i], index=1, low=-np.inf, high=high, channel=f"winding{i}")
+            ]
         yield panel
 
 
