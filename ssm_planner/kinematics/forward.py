@@ -153,24 +153,3 @@ def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, cas
 def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
     """p (3, 1) of joints q (4, 1)."""
     return forward_symbolic(mechanism, q)[1]
-
-
-def space_jacobian_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """Columns ξ'_i as (v, omega), (6, 4), of joints q (4, 1)."""
-    import casadi
-
-    one = rotation_symbolic(mechanism.omega1, q[0])
-    tool = one @ rotation_symbolic(mechanism.omega2, q[1]) @ constant(mechanism.omega3)
-    none = casadi.SX.zeros(3)
-    angular = (constant(mechanism.omega1), one @ constant(mechanism.omega2), tool)
-    return casadi.horzcat(*(casadi.vertcat(none, axis) for axis in angular), casadi.vertcat(tool, none))
-
-
-def body_jacobian_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """Columns Ad(g⁻¹) ξ'_i as (v, omega), (6, 4), of joints q (4, 1)."""
-    import casadi
-
-    rotation, position = forward_symbolic(mechanism, q)
-    space = space_jacobian_symbolic(mechanism, q)
-    linear = space[:3, :] - casadi.skew(position) @ space[3:, :]
-    return casadi.vertcat(rotation.T @ linear, rotation.T @ space[3:, :])

@@ -16,7 +16,7 @@ from ssm_planner.codegen.namespace import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.arguments import batch
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.rotations import constant, rotation, rotation_symbolic
+from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.kinematics.subproblems import azimuths, elbow_squares, tilt_magnitude
 from ssm_planner.typing import Array
@@ -118,13 +118,6 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
     spin = rotation((0.0, 0.0, 1.0), task[:, 2])
     theta4 = mechanism.insertion_sign * task[:, 3:]
     return pointing @ mechanism.tool_on_omega1 @ spin, (pointing @ mechanism.omega1) * theta4
-
-
-def pose_from_task_symbolic(mechanism: Mechanism, task: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-    """(R (3, 3), p (3, 1)) of (roll, tilt, spin, depth) (4, 1), any sign of tilt; formula at task.pose_from_task."""
-    pointing = rotation_symbolic(mechanism.omega1, task[0]) @ rotation_symbolic(mechanism.tilt_axis, task[1])
-    rotation = pointing @ constant(mechanism.tool_on_omega1) @ rotation_symbolic((0.0, 0.0, 1.0), task[2])
-    return rotation, pointing @ constant(mechanism.omega1) * (mechanism.insertion_sign * task[3])
 
 
 def joints_from_task_symbolic(

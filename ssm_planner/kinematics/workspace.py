@@ -20,6 +20,9 @@ from ssm_planner.kinematics.subproblems import elbow_squares, tilt_magnitude
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.typing import Array
 
+GRID = 20001
+"""Tilts at which the bound on the tilt rate is looked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Extreme:
@@ -97,34 +100,6 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
     return theta2
 
 
-def theta2_interval(mechanism: Mechanism, tilt_range: tuple[float, float], branch: int) -> tuple[float, float]:
-    """(lo, hi) of θ2 that passes through a tilt range on one branch, as far as the range is in the workspace.
-
-    GeometryError if the range and the workspace have no tilt in common.
-    """
-    low, high = magnitude_range("tilt_range", tilt_range)
-    nearest, farthest = tilt_magnitudes(mechanism.alpha, mechanism.beta)
-    if low > farthest or high < nearest:
-        raise GeometryError(
-            f"tilt_range = [{tilt_range[0]:.6g}, {tilt_range[1]:.6g}] rad is outside the workspace,"
-            f" |tilt| in [{nearest:.6g}, {farthest:.6g}] rad"
-        )
-    ends = theta2_from_tilt(mechanism, np.array([low, high]), branch)
-    return float(ends.min()), float(ends.max())
-
-
-def tilt_range_of_theta2(mechanism: Mechanism, theta2_range: tuple[float, float]) -> tuple[float, float]:
-    """(lo, hi) of the tilt, on the home side, that an interval of θ2 passes through, extremes inside it included."""
-    start, end = theta2_range
-    if not start <= end:
-        raise GeometryError(f"theta2_range = [{start:.6g}, {end:.6g}]: lower must not exceed upper")
-    # the extremes are at δ + kπ
-    turns = np.arange(math.ceil((start - mechanism.delta) / math.pi), math.floor((end - mechanism.delta) / math.pi) + 1)
-    inside = mechanism.delta + math.pi * turns[:2]
-    tilts = tilt_from_theta2(mechanism, np.concatenate(([start, end], inside)))
-    return float(tilts.min()), float(tilts.max())
-
-
 def magnitude_range(name: str, tilt_range: tuple[float, float]) -> tuple[float, float]:
     """Smallest and largest |φ| of a signed tilt range, checked."""
     low, high = (float(end) for end in tilt_range)
@@ -192,9 +167,6 @@ def _tilts(value: ArrayLike) -> Array:
     if not np.all(np.abs(tilts) <= math.pi + 1e-9):
         raise GeometryError(f"tilt of shape {tilts.shape}: must be finite and in [-pi, pi] rad, not degrees")
     return tilts
-
-
-GRID = 20001
 
 
 @dataclass(frozen=True)

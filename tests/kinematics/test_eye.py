@@ -109,7 +109,7 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
         if size <= 0.05:
             continue
         grown = dataclasses.replace(eye.lens, semi_axes=frozen(eye.lens.semi_axes * size, (3,)))
-        at_limit = dataclasses.replace(eye, lens=grown)
+        at_limit = dataclasses.replace(eye, lens=grown, radius=10 * eye.radius)  # room for a lens of any size
         value, least = eye_limits(NUMPY, at_limit, tip)["lens clearance"]
         assert value == pytest.approx(least, rel=1e-12)
         nearest = to_segment(surface(grown, 1.0), tip).min()

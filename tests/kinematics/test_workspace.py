@@ -16,12 +16,10 @@ from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.workspace import (
     extremes,
     theta2_from_tilt,
-    theta2_interval,
     tilt_cosine,
     tilt_from_theta2,
     tilt_interval,
     tilt_magnitudes,
-    tilt_range_of_theta2,
 )
 
 axis_angles = st.floats(0.0, math.pi)
@@ -136,33 +134,11 @@ def test_theta2_and_tilt_are_inverse_on_a_branch(random_mechanism, branch):
         assert np.all(np.diff(theta2) * np.sign(theta2[-1] - theta2[0]) > 0.0)
 
 
-def test_intervals_match_samples(random_mechanism):
-    rng = np.random.default_rng(5)
-    for _ in range(100):
-        mech = random_mechanism(rng)
-        start, length = rng.uniform(-4.0, 4.0), rng.uniform(0.0, 7.0)
-        samples = tilt_from_theta2(mech, np.linspace(start, start + length, 4001))
-        low, high = tilt_range_of_theta2(mech, (start, start + length))
-        assert low <= samples.min() + 1e-14
-        assert high >= samples.max() - 1e-14
-        assert (low, high) == pytest.approx((samples.min(), samples.max()), abs=2e-3)
-        tilts = tuple(np.sort(rng.uniform(*tilt_interval(mech), 2)))
-        for branch in (1, -1):
-            assert tilt_range_of_theta2(mech, theta2_interval(mech, tilts, branch)) == pytest.approx(tilts, abs=1e-11)
-
-
-def test_a_tilt_range_is_cut_to_the_workspace_or_refused(vitreoretinal):
-    whole = theta2_interval(vitreoretinal, (-3.0, -0.1), -1)
-    assert whole == pytest.approx(theta2_interval(vitreoretinal, tilt_interval(vitreoretinal), -1), abs=1e-12)
-    assert whole[1] - whole[0] == pytest.approx(math.pi, abs=1e-12)
-    with pytest.raises(GeometryError, match=r"tilt_range = \[-1, -0.5\] rad is outside"):
-        theta2_interval(vitreoretinal, (-1.0, -0.5), -1)
+def test_degrees_and_other_branches_are_refused(vitreoretinal):
     with pytest.raises(GeometryError, match="degrees"):
-        theta2_interval(vitreoretinal, (-140.0, -80.0), -1)
+        design_region(-140.0, -80.0)
     with pytest.raises(GeometryError, match="branch = 2"):
-        theta2_interval(vitreoretinal, (-2.0, -1.5), 2)
-    with pytest.raises(GeometryError, match="theta2_range"):
-        tilt_range_of_theta2(vitreoretinal, (1.0, 0.0))
+        theta2_from_tilt(vitreoretinal, -1.5, 2)
 
 
 def test_the_design_question_returns_the_published_design():
