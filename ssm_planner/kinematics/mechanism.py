@@ -43,18 +43,11 @@ class Mechanism:
 
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
-        """The mechanism of a robot file; GeometryError where axes are no unit vectors, or neighbours are parallel."""
-        omega1 = _unit("omega1", geometry.omega1)
-        omega2 = _unit("omega2", geometry.omega2)
-        omega3 = _unit("omega3", geometry.omega3)
-        for names, a, b in (("omega1 and omega2", omega1, omega2), ("omega2 and omega3", omega2, omega3)):
-            if np.linalg.norm(np.cross(a, b)) < PARALLEL:
-                raise GeometryError(
-                    f"{names} are parallel: {a.tolist()} and {b.tolist()}; the mechanism needs an angle"
-                )
+        """The mechanism of a robot file, its axes of length 1 and its tool frame on the third to the last digit."""
+        omega1, omega2, omega3 = (
+            axis / np.linalg.norm(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)
+        )
         tool_home = _tool_home(geometry.tool_home, omega3)
-        if geometry.insertion_sign not in (-1, 1):
-            raise GeometryError(f"insertion_sign = {geometry.insertion_sign!r}: must be 1 or -1")
         normal = np.cross(omega1, omega2)
         normal = normal / np.linalg.norm(normal)
         tilt_axis = np.cross(normal, omega1)
@@ -181,18 +174,6 @@ class Mechanism:
         half = -self.delta / 2.0
         eta = float(azimuths(NUMPY, self.alpha, self.beta, math.cos(half), math.sin(half))[1])
         return eta + math.remainder(self.side * math.pi / 2.0 + self.tool_angle - kappa - eta, 2.0 * math.pi)
-
-
-def _unit(name: str, value: ArrayLike) -> Array:
-    vector = np.asarray(value, dtype=float)
-    if vector.shape != (3,):
-        raise GeometryError(f"{name} has shape {vector.shape}: a unit vector of shape (3,) is needed")
-    if not np.all(np.isfinite(vector)):
-        raise GeometryError(f"{name} = {vector.tolist()}: not finite")
-    length = float(np.linalg.norm(vector))
-    if abs(length - 1.0) > 1e-6:
-        raise GeometryError(f"{name} = {vector.tolist()}, shape (3,): length {length:.6g}, must be a unit vector")
-    return vector / length
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ssm_planner.errors import GeometryError
+from ssm_planner.errors import GeometryError, ProblemError
 from ssm_planner.kinematics.forward import (
     body_jacobian,
     forward,
@@ -160,20 +160,33 @@ GEOMETRY = Geometry(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"omega1": np.array([1.0, 0.1, 0.0])}, r"omega1 = .*shape \(3,\).*unit vector"),
-        ({"omega2": np.array([-1.0, 0.0, 0.0])}, "omega1 and omega2 are parallel"),
-        ({"omega3": np.array([0.0, 1.0, 0.0])}, "omega2 and omega3 are parallel"),
-        ({"omega3": np.array([0.0, math.nan, 1.0])}, "omega3 .*not finite"),
-        ({"omega1": np.eye(3)}, r"omega1 has shape \(3, 3\)"),
-        ({"tool_home": np.diag([1.0, 1.0, -1.0])}, r"tool_home\[0\] .*reflection"),
-        ({"tool_home": np.diag([1.0, -1.0, -1.0])}, "tool_home: its z column"),
-        ({"tool_home": 2.0 * np.eye(3)}, r"tool_home\[0\] of shape \(1, 3, 3\) is not a rotation"),
-        ({"insertion_sign": 2}, "insertion_sign = 2"),
+        ({"omega1": np.array([1.0, 0.1, 0.0])}, r"Geometry\.omega1 = .*length 1\.004988 .*unit vector"),
+        ({"omega2": np.array([-1.0, 0.0, 0.0])}, "joints 1 and 2 are parallel"),
+        ({"omega3": np.array([0.0, 1.0, 0.0])}, "joints 2 and 3 are parallel"),
+        ({"omega3": np.array([0.0, math.nan, 1.0])}, r"Geometry\.omega3 .*finite numbers of shape \(3,\)"),
+        ({"omega1": np.eye(3)}, r"(?s)Geometry\.omega1 .*shape \(3,\)"),
+        ({"tool_home": np.diag([1.0, 1.0, -1.0])}, r"Geometry\.tool_home .*right-handed"),
+        ({"tool_home": np.diag([1.0, -1.0, -1.0])}, r"(?s)Geometry\.tool_home .*the z axis of the tool"),
+        ({"tool_home": 2.0 * np.eye(3)}, r"Geometry\.tool_home .*not a rotation"),
+        ({"insertion_sign": 2}, r"Geometry\.insertion_sign = 2"),
     ],
 )
-def test_bad_geometry_names_the_argument(change, message):
+def test_bad_geometry_names_the_field(change, message):
+    with pytest.raises(ProblemError, match=message):
+        replace(GEOMETRY, **change)
+
+
+@pytest.mark.parametrize(
+    ("tool_home", "message"),
+    [
+        (np.diag([1.0, -1.0, -1.0]), "tool_home: its z column"),
+        (2.0 * np.eye(3), r"tool_home\[0\] of shape \(1, 3, 3\) is not a rotation"),
+        (np.diag([1.0, 1.0, -1.0]), r"tool_home\[0\] .*reflection"),
+    ],
+)
+def test_bad_tool_frames_are_refused(tool_home, message):
     with pytest.raises(GeometryError, match=message):
-        Mechanism.from_geometry(replace(GEOMETRY, **change))
+        Mechanism.from_angles(0.5, 1.9, tool_home=tool_home)
 
 
 @pytest.mark.parametrize(("alpha", "beta", "tilt"), [(30.0, 1.9, None), (0.5, -0.1, None), (0.5, 1.9, -113.0)])
