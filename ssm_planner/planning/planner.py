@@ -12,7 +12,7 @@ from ssm_planner.planning.boundary_rates import with_boundary_rates
 from ssm_planner.planning.diagnosis import duration_too_short, durations_disagree, motor_too_weak, no_motion
 from ssm_planner.planning.feasibility import infeasible_place
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
-from ssm_planner.planning.ocp.constraints import kept_off
+from ssm_planner.planning.ocp.constraints import with_margin
 from ssm_planner.planning.ocp.free import FreeResult, solve_free
 from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
@@ -176,7 +176,7 @@ class _PhasePlanner:
     def _retimed(self, phase: Phase, path: StraightPath) -> PhaseMotion | Reason:
         """A straight motion timed by TOPP-RA alone."""
         speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
-        retiming = self._retime(path, kept_off(self.strict, BETWEEN), speeds)
+        retiming = self._retime(path, with_margin(self.strict, BETWEEN), speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
         duration, bound = retiming.duration, self._lower_bound(phase)

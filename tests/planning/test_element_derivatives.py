@@ -13,11 +13,11 @@ import pytest
 from ssm_planner.dynamics.motors import motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.planning.ocp import free_element
-from ssm_planner.planning.ocp.constraints import limit_table
+from ssm_planner.planning.ocp import free_element, straight_element
+from ssm_planner.planning.ocp.constraints import limit_table, limits_by_name
 from ssm_planner.planning.ocp.element import SIMPSON, element_functions
 from ssm_planner.planning.ocp.free_element import FreeElement
-from ssm_planner.planning.ocp.straight_element import StraightElement, fit, limit_parameters
+from ssm_planner.planning.ocp.straight_element import StraightElement, fit
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
@@ -45,7 +45,8 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     local = fit(path, RigidBody.from_robot(robot), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
-    numbers = limit_parameters(limit_table(robot), np.array([0.02]), 1.7)
+    limits = limits_by_name(limit_table(robot), np.array([0.02]))
+    numbers = straight_element.PARAMETERS.pack(**limits, time_scale=1.7)
     return StraightElement(robot=robot, jerk=True, aim=aim), [z, sigma, local, numbers]
 
 
@@ -57,9 +58,9 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     sigma = rng.choice([-1.0, 1.0], 4)
     position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
-    limits = dict(zip(("velocity", "acceleration", "jerk", "torque"), limit_table(robot), strict=True))
+    limits = limits_by_name(limit_table(robot), np.array([0.02]))
     numbers = free_element.PARAMETERS.pack(
-        **{"q0": first, "d": unit, **limits, "speeds": 0.02, "rate": [0.4, 0.5, 0.6]},
+        **{"q0": first, "d": unit, **limits, "rate": [0.4, 0.5, 0.6]},
         **{"range_centre": [0.1, -0.2], "range_half_width": [0.4, 0.7], "retina_easing": 1e-6, "time_scale": 1.7},
     )
     element = FreeElement(robot=robot, mechanism=mechanism, moving=moving, active=ROWS, eye=EYE, aim=aim)

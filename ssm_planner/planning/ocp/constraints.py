@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -20,6 +21,8 @@ from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
 
 UNLIMITED = 1e9
+LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "speeds": len(JACOBIANS)}
+"""Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool."""
 
 
 def limit_table(robot: Robot) -> Array:
@@ -35,7 +38,12 @@ def limit_table(robot: Robot) -> Array:
     return table
 
 
-def kept_off(robot: Robot, share: float) -> Robot:
+def limits_by_name(table: Array, speeds: Array) -> dict[str, Array]:
+    """LIMITS from those of `limit_table` (4, 4) and of the tool (len(JACOBIANS),)."""
+    return dict(zip(LIMITS, (*table, speeds), strict=True))
+
+
+def with_margin(robot: Robot, share: float) -> Robot:
     """The robot with velocity, acceleration and motor torque of its joints limited to a share below what they are."""
     joints = []
     for joint in robot.joints:
@@ -102,13 +110,18 @@ class Instant:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Symbolic limits, so that one problem serves all values; (4,) each, torque of joints without motor unused."""
+    """Symbolic LIMITS, so that one problem serves all values; torque of joints without motor unused."""
 
     velocity: ca.SX
     acceleration: ca.SX
     jerk: ca.SX
     torque: ca.SX
     speeds: ca.SX
+
+    @classmethod
+    def of(cls, parameters: SimpleNamespace) -> Bounds:
+        """From parameters that were unpacked from a Layout with LIMITS."""
+        return cls(**{name: getattr(parameters, name) for name in LIMITS})
 
 
 def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:

@@ -19,7 +19,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
 from ssm_planner.kinematics.tool_speeds import speed_bounds
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.free_element import PARAMETERS, RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
@@ -100,7 +100,7 @@ def solve_free(
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
 
-    def begin(guesses: list[SegmentGuess]) -> _FreeProblem:
+    def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         blocks = blocks_of([n for guess in guesses for n in guess.arcs])
         structure = NlpStructure(
             moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
@@ -128,11 +128,11 @@ def solve_free(
         )
 
     guesses = [closed_form_guess(w, table[:3], limits_jerk(robot), each, fewest) for w in way]
-    ocp = begin(guesses)
-    if ocp.row_maxima(ocp.guess.elements).max(initial=0.0) >= FAR:
+    ocp = on_mesh_of(guesses)
+    if not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
-        ocp = begin([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
+        ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
     asked = None if duration is None else duration / ocp.time_scale
     return ocp.result(optimise(ocp, ocp.guess, problem.objective, asked))
 
@@ -228,17 +228,12 @@ class _FreeProblem(OcpProblem):
 
     @cached_property
     def _parameters(self) -> Array:
-        velocity, acceleration, jerk, torque = self.table
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-ANYWHERE, ANYWHERE)) for name in WATCHED])
         return PARAMETERS.pack(
             q0=self.points[0],
             d=self.unit,
-            velocity=velocity,
-            acceleration=acceleration,
-            jerk=jerk,
-            torque=torque,
-            speeds=speed_bounds(problem.speeds, UNLIMITED),
+            **limits_by_name(self.table, speed_bounds(problem.speeds, UNLIMITED)),
             range_centre=ranges.mean(axis=1) + self._whole_turns,
             range_half_width=(ranges[:, 1] - ranges[:, 0]) / 2,
             rate=[problem.rates.get(name, UNLIMITED) for name in RATED],
@@ -250,10 +245,8 @@ class _FreeProblem(OcpProblem):
     def _whole_turns(self) -> Array:
         """From WATCHED at the first point to the values of the closed form, which rows use, there."""
         first = self.points[0]
-        unwrapped, wrapped = (
-            task_of_joints(NUMPY, self.mechanism, tuple(first)),
-            task_from_joints(self.mechanism, first[None]),
-        )
+        unwrapped = task_of_joints(NUMPY, self.mechanism, tuple(first))
+        wrapped = task_from_joints(self.mechanism, first[None])
         return np.array([float(unwrapped[k]) - wrapped[0, k] for k in map(TASK.index, WATCHED)])
 
     @property

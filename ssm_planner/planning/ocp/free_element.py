@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from types import SimpleNamespace
 
 import casadi as ca
 
@@ -21,7 +22,15 @@ from ssm_planner.kinematics.forward import tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
 from ssm_planner.kinematics.tool_speeds import JACOBIANS
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, robot_key, speed_rows, torque_rows
+from ssm_planner.planning.ocp.constraints import (
+    LIMITS,
+    Bounds,
+    Instant,
+    PathConstraint,
+    robot_key,
+    speed_rows,
+    torque_rows,
+)
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.problem.limits import RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import TASK, Eye
@@ -33,19 +42,15 @@ RATED = ("roll", "tilt", "spin")
 PARAMETERS = Layout(
     q0=4,
     d=4,
-    velocity=4,
-    acceleration=4,
-    jerk=4,
-    torque=4,
-    speeds=len(JACOBIANS),
+    **LIMITS,
     range_centre=len(WATCHED),
     range_half_width=len(WATCHED),
     rate=len(RATED),
     retina_easing=1,
     time_scale=1,
 )
-"""First point and unit of the coordinates; limits of joints, motors and speeds of the tool; ranges of WATCHED; rates of
-RATED; by how much the retina's row may exceed 1; length of a scaled second, s."""
+"""First point and unit of the coordinates; limits; ranges of WATCHED; rates of RATED; by how much the retina's row may
+exceed 1; length of a scaled second, s."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,8 +80,8 @@ class FreeElement(ElementModel):
         return x
 
     def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
-        sigma, parameters = p
-        limits = PARAMETERS.unpack(parameters)
+        sigma, packed = p
+        parameters = PARAMETERS.unpack(packed)
         q, qd, qdd = _joints(x, parameters)
         at = Instant(
             qd=qd,
@@ -88,30 +93,26 @@ class FreeElement(ElementModel):
             speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
             sigma=sigma,
         )
-        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.speeds**2)
+        return at, replace(Bounds.of(parameters), speeds=parameters.speeds**2)
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         at, bounds = self.instant(x, *p)
-        limits = PARAMETERS.unpack(p[1])
-        q, qd, _ = _joints(x, p[1])
-        rows = speed_rows(at, bounds)
-        rows += torque_rows(at, bounds, self.robot.joints)
+        parameters = PARAMETERS.unpack(p[1])
+        q, qd, _ = _joints(x, parameters)
+        rows = [*speed_rows(at, bounds), *torque_rows(at, bounds, self.robot.joints)]
         task = task_from_joints_symbolic(self.mechanism, q)
         for k, name in enumerate(WATCHED):
-            value = (task[TASK.index(name)] - limits.range_centre[k]) / limits.range_half_width[k]
+            value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[k]
             rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
         rates = task_rates_symbolic(self.mechanism, q, qd)
         for k, name in enumerate(RATED):
-            value = rates[TASK.index(name)] / limits.rate[k]
+            value = rates[TASK.index(name)] / parameters.rate[k]
             rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
         if self.eye is not None:
             tip = tip_position_symbolic(self.mechanism, q)
             for name, value in eye_rows(casadi_namespace(), self.eye, (tip[0], tip[1], tip[2])).items():
-                rows.append(
-                    PathConstraint(
-                        name, None, value + 1 - (limits.retina_easing if name == RetinaClearance.name else 0)
-                    )
-                )
+                easing = parameters.retina_easing if name == RetinaClearance.name else 0
+                rows.append(PathConstraint(name, None, value + 1 - easing))
         return rows
 
     @cached_property
@@ -121,7 +122,6 @@ class FreeElement(ElementModel):
         return [ca.Function("jacobian", [q], [jacobian(self.mechanism, q)]) for jacobian in JACOBIANS.values()]
 
 
-def _joints(x: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """q, q̇ and q̈ in SI units, (4,) each."""
-    p = PARAMETERS.unpack(parameters)
+def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """q, q̇ and q̈ in SI units, (4,) each; p: PARAMETERS."""
     return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

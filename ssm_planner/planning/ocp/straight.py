@@ -15,12 +15,12 @@ import numpy as np
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.tool_speeds import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpData, NlpStructure, cubics
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
-from ssm_planner.planning.ocp.straight_element import FIT, StraightElement, fit, fits_hold, limit_parameters
+from ssm_planner.planning.ocp.straight_element import FIT, PARAMETERS, StraightElement, fit, fits_hold
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque, SpeedLimit
@@ -143,8 +143,8 @@ class _StraightProblem(OcpProblem):
         return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=active, aim=aim))
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        speeds = speed_bounds(self.limited, UNLIMITED)
-        return self.sigma, self._fitted(elements), limit_parameters(self.table, speeds, self.time_scale)
+        limits = limits_by_name(self.table, speed_bounds(self.limited, UNLIMITED))
+        return self.sigma, self._fitted(elements), PARAMETERS.pack(**limits, time_scale=self.time_scale)
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
         knots, _ = self.path.directions

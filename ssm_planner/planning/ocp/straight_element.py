@@ -23,7 +23,15 @@ import numpy as np
 from ssm_planner.codegen.functions import Layout
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.tool_speeds import JACOBIANS, tool_speed
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, kinematic_rows, robot_key, torque_rows
+from ssm_planner.planning.ocp.constraints import (
+    LIMITS,
+    Bounds,
+    Instant,
+    PathConstraint,
+    kinematic_rows,
+    robot_key,
+    torque_rows,
+)
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.planning.retiming.constraints import PathLoad
 from ssm_planner.planning.retiming.paths import StraightPath
@@ -39,8 +47,8 @@ CURVES = Layout(dq=4, inertia=4, velocity=4, gravity=4, speeds=len(JACOBIANS))
 """What is fitted: q', A, B and C of the joints, speeds of the tool at ṡ = 1."""
 FIT = Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * CURVES.size)
 """A fit on [centre ± half_width] in s: coefficients of ξ^0, ξ^1, … with ξ = (s − centre) / half_width, each as CURVES."""
-PARAMETERS = Layout(velocity=4, acceleration=4, jerk=4, torque=4, speeds=len(JACOBIANS), time_scale=1)
-"""Limits of the joints, of their motors and of the speeds of the tool; length of a scaled second, s."""
+PARAMETERS = Layout(**LIMITS, time_scale=1)
+"""Limits; length of a scaled second, s."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,9 +83,9 @@ class StraightElement(ElementModel):
         return [*kinematic_rows(at, bounds, joints, self.jerk), *torque_rows(at, bounds, joints)]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
-        sigma, fit_parameters, parameters = p
-        limits = PARAMETERS.unpack(parameters)
-        scale = limits.time_scale
+        sigma, fit_parameters, packed = p
+        parameters = PARAMETERS.unpack(packed)
+        scale = parameters.time_scale
         speed, acceleration, jerk, bound_speed = x[1] / scale, x[2] / scale**2, x[3] / scale**3, x[4] / scale
         path, ddq, dddq = path_derivatives(fit_parameters, x[0], self.jerk)
         at = Instant(
@@ -89,7 +97,7 @@ class StraightElement(ElementModel):
             speeds=path.speeds * bound_speed,
             sigma=sigma,
         )
-        return at, Bounds(limits.velocity, limits.acceleration, limits.jerk, limits.torque, limits.speeds)
+        return at, Bounds.of(parameters)
 
 
 def path_derivatives(parameters: ca.SX, s: ca.SX, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
@@ -127,19 +135,6 @@ def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
     centre, half_width = fits.centre[:, 0], fits.half_width[:, 0]
     inside = (low >= centre - half_width) & (high <= centre + half_width)
     return np.asarray(inside & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
-
-
-def limit_parameters(table: Array, speeds: Array, time_scale: float) -> Array:
-    """PARAMETERS from the limits (4, 4) of `limit_table` and those of the tool in the order of JACOBIANS."""
-    velocity, acceleration, jerk, torque = table
-    return PARAMETERS.pack(
-        velocity=velocity,
-        acceleration=acceleration,
-        jerk=jerk,
-        torque=torque,
-        speeds=speeds,
-        time_scale=time_scale,
-    )
 
 
 def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
