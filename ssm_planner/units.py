@@ -260,11 +260,16 @@ KINDS = {
 """Kinds of quantity by the name that the schema uses."""
 
 
-_SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "μ": ("", 1.0)}
+RPM = 30 / math.pi
+"""1 rad/s in revolutions per minute."""
+_SHOWN = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
-def shown(unit: str) -> tuple[str, float]:
-    """The unit in which messages show values of an SI unit, and its scale: ("deg/s", 57.3) for "rad/s"."""
+def shown(unit: str, degree: str = "deg") -> tuple[str, float]:
+    """The unit in which people read values of an SI unit, and its scale: ("deg/s", 57.3) for "rad/s".
+
+    "rpm" stands for a motor's speed in rad/s. degree: its sign, such as "°" on pages and figures.
+    """
     base, slash, per = unit.partition("/")
-    name, scale = _SHOWN.get(base, (base, 1.0))
+    name, scale = (degree, 180 / math.pi) if base == "rad" else _SHOWN.get(base, (base, 1.0))
     return name + slash + per, scale

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -42,14 +41,8 @@ def print_json(document: Any) -> None:
     print(json.dumps(document, indent=1, allow_nan=False))
 
 
-SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)}
-"""Units that people read more easily, with the factor from SI."""
-
-
 def shown_unit(unit: str, name: str = "") -> tuple[str, float]:
     """(unit to show, factor) of an SI unit such as rad/s; name: of the limit, for motors turn in rpm."""
-    if name == "motor speed":
-        return "rpm", 30 / math.pi
-    base, slash, per = unit.partition("/")
-    name, scale = SHOWN.get(base, (base, 1.0))
-    return name + slash + per, scale
+    from ssm_planner.units import shown
+
+    return shown("rpm" if name == "motor speed" else unit)

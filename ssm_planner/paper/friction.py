@@ -21,10 +21,11 @@ from ssm_planner.problem.drive import Drive, Friction
 from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.reporting.figures.sizing import payload_curves
-from ssm_planner.reporting.figures.style import COLOURS, RPM, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import JointSizing, Sizing, size
 from ssm_planner.typing import Array
+from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -20,8 +20,9 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TASK, Problem, Target
 from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.reporting.figures.style import COLOURS, LIMIT, RPM, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, new_figure
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

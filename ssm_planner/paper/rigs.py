@@ -19,7 +19,8 @@ from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.paper.published import RIGS, Inputs
 from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
 from ssm_planner.problem.drive import Drive, FrictionLawName, Rig
-from ssm_planner.reporting.figures.style import COLOURS, FIFTH, RPM, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import COLOURS, FIFTH, SIZE, finish, new_figure
+from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -678,7 +678,7 @@ def task_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
 
 
 def _text(value: float, unit: str) -> str:
-    name, scale = shown(unit)
+    name, scale = shown("" if unit == "μ" else unit)
     return f"{scale * value:.6g} {name}".rstrip()
 
 

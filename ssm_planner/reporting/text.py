@@ -10,11 +10,11 @@ from ssm_planner.sizing.assess import CONFIDENCE, ROTOR, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
+from ssm_planner.units import RPM, shown
 
 if TYPE_CHECKING:  # `check` prints tables and never loads the planner
     from ssm_planner.plans import Plan
 
-SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3)}
 SizingObject = Mapping[str, Any]
 """What `size --json` prints and plan.json holds."""
 ANSWERS = {True: "yes", False: "no", None: "not known"}
@@ -105,7 +105,7 @@ def _motor_table(plan: Plan) -> list[str]:
     for r in plan.requirements:
         motor = r.motor
         limit = "–" if motor is None else f"{1e3 * motor.max_torque:.4g} / {1e3 * motor.nominal_torque:.4g}"
-        speed = f"{r.peak_speed * 30 / math.pi:.0f}"
+        speed = f"{RPM * r.peak_speed:.0f}"
         rows.append((r.joint, f"{1e3 * r.peak_torque:.4g}", f"{1e3 * r.rms_torque:.4g}", limit, speed))
     return text_table(("motor of joint", "peak mN·m", "RMS mN·m", "largest / nominal mN·m", "peak rpm"), rows)
 
@@ -117,7 +117,7 @@ def _limit_table(plan: Plan) -> list[str]:
     for limit in sorted(plan.certificate.limits, key=lambda limit: limit.margin):
         if limit.name.endswith("jump"):
             continue
-        unit, scale = _shown(limit.unit)
+        unit, scale = shown(limit.unit)
         rows.append(
             (
                 limit.name,
@@ -130,12 +130,6 @@ def _limit_table(plan: Plan) -> list[str]:
             )
         )
     return text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s"), rows)
-
-
-def _shown(unit: str) -> tuple[str, float]:
-    base, slash, per = unit.partition("/")
-    name, scale = SHOWN.get(base, (base, 1.0))
-    return name + slash + per, scale
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
@@ -232,9 +226,9 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     mass = "" if payload.value is None else f"{payload.value:.4g} kg"
     times = "" if duration.value is None else f"{duration.value:.4f} times the present one"
     lines = []
-    for question, answer, shown in (("largest payload", payload, mass), ("shortest duration", duration, times)):
+    for question, answer, value in (("largest payload", payload, mass), ("shortest duration", duration, times)):
         text = {
-            "found": f"{shown} (then joint {answer.joint}: {answer.binds})",
+            "found": f"{value} (then joint {answer.joint}: {answer.binds})",
             "never": f"none: joint {answer.joint}: {answer.binds} is exceeded whatever it is",
             "unlimited": "no limit found by the checks that can be made",
         }[answer.status]
@@ -252,7 +246,7 @@ def _requirements(sizing: Sizing) -> list[str]:
             peak += f" (≤ {1e3 * joint.band.high('peak_torque', confidence):.4g})"
             rms += f" (≤ {1e3 * joint.band.high('rms_torque', confidence):.4g})"
         heat = "–" if r.joule_power is None else f"{r.joule_power:.3g}"
-        figures = (r.mean_torque * 1e3, r.peak_speed * 30 / math.pi, r.peak_acceleration, r.peak_power, r.mean_power)
+        figures = (r.mean_torque * 1e3, RPM * r.peak_speed, r.peak_acceleration, r.peak_power, r.mean_power)
         rows.append((r.joint, peak, rms, *(f"{value:.4g}" for value in figures), heat))
     return text_table(head, rows)
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.reporting.figures.style import AXIS, COLOURS, RPM, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import AXIS, COLOURS, SIZE, finish, new_figure
+from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

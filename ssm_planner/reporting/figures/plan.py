@@ -13,7 +13,6 @@ from ssm_planner.reporting.figures.style import (
     COLOURS,
     DASHES,
     LIMIT,
-    RPM,
     SIZE,
     finish,
     new_panels,
@@ -21,6 +20,7 @@ from ssm_planner.reporting.figures.style import (
 )
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.reporting.figures.style import AXIS, COLOURS, DASHES, LIMIT, RPM, SIZE, finish, new_figure, save_figure
+from ssm_planner.reporting.figures.style import AXIS, COLOURS, DASHES, LIMIT, SIZE, finish, new_figure, save_figure
 from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
 from ssm_planner.sizing.requirements import PARTS
 from ssm_planner.typing import Array, Indices
+from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.atomic import replacing
+from ssm_planner.units import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,15 +26,11 @@ AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """A line at zero."""
 SIZE = 9.0
 DPI = 110
-RPM = 30.0 / math.pi
-SHOWN = {"rad": ("°", 180.0 / math.pi), "m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
 def unit_of(unit: str) -> tuple[str, float]:
-    """The unit in which an SI quantity is shown, and the factor to it: rad/s → (°/s, 180/π); "rpm" takes rad/s."""
-    base, slash, per = unit.partition("/")
-    name, scale = SHOWN.get(base, (base, 1.0))
-    return name + slash + per, scale
+    """`units.shown` with the degree sign of pages and figures: rad/s → (°/s, 180/π)."""
+    return shown(unit, "°")
 
 
 def signed(text: str) -> str:

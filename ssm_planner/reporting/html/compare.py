@@ -12,7 +12,7 @@ from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import Table, render, write_page
 from ssm_planner.reporting.html.panels import Panel, panels_of
-from ssm_planner.reporting.html.report import name_of, percent, unknowns, verdict
+from ssm_planner.reporting.html.report import percent, verdict
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.verification.certificate import Certificate
 
@@ -31,13 +31,13 @@ def comparison_page(first: Plan, second: Plan) -> str:
     return render(
         "compare.html",
         comparison_data(plans),
-        title=f"{name_of(first)} against {name_of(second)} – plan comparison",
+        title=f"{first.problem.name} against {second.problem.name} – plan comparison",
         plans=[
             {
                 "letter": letter,
-                "title": f"{letter}: {name_of(plan)} on {plan.robot.name}",
+                "title": f"{letter}: {plan.problem.name} on {plan.robot.name}",
                 "marks": verdict(plan),
-                "notes": unknowns(plan),
+                "notes": plan.notes,
             }
             for letter, plan in zip(NAMES, plans, strict=True)
         ],
@@ -64,10 +64,13 @@ def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
 
 
 def _durations(plans: tuple[Plan, Plan]) -> Table:
-    keys = {"duration": "duration s", "lower_bound": "lower bound s", "toppra_duration": "TOPP-RA s"}
-    rows = [(name, *_pair([plan.document.get(key) for plan in plans])) for key, name in keys.items()]
-    gaps = [plan.document.get("gap") for plan in plans]
-    rows.append(("gap %", *_pair([None if gap is None else 100 * gap for gap in gaps], relative=False)))
+    gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
+    rows = [
+        ("duration s", *_pair([plan.duration for plan in plans])),
+        ("lower bound s", *_pair([plan.lower_bound for plan in plans])),
+        ("TOPP-RA s", *_pair([plan.toppra_duration for plan in plans])),
+        ("gap %", *_pair(gaps, relative=False)),
+    ]
     return Table(("", "A", "B", "change"), rows, (1, 2, 3))
 
 
@@ -89,7 +92,7 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
 
 
 def _motors(first: Plan, second: Plan) -> Table:
-    sides = [{str(motor["joint"]): motor for motor in plan.document.get("motors") or []} for plan in (first, second)]
+    sides = [{r.joint: r.to_dict() for r in plan.requirements} for plan in (first, second)]
     rows = []
     for joint in sides[0].keys() | sides[1].keys():
         a, b = (side.get(joint, {}) for side in sides)

@@ -6,14 +6,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.plans import Plan
+from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.robot import Joint
-from ssm_planner.reporting.figures.style import COLOURS, FIFTH, RPM, unit_of
+from ssm_planner.problem.serialization import plain
+from ssm_planner.reporting.figures.style import COLOURS, FIFTH, unit_of
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import Table, render, write_page
 from ssm_planner.reporting.html.panels import TEMPERATURE, limit_rows, motor_map, panels_of, without_temperature
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import ANSWERS, MOTOR_MARGINS, gear_margin, missing_figures, motors_verdict
+from ssm_planner.units import RPM
 from ssm_planner.verification.certificate import LimitCheck
 
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
@@ -32,15 +34,15 @@ def report_page(plan: Plan) -> str:
     return render(
         "report.html",
         report_data(plan),
-        title=f"{plan.document['problem'].get('name')} – plan report",
-        name=name_of(plan),
+        title=f"{plan.problem.name} – plan report",
+        name=plan.problem.name,
         robot=plan.robot.name,
         marks=verdict(plan),
-        figures=_figures(plan.document),
-        notes=unknowns(plan),
+        figures=_figures(plan),
+        notes=plan.notes,
         certificate=plan.certificate,
         limits=[_limit_row(limit) for limit in sorted(limits, key=lambda limit: limit.margin)],
-        phases=_phases(plan.document),
+        phases=_phases(plan),
         motors=_motors(plan),
         sizing=_sizing(plan),
         motion=_motion(plan),
@@ -69,19 +71,15 @@ def report_data(plan: Plan) -> dict[str, Any]:
     }
 
 
-def name_of(plan: Plan) -> str:
-    """The problem's name, or the file's where it has none."""
-    return str(plan.document["problem"].get("name", plan.path.stem))
-
-
 def verdict(plan: Plan) -> list[Mark]:
     """Whether the motion is planned, certified and possible with the motors."""
-    return [_feasible(plan.document), _certified(plan), motors_verdict(plan.document["sizing"])]
+    return [_feasible(plan), _certified(plan), motors_verdict(judged(plan))]
 
 
-def unknowns(plan: Plan) -> list[str]:
-    """What is a placeholder, extrapolated or not checked."""
-    return [str(note) for note in plan.document.get("notes") or []]
+def judged(plan: Plan) -> dict[str, Any]:
+    """The object that `size --json` prints, of a plan with a trajectory."""
+    assert plan.sizing is not None
+    return plan.sizing.to_dict()
 
 
 def percent(share: float) -> str:
@@ -89,9 +87,8 @@ def percent(share: float) -> str:
     return f"{round(100 * share, 4) + 0.0:+.4f} %"
 
 
-def _feasible(document: dict[str, Any]) -> Mark:
-    status = str(document.get("status"))
-    return ("good", "Feasible", "") if status == "solved" else ("bad", "No plan", status)
+def _feasible(plan: Plan) -> Mark:
+    return ("good", "Feasible", "") if plan.status == "solved" else ("bad", "No plan", plan.status)
 
 
 def _certified(plan: Plan) -> Mark:
@@ -105,13 +102,13 @@ def _certified(plan: Plan) -> Mark:
     return "good", "Certified", f"{len(certificate.limits)} limits kept at {certificate.instants:,} instants"
 
 
-def _figures(document: dict[str, Any]) -> list[tuple[str, str, str]]:
+def _figures(plan: Plan) -> list[tuple[str, str, str]]:
     """(name, value, note) of duration, lower bound, gap, TOPP-RA's time."""
-    duration, bound, gap, toppra = (document.get(key) for key in ("duration", "lower_bound", "gap", "toppra_duration"))
+    duration, toppra, gap = plan.duration, plan.toppra_duration, plan.gap
     against = f"this plan: {100 * (duration / toppra - 1):+.3f} %" if duration and toppra else ""
     return [
         ("Duration", _seconds(duration), ""),
-        ("Lower bound", _seconds(bound), "no motion on this path can be shorter"),
+        ("Lower bound", _seconds(plan.lower_bound), "no motion on this path can be shorter"),
         ("Gap", "–" if gap is None else f"{100 * gap:.2f} %", "duration above the bound"),
         ("TOPP-RA", _seconds(toppra), against),
     ]
@@ -135,40 +132,35 @@ def _limit_row(limit: LimitCheck) -> dict[str, Any]:
     }
 
 
-def _phases(document: Mapping[str, Any]) -> Table:
+def _phases(plan: Plan) -> Table:
     """Duration of every phase beside TOPP-RA's and the bound."""
-    entries = [(str(phase["name"]), phase) for phase in document.get("phases") or []]
     rows = []
-    for name, entry in [*entries, ("total", document)]:
-        durations = (entry.get(key) for key in ("duration", "toppra_duration", "lower_bound"))
+    entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
+    for name, entry in [*entries, ("total", plan)]:
+        durations = (entry.duration, entry.toppra_duration, entry.lower_bound)
         rows.append((name, *("–" if value is None else f"{value:.4f}" for value in durations)))
     return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
 
 
 def _motors(plan: Plan) -> Table:
     """What the motion requires of each motor beside the motor file's figures."""
-    joints = {joint.name: joint for joint in plan.robot.joints}
     rows = []
-    for required in plan.document.get("motors") or []:
-        motor = joints[required["joint"]].motor
+    for r in plan.requirements:
+        motor = r.motor
+        need = f"{1e3 * r.peak_torque:.4g}", f"{1e3 * r.rms_torque:.4g}", f"{RPM * r.peak_speed:.0f}"
         have = ("–",) * 3
         if motor is not None:
             have = f"{1e3 * motor.max_torque:.4g}", f"{1e3 * motor.nominal_torque:.4g}", f"{RPM * motor.max_speed:.0f}"
-        need = (
-            f"{1e3 * required['peak_torque']:.4g}",
-            f"{1e3 * required['rms_torque']:.4g}",
-            f"{RPM * required['peak_speed']:.0f}",
-        )
         pairs = (f"{a} of {b}" for a, b in zip(need, have, strict=True))
-        source = "–" if motor is None else str(len(motor.placeholders) or "none")
-        rows.append((required["joint"], motor.name if motor else "no motor given", *pairs, source))
+        placeholders = "–" if motor is None else str(len(motor.placeholders) or "none")
+        rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
     header = ("joint", "motor", "peak torque mN·m", "RMS torque mN·m", "peak speed rpm", "placeholder figures")
     return Table(header, rows, (2, 3, 4, 5))
 
 
 def _sizing(plan: Plan) -> dict[str, Any]:
     """Which motors and gears suffice, by what margins (one column for each motor), and which figures are missing."""
-    found = plan.document["sizing"]
+    found = judged(plan)
     columns = [_motor_column(motor, found) for motor in found["motors"]]
     rows = [(name, *(column[name] for column in columns)) for name in columns[0]] if columns else [("joint",)]
     return {
@@ -200,7 +192,7 @@ def _margin(margin: float | None) -> str:
 
 def _motion(plan: Plan) -> Table:
     """The start and every entry of the motion as stated in the problem."""
-    stated = plan.document["problem"]
+    stated = plain(plan.problem)
     start = ("start", "", _target({"target": stated.get("start")}))
     moves = [(str(m["name"]), str(m["kind"]), _target(m)) for m in stated.get("motion") or []]
     return Table(("motion", "kind", "to"), [start, *moves], caption="Motion")
@@ -252,9 +244,8 @@ def _provenance(plan: Plan) -> Table:
 
 
 def _origin(plan: Plan) -> Iterator[tuple[str, str]]:
-    for name, version in (plan.document.get("software") or {}).items():
-        yield str(name), str(version)
-    yield "problem file", str(plan.document["problem"].get("file"))
+    yield from plan.software.items()
+    yield "problem file", str(plan.problem.file)
     yield "robot file", str(plan.robot.file)
     yield "plan file", plan.path.name
     yield "SHA-256 of the plan file", plan.sha256
