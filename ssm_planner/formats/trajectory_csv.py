@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.robot import Robot
+from ssm_planner.units import ANGLES, LENGTHS, TIMES
 
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180}
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 ORDER_WORDS = {
     0: {"q", "pos", "position", "angle", "theta", "displacement"},
     1: {"qd", "dq", "vel", "velocity", "speed", "rate"},

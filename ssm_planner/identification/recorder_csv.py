@@ -14,6 +14,7 @@ import numpy as np
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.typing import Array
+from ssm_planner.units import SPEEDS, TIMES
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
@@ -64,11 +65,9 @@ class Notes:
         return self.single + counted
 
 
-_RPM = math.pi / 30.0
-
 UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
-    "speed": {"rpm": _RPM, "1/min": _RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0, "mrpm": 1e-3 * _RPM},
+    "time": {**TIMES, "sec": 1.0},
+    "speed": SPEEDS,
     "torque": {
         "%": 0.01,
         "percent": 0.01,

@@ -88,7 +88,7 @@ def test_a_weak_gear_is_named(known: Robot, trajectory: Trajectory) -> None:
     joints = list(known.joints)
     assert joints[0].drive is not None
     assert joints[0].drive.ratings is not None
-    ratings = replace(joints[0].drive.ratings, peak_output=1e-6)
+    ratings = replace(joints[0].drive.ratings, peak_output=1e-6, continuous_output=None)
     joints[0] = replace(joints[0], drive=replace(joints[0].drive, ratings=ratings))
     state, _, reason = said(replace(known, joints=tuple(joints)), trajectory)
     assert state == "bad"
