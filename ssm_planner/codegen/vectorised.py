@@ -89,11 +89,14 @@ class Vectorised:
         self._program = self._compile(function)
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """Results (elements, n) of arguments (elements, n)."""
-        n = arguments[0].shape[1]
+        """Results (n, elements) of arguments (n, elements).
+
+        Fast where each element's n values lie together in memory (Fortran order), as they do in the results.
+        """
+        n = arguments[0].shape[0]
         for argument, rows in zip(arguments, self.rows_in, strict=True):
-            if argument.shape != (rows, n):
-                raise GeometryError(f"{self.name}: argument of shape {argument.shape}, expected {(rows, n)}")
+            if argument.shape != (n, rows):
+                raise GeometryError(f"{self.name}: argument of shape {argument.shape}, expected {(n, rows)}")
         results = [np.empty((rows, n)) for rows in self.rows_out]
         work = np.empty((self._registers, min(n, BLOCK)))
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -101,11 +104,11 @@ class Vectorised:
                 block = slice(start, min(start + BLOCK, n))
                 slots = list(work[:, : block.stop - start])
                 slots += self._constants
-                slots += [row[block] for argument in arguments for row in argument]
+                slots += [column[block] for argument in arguments for column in argument.T]
                 slots += [row[block] for result in results for row in result]
                 for operation, operands, out in self._program:
                     operation(*[slots[k] for k in operands], slots[out])
-        return results
+        return [result.T for result in results]
 
     def _compile(self, function: ca.Function) -> list[tuple[Callable[..., Any], tuple[int, ...], int]]:
         """Operations on slots: registers, constants, rows of the arguments, rows of the results."""

@@ -19,11 +19,11 @@ from ssm_planner.verification.limits import Worst, quantities
 from ssm_planner.verification.pieces import Jumps, pieces_of
 from ssm_planner.verification.polylines import linear_limits
 from ssm_planner.verification.polynomial_extremes import find_extremes
-from ssm_planner.verification.sampled_extremes import Scan
+from ssm_planner.verification.sampled_extremes import SampledExtremes
 
 RATE = 10_000.0
 INSTANTS = 3_000_000
-"""A trajectory so long that it would have more instants at the given rate is scanned at a lower one first."""
+"""A trajectory so long that it would have more instants at the given rate is sampled at a lower one first."""
 NONE = TaskLimits()
 
 
@@ -46,10 +46,11 @@ def check(
     judged = [each for each in quantities(robot, limits) if not straight or each.limit.order < 2]
     worst = [Worst(quantity) for quantity in judged]
     jumps = Jumps(robot)
-    scan = Scan(trajectory, robot, worst, min(rate, INSTANTS / trajectory.duration), limits.eye)
+    first_rate = min(rate, INSTANTS / trajectory.duration)
+    sampled = SampledExtremes(trajectory, robot, worst, rate=first_rate, eye=limits.eye)
     for pieces in pieces_of(trajectory):
         find_extremes(pieces, worst)
-        scan.look(pieces)
+        sampled.search(pieces)
         jumps.look(pieces)
     found = [each.as_check() for each in worst]
     unchecked = [
@@ -57,13 +58,13 @@ def check(
         for joint in robot.joints
         if joint.drive is None or joint.motor is None
     ]
-    found += scan.heating.checks(robot, trajectory)
+    found += sampled.rms.checks(robot, trajectory)
     if resolution is not None:
         found, more = linear_limits(trajectory, robot, resolution, dict(zip(judged, found, strict=True)))
         unchecked += more
     found += jumps.checks(straight)
     found += _locking(robot)
-    return Certificate(tuple(found), interpolation, scan.instants, tuple(unchecked))
+    return Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
 
 
 def _locking(robot: Robot) -> list[LimitCheck]:

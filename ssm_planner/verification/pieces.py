@@ -19,6 +19,8 @@ from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP
 
 Flags = NDArray[np.bool_]
+State = tuple[Array, Array, Array]
+"""q, qd, qdd, (…, 4) each."""
 
 BLOCK = 8192
 """Pieces at a time: what is worked out of them stays small."""
@@ -51,8 +53,8 @@ class Pieces:
         lowest = np.stack([b.min(axis=2).min(axis=0) for b in self.bernstein])
         return lowest, np.stack([b.max(axis=2).max(axis=0) for b in self.bernstein])
 
-    def at(self, piece: Indices | slice, s: Array) -> tuple[Array, Array, Array]:
-        """q, qd, qdd, each (4, …), at s (…) of pieces (k,), counted from the first of these."""
+    def at(self, piece: Indices | slice, s: Array) -> State:
+        """q, qd, qdd, each (…, n, 4), at s (…, n) of pieces (n,), counted from the first of these."""
         q, qd, qdd = (_horner(powers[:, :, piece], s) for powers in self.powers[:3])
         return q, qd, qdd
 
@@ -60,8 +62,9 @@ class Pieces:
         return self.start[piece] + s * self.length[piece]
 
     def moving(self, robot: Robot) -> Flags:
-        """(4, m): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
-        return np.asarray(np.abs(self.bernstein[1]).max(axis=0) > still(robot)[:, None])
+        """(m, 4): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
+        fastest = np.abs(self.bernstein[1]).max(axis=0).T
+        return np.asarray(fastest > still(robot))
 
     def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
         """(piece, from, to): the pieces, cut where a joint turns back within one, so that directions keep."""
@@ -112,13 +115,13 @@ def still(robot: Robot) -> Array:
 
 
 def _horner(powers: Array, s: Array) -> Array:
-    """powers (n + 1, 4, k), s (…, k) → (4, …, k)."""
+    """Σ powers[k] s^k: powers (degree + 1, 4, n), s (…, n) → (…, n, 4), each joint's values together in memory."""
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
     value = np.broadcast_to(powers[-1].reshape(shape), (4, *s.shape)).copy()
     for coefficient in powers[-2::-1]:
         value *= s
         value += coefficient.reshape(shape)
-    return value
+    return np.moveaxis(value, 0, -1)
 
 
 class Jumps:

@@ -55,7 +55,7 @@ def slippery(robot, mu):
         if joint.drive is None:
             return joint
         friction = replace(joint.drive.friction, mu=mu, mu_static=mu, b_c=1e-6, b_oc=0.0)
-        return replace(joint, drive=replace(joint.drive, friction=friction))
+        return replace(joint, drive=replace(joint.drive, friction=friction, self_locking=False))
 
     return replace(robot, joints=tuple(map(oiled, robot.joints)))
 

@@ -31,7 +31,7 @@ def plan_file(folder: Path, robot: Robot) -> Path:
     document = {
         "format": FORMAT,
         "version": VERSION,
-        "problem": {"robot": plain(robot), "limits": {}},
+        "problem": {"name": "random", "robot": plain(robot), "limits": {}},
         "certificate": None,
         "trajectory": random_trajectory(3).to_dict(),
     }
