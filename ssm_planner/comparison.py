@@ -14,6 +14,7 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
 from ssm_planner.formats.points import Flags
+from ssm_planner.problem.limits import JointLimit, JointPosition, JointVelocity, MotorSpeed, MotorTorque
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
@@ -239,12 +240,19 @@ def _limits(robot: Robot, i: int, certificate: Certificate | None, measured: Mea
     half = (high - low) / 2
     # the integral of a speed drifts: a millionth of the range is not a violation
     rows = [
-        ("position", high if nearer == q.max() else low, nearer, min(high - q.max(), q.min() - low) / half, 1e-3, unit)
+        (
+            JointPosition.name,
+            high if nearer == q.max() else low,
+            nearer,
+            min(high - q.max(), q.min() - low) / half,
+            1e-3,
+            unit,
+        )
     ]
-    rows.append(_row("velocity", joint.velocity, speed / ratio, measured.speed_resolution / ratio, f"{unit}/s"))
+    rows.append(_row(joint.limit(JointVelocity), speed / ratio, measured.speed_resolution / ratio))
     if joint.motor is not None:
-        rows.append(_row("motor speed", joint.motor.max_speed, speed, measured.speed_resolution, "rad/s"))
-        rows.append(_row("motor torque", joint.motor.max_torque, torque, measured.torque_resolution, "N·m"))
+        rows.append(_row(joint.limit(MotorSpeed), speed, measured.speed_resolution))
+        rows.append(_row(joint.limit(MotorTorque), torque, measured.torque_resolution))
     return tuple(
         Kept(
             name,
@@ -259,7 +267,6 @@ def _limits(robot: Robot, i: int, certificate: Certificate | None, measured: Mea
     )
 
 
-def _row(
-    name: str, limit: float, worst: float, resolution: float, unit: str
-) -> tuple[str, float, float, float, float, str]:
-    return name, limit, worst, 1 - worst / limit, resolution / limit, unit
+def _row(limit: JointLimit, worst: float, resolution: float) -> tuple[str, float, float, float, float, str]:
+    largest = limit.largest
+    return limit.name, largest, worst, 1 - worst / largest, resolution / largest, limit.unit

@@ -86,11 +86,12 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
     """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
     from ssm_planner.cli.output import shown_unit
+    from ssm_planner.problem.limits import JUMPS
     from ssm_planner.reporting.text import text_table
 
     rows = []
     for limit in sorted(certificate.limits, key=lambda limit: limit.margin):
-        if limit.name.endswith("jump") and limit.passed:
+        if limit.name in JUMPS and limit.passed:
             continue
         unit, scale = shown_unit(limit.unit, limit.name)
         rows.append(

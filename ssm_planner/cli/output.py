@@ -43,6 +43,7 @@ def print_json(document: Any) -> None:
 
 def shown_unit(unit: str, name: str = "") -> tuple[str, float]:
     """(unit to show, factor) of an SI unit such as rad/s; name: of the limit, for motors turn in rpm."""
+    from ssm_planner.problem.limits import MotorSpeed
     from ssm_planner.units import shown
 
-    return shown("rpm" if name == "motor speed" else unit)
+    return shown("rpm" if name == MotorSpeed.name else unit)

@@ -14,7 +14,7 @@ import numpy as np
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.points import Points, join_points
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import Symmetric
+from ssm_planner.problem.limits import ContinuousTorque, Symmetric
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
@@ -115,6 +115,10 @@ def _slower(plan: Plan, found: LimitCheck) -> float:
     slowed a little.
     """
     for limit in plan.problem.all_limits:
-        if limit.key == (found.name, found.joint) and isinstance(limit, Symmetric) and limit.low < 0:
+        if (
+            limit.key == (found.name, found.joint)
+            and isinstance(limit, Symmetric)
+            and not isinstance(limit, ContinuousTorque)
+        ):
             return float((1 - 1.2 * found.margin + 1e-7) ** (1 / limit.order))
     return np.inf

@@ -304,11 +304,6 @@ class ContinuousTorque(JointLimit):
     name = "continuous torque"
     order = 2
     unit = "N·m"
-    low = 0.0
-
-    @property
-    def half_width(self) -> float:
-        return self.largest
 
     @property
     def words(self) -> str:
@@ -616,6 +611,10 @@ class Direction(Limit):
     of: str
 
 
+JUMPS = tuple(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration))
+"""Names of the limits on jumps, which tables leave out while they are kept."""
+
+
 @dataclass(frozen=True)
 class Jump(JointLimit):
     """Largest step of a joint's position, velocity or acceleration where two pieces of a trajectory meet."""
@@ -631,7 +630,7 @@ class Jump(JointLimit):
 
     @property
     def name(self) -> str:
-        return f"{(JointPosition, JointVelocity, JointAcceleration)[self.derivative].name} jump"
+        return JUMPS[self.derivative]
 
     @property
     def unit(self) -> str:

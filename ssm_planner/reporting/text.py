@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ssm_planner.problem.limits import JUMPS
 from ssm_planner.sizing.assess import CONFIDENCE, ROTOR, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS
@@ -115,7 +116,7 @@ def _limit_table(plan: Plan) -> list[str]:
         return []
     rows = []
     for limit in sorted(plan.certificate.limits, key=lambda limit: limit.margin):
-        if limit.name.endswith("jump"):
+        if limit.name in JUMPS:
             continue
         unit, scale = shown(limit.unit)
         rows.append(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.plans import PhaseSummary, Plan
+from ssm_planner.problem.limits import MotorSpeed
 from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH, unit_of
@@ -120,7 +121,7 @@ def _seconds(value: float | None) -> str:
 
 def _limit_row(limit: LimitCheck) -> dict[str, Any]:
     """One row of the certificate: the limit in SI for the script that sorts, and its cells as text."""
-    unit, scale = unit_of("rpm" if limit.name == "motor speed" else limit.unit)
+    unit, scale = unit_of("rpm" if limit.name == MotorSpeed.name else limit.unit)
     return {
         "limit": limit,
         "name": limit.name,

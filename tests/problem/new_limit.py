@@ -1,0 +1,61 @@
+"""A limit on the angular speed of the tool's axis, written in its two places of code, then planned, checked and reported."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import casadi
+
+from ssm_planner.kinematics.forward import forward_symbolic
+from ssm_planner.kinematics.tool_speeds import JACOBIANS
+from ssm_planner.problem.limits import SpeedLimit
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisSpeed(SpeedLimit):
+    """Of the direction in which the tool points."""
+
+    name = "axis speed"
+    field = "axis_speed"
+    unit = "rad/s"
+
+
+# before the planner is imported, as it would stand in kinematics/tool_speeds.py
+JACOBIANS[AxisSpeed] = lambda mechanism, q: casadi.jacobian(forward_symbolic(mechanism, q)[0][:, 2], q)
+
+
+def main(problem_file: str, kind: str, largest: float, folder: str) -> None:
+    """Plan with the limit, read the plan back, write its page; print what came of it as JSON."""
+    import ssm_planner
+    from ssm_planner.plans import load_plan
+    from ssm_planner.problem.problem import Motion
+    from ssm_planner.reporting.html.report import write_report
+
+    problem = ssm_planner.load_problem(problem_file)
+    end = problem.motion[0].target
+    problem = dataclasses.replace(problem, objective="time", motion=(Motion(kind, kind, end),))  # type: ignore[arg-type]
+    limited = AxisSpeed(largest).on(problem)
+    free, result = ssm_planner.plan(problem), ssm_planner.plan(limited)
+    found = next(each for each in result.certificate.limits if each.name == AxisSpeed.name)
+    file = result.write(Path(folder) / "plan.json")
+    again = load_plan(file)
+    page = write_report(again, Path(folder) / "report.html").read_text(encoding="utf-8")
+    tightened = AxisSpeed(largest).tightened(1.01 * largest, largest)
+    outcome = {
+        "passed": result.passed,
+        "slower": result.duration / free.duration,
+        "worst": found.worst / largest,
+        "read back": AxisSpeed(largest) in again.problem.limits,
+        "checked again": ssm_planner.check(again.motion, again.robot, again.limits).passed,
+        "on the page": "Axis speed" in page,
+        "tightened": tightened.largest / largest,
+        "in words": AxisSpeed(largest).described(2 * largest),
+    }
+    print(json.dumps(outcome))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], float(sys.argv[3]), sys.argv[4])
