@@ -1,7 +1,4 @@
-"""The page of the local view.
-
-What the page asks about a mechanism: its workspace, and the joints of a pose. Requests and answers are JSON types.
-"""
+"""The local view's page, and what it asks about a mechanism: its workspace, and the joints of a pose (JSON types)."""
 
 from __future__ import annotations
 
