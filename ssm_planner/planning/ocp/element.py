@@ -32,6 +32,9 @@ DENSE = tuple(k / 8 for k in range(9))
 Aim = Literal["time", "heat", "effort"]
 
 
+X = TypeVar("X", ca.SX, ca.MX)
+
+
 class Parameter(NamedTuple):
     """Length of a parameter vector, and whether every element has its own."""
 
@@ -147,11 +150,15 @@ class ElementModel(ABC):
         driven = (i for i, joint in enumerate(self.robot.joints) if joint.drive is not None and joint.motor is not None)
         return [i for i in driven for _ in range(3)]
 
+    def parameter_symbols(self, kind: type[X]) -> list[X]:
+        """p as symbols, SX or MX."""
+        return [kind.sym(f"p{i}", parameter.size) for i, parameter in enumerate(self.parameters)]
+
     def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         return [row for row in self.rows(x, *p) if self.active is None or (row.name, row.joint) in self.active]
 
     def _symbols(self, size: int) -> list[ca.SX]:
-        return [ca.SX.sym("x", size), *(ca.SX.sym(f"p{i}", p.size) for i, p in enumerate(self.parameters))]
+        return [ca.SX.sym("x", size), *self.parameter_symbols(ca.SX)]
 
 
 E = TypeVar("E", bound=ElementModel)
@@ -202,7 +209,7 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     point = _PointDerivatives.of(element)
     chain = _ChainRule.of(element, point)
     z = ca.MX.sym("z", element.size)
-    p = [ca.MX.sym(f"p{i}", parameter.size) for i, parameter in enumerate(element.parameters)]
+    p = element.parameter_symbols(ca.MX)
     inputs = [z, *p]
     points = [(x, *p) for x in chain.states(z)]
     r, h = element.point.size1_out(0), z[-1]
@@ -245,7 +252,7 @@ class _PointDerivatives:
     @classmethod
     def of(cls, element: ElementModel) -> _PointDerivatives:
         x = ca.SX.sym("x", element.state_size)
-        inputs = [x, *(ca.SX.sym(f"p{i}", parameter.size) for i, parameter in enumerate(element.parameters))]
+        inputs = [x, *element.parameter_symbols(ca.SX)]
         # the cost is made of the same torques as the rows: they are to be differentiated once
         values: Any = [element.point(*inputs), ca.SX(0) if element.cost is None else element.cost(*inputs)]
         g, cost = ca.cse(values)

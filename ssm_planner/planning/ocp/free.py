@@ -101,11 +101,10 @@ def solve_free(
     fewest = 2 if len(way) < 16 else 1
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
-        blocks = blocks_of([n for guess in guesses for n in guess.arcs])
         structure = NlpStructure(
             moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
             segment_sizes=tuple(sum(guess.arcs) for guess in guesses),
-            block_sizes=blocks,
+            block_sizes=blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
             velocity_limits=True,
             joints=True,

@@ -160,10 +160,6 @@ class InitialPoint:
     x: Array
     multipliers: tuple[Array, Array] | None = None
 
-    def cold(self) -> InitialPoint:
-        """The same without multipliers."""
-        return InitialPoint(self.x)
-
 
 @dataclass(frozen=True, eq=False)
 class Guess:

@@ -195,7 +195,7 @@ class _Refinement:
         active = self.active | missed
         if astray and len(self.elements) == len(self.guess.elements):
             return replace(self.restarted(self.guess), active=active)
-        return replace(self, active=active, start=solution.point.cold())
+        return replace(self, active=active, start=InitialPoint(solution.point.x))
 
     def cut(self, solution: NlpSolution, coarse: Array) -> _Refinement:
         """With the coarse elements (n,) cut; the parts have the backoff of the whole."""
