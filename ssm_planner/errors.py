@@ -39,6 +39,8 @@ class ProblemError(SsmPlannerError):
 
     def __str__(self) -> str:
         place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        if self.file is None and self.line is not None:
+            place = f"line {self.line}"
         text = f"{place}: " if place else ""
         if self.key is not None:
             text += f"{self.key}"

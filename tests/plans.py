@@ -11,7 +11,8 @@ import numpy as np
 
 from ssm_planner.plans import FORMAT, VERSION, Plan, load_plan
 from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
-from ssm_planner.problem.problem import Eye, Motion, Problem, Target, TaskLimits
+from ssm_planner.problem.motion import Free, Joints
+from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
 from ssm_planner.trajectory import Span, Trajectory, hermite
@@ -86,8 +87,8 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
 
 def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:
     """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
-    first, last = (Target(joints=tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist())
-    problem = Problem(path.stem, robot, first, (Motion("free", "free", last),), limits.limits, eye=limits.eye)
+    first, last = (Joints(tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist())
+    problem = Problem(robot, first, (Free(last),), limits.limits, eye=limits.eye, name=path.stem)
     document = {
         "format": FORMAT,
         "version": VERSION,

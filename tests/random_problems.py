@@ -16,7 +16,8 @@ from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
-from ssm_planner.problem.problem import TASK, Eye, Lens, Motion, Problem, Scan, Target
+from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Straight, Task
+from ssm_planner.problem.problem import TASK, Eye, Lens, Problem
 from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
 from ssm_planner.typing import Array
 
@@ -39,14 +40,14 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
     point = _points(mechanism, eye is not None, rng)
     motions = [_motion(point, rng) for _ in range(rng.integers(1, most + 1))]
     if rng.random() < 0.1:
-        motions.insert(int(rng.integers(len(motions) + 1)), Motion("dwell", "dwell", duration=0.1))
+        motions.insert(int(rng.integers(len(motions) + 1)), Dwell(0.1))
     if eye is not None and rng.random() < 0.3:
         motions = [*motions[:1], _scan(point(), rng)]
     problem = dataclasses.replace(
         base,
         name=f"random {seed}",
         robot=robot,
-        start=Target(task=point()),
+        start=Task(**point()),
         motion=tuple(motions),
         limits=(
             TaskRange("depth", *DEPTH),
@@ -59,7 +60,9 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
     )
     if rng.random() < 0.2:
         # from hardly possible to leisurely
-        problem = dataclasses.replace(problem, objective="effort", duration=float(3 * 10 ** rng.uniform(-0.5, 1)))
+        duration, fixed = float(3 * 10 ** rng.uniform(-0.5, 1)), sum(motion.duration or 0.0 for motion in motions)
+        if duration > fixed and any(motion.duration is None for motion in motions):
+            problem = dataclasses.replace(problem, objective="effort", duration=duration)
     return _with_end_rates(problem, rng)
 
 
@@ -88,9 +91,9 @@ def _motion(point: Point, rng: np.random.Generator) -> Motion:
         key = {"tilt": "tilt", "insert": "depth"}[name]
         task = {key: task[key]}
     if name != "free":
-        return Motion("straight", name, Target(task=task), duration)
-    passed = tuple(Target(task=point()) for _ in range(rng.integers(1, 5))) if rng.random() < 0.35 else ()
-    return Motion("free", name, Target(task=task), duration, through=passed)
+        return Straight(**task, duration=duration, name=name)
+    passed = tuple(Task(**point()) for _ in range(rng.integers(1, 5))) if rng.random() < 0.35 else ()
+    return Free(Task(**task), passed, duration)
 
 
 def _rate(name: str, rng: np.random.Generator) -> float:
@@ -101,7 +104,7 @@ def _scan(at: dict[str, float], rng: np.random.Generator) -> Motion:
     kind, dwell = str(rng.choice(["ring", "triple ring", "raster"])), 0.05 if rng.random() < 0.3 else 0.0
     diameters = {"ring": (1e-3,), "triple ring": (1e-3, 2e-3, 3e-3), "raster": ()}[kind]
     rows, columns = (int(n) for n in rng.integers(1, 4, size=2)) if kind == "raster" else (0, 0)
-    return Motion("scan", kind, Target(task=at), scan=Scan(diameters, rows, columns, 1e-3, 2.5e-3, dwell))
+    return Scan(Task(**{**at, "depth": None}), 2.5e-3, diameters, rows, columns, 1e-3, dwell, name=kind)
 
 
 def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
@@ -129,8 +132,8 @@ def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
 def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
     """Boundary rates along the motion at either end, in one problem of ten."""
     first, last = problem.motion[0], problem.motion[-1]
-    if rng.random() < 0.1 and first.kind == "straight" and problem.start.task and first.target and first.target.task:
-        way = {name: value - problem.start.task[name] for name, value in first.target.task.items()}
+    if rng.random() < 0.1 and isinstance(first, Straight):
+        way = {name: value - problem.start.given[name] for name, value in first.to.given.items()}
         problem = dataclasses.replace(problem, start_rate={name: 0.3 * x for name, x in way.items()})
     if rng.random() < 0.1 and last.kind == "free":
         problem = dataclasses.replace(problem, end_rate={"depth": float(rng.choice([-0.004, 0.004]))})
@@ -212,12 +215,12 @@ def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:
     last = trajectory.sample(trajectory.breaks[-1:], side="left")
     found = []
     start = task_from_joints(mechanism, first.q)[0]
-    for name, value in (problem.start.task or {}).items():
+    for name, value in problem.start.given.items():
         if abs(np.sin((start[TASK.index(name)] - value) / 2)) > 1e-9:
             found.append(f"begins at another {name}")
-    target = problem.motion[-1].target
     end = task_from_joints(mechanism, last.q)[0]
-    goal = {} if target is None or problem.motion[-1].kind == "scan" else target.task or {}
+    last_motion = problem.motion[-1]
+    goal = last_motion.to.given if isinstance(last_motion, (Straight, Free)) else {}
     for name, value in goal.items():
         if abs(np.sin((end[TASK.index(name)] - value) / 2)) > 1e-9:
             found.append(f"ends at another {name}")

@@ -77,7 +77,7 @@ def drive_from(section: Section) -> Drive:
             sources=sources,
             placeholders=placeholders,
             rig=_rig(model),
-            file=str(section.file),
+            file=None if section.file is None else str(section.file),
             ratings=ratings,
             friction_ranges=friction_ranges_from(model.friction_ranges),
         )

@@ -43,4 +43,4 @@ def motorisation_from(section: Section) -> Motorisation:
         )
     keys = {f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint) for i, stroke in enumerate(strokes)}
     with located(section, keys):
-        return Motorisation(model.name or section.file.stem, robot, tuple(strokes), str(section.file))
+        return Motorisation(model.name or section.name, robot, tuple(strokes), str(section.file))

@@ -116,7 +116,7 @@ def motor_from(section: Section) -> Motor:
             encoder_counts=None if counts is None else round(counts),
             sources=sources,
             placeholders=placeholders,
-            file=str(section.file),
+            file=None if section.file is None else str(section.file),
             **values,
         )
 

@@ -29,7 +29,7 @@ def robot_from(section: Section) -> Robot:
             joints=(roll, tilt, spin, insertion),
             gravity=frozen(model.gravity, (3,)),
             limits=tuple(TaskRange(name, *ends) for name, ends in task_limits(model.limits).items()),
-            file=str(section.file),
+            file=None if section.file is None else str(section.file),
         )
 
 

@@ -39,13 +39,13 @@ class Node:
     """One value of a file: plain data, its line, and the nodes and key lines below it."""
 
     value: Any
-    line: int
+    line: int | None
     size: int = 1
     children: Mapping[str | int, Node] = field(default_factory=dict)
-    key_lines: Mapping[str | int, int] = field(default_factory=dict)
+    key_lines: Mapping[str | int, int | None] = field(default_factory=dict)
 
 
-def parse(file: Path, text: str) -> Node:
+def parse(file: Path | None, text: str) -> Node:
     """The one document in a YAML text; file is for messages. Raises ProblemError for anything else."""
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
@@ -66,7 +66,7 @@ def parse(file: Path, text: str) -> Node:
 class _Builder:
     """Builds the tree from YAML events, so that depth, size and aliases stay under control."""
 
-    def __init__(self, file: Path, events: Iterator[Any]) -> None:
+    def __init__(self, file: Path | None, events: Iterator[Any]) -> None:
         self.file = file
         self.events = events
         self.anchors: dict[str, Node] = {}
@@ -171,9 +171,15 @@ LARGEST_FILE = 10_000_000
 class Section:
     """A part of a file, by the path of keys and list positions that leads to it."""
 
-    file: Path
+    file: Path | None
+    """None: the data came from Python."""
     root: Node
     path: tuple[str | int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return "problem" if self.file is None else self.file.stem
 
     @property
     def value(self) -> Any:
@@ -188,7 +194,7 @@ class Section:
         _, node, complete = self._locate(())
         return complete and part in node.children
 
-    def line(self, *path: str | int) -> int:
+    def line(self, *path: str | int) -> int | None:
         """Line of the key that holds the value, or of the value itself in a list; counted from 1."""
         return self._locate(path)[0]
 
@@ -199,7 +205,7 @@ class Section:
         key = key_text((*self.path, *path)) or None
         return ProblemError(reason, file=self.file, line=line, key=key, value=value, allowed=allowed)
 
-    def _locate(self, path: tuple[str | int, ...]) -> tuple[int, Node, bool]:
+    def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
         node, line = self.root, self.root.line
         for part in (*self.path, *path):
             if part not in node.children:
@@ -220,12 +226,38 @@ def key_text(path: tuple[str | int, ...]) -> str:
 def read(path: str | Path) -> Section:
     """The YAML mapping in a file. Raises ProblemError for everything that is not one readable mapping."""
     file = Path(path)
-    root = parse(file, _text(file))
+    return _section(file, parse(file, _text(file)))
+
+
+def _section(file: Path | None, root: Node) -> Section:
     if not isinstance(root.value, dict):
+        what = "the problem is" if file is None else "the file holds"
         raise ProblemError(
-            f"the file holds {_kind(root.value)}", file=file, line=root.line, allowed="a mapping of key: value lines"
+            f"{what} {_kind(root.value)}", file=file, line=root.line, allowed="a mapping of key: value lines"
         )
     return Section(file, root)
+
+
+def of_text(text: str) -> Section:
+    """The YAML mapping in a text; files that it names are relative to the working directory. Raises ProblemError."""
+    return _section(None, parse(None, text))
+
+
+def of_data(data: Any) -> Section:
+    """Data from Python in the place of a file; it has no lines. Raises ProblemError."""
+    return _section(None, _node(data))
+
+
+def _node(data: Any, depth: int = 0) -> Node:
+    if depth > DEEPEST:
+        raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
+    if isinstance(data, Mapping):
+        children: dict[str | int, Node] = {str(key): _node(item, depth + 1) for key, item in data.items()}
+        return Node({key: child.value for key, child in children.items()}, None, 1, children, dict.fromkeys(children))
+    if isinstance(data, (list, tuple)):
+        items: dict[str | int, Node] = {i: _node(item, depth + 1) for i, item in enumerate(data)}
+        return Node([item.value for item in items.values()], None, 1, items, dict.fromkeys(items))
+    return Node(data, None)
 
 
 def follow(section: Section, *path: str | int) -> Section:
@@ -233,7 +265,7 @@ def follow(section: Section, *path: str | int) -> Section:
     here = section.sub(*path)
     if isinstance(here.value, dict):
         return here
-    target = Path(os.path.normpath(section.file.parent / here.value))
+    target = Path(os.path.normpath((Path() if section.file is None else section.file.parent) / here.value))
     try:
         shipped = shipped_names(f"{path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
         if shipped is not None and not target.exists():

@@ -18,7 +18,8 @@ from ssm_planner.paper.section import NOTHING, Section, number, picture, table, 
 from ssm_planner.paper.workspace import degrees
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
-from ssm_planner.problem.problem import TASK, Problem, Target
+from ssm_planner.problem.motion import Free, Straight, Task
+from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, new_figure
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -95,8 +96,8 @@ def depth_of(problem: Problem) -> float:
 
 
 def _values(problem: Problem, name: str) -> list[float]:
-    targets: list[Target] = [problem.start, *(motion.target for motion in problem.motion if motion.target is not None)]
-    return [target.task[name] for target in targets if target.task is not None and name in target.task]
+    points = [problem.start, *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free)))]
+    return [point.given[name] for point in points if isinstance(point, Task) and name in point.given]
 
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:

@@ -15,6 +15,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_problem
 from ssm_planner.loading.motorisation import load_motorisation
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motion import Task
 from ssm_planner.problem.motorisation import Motorisation
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -148,7 +149,7 @@ def _check(problem: Problem) -> None:
             )
     if "tilt" not in robot.ranges:
         raise ProblemError("missing: the range in which the arm works", file=robot.file, key="limits.tilt")
-    if problem.start.task is None or not all(name in problem.start.task for name in ("tilt", "depth")):
+    if not isinstance(problem.start, Task):
         raise ProblemError("Table III's motion starts from task coordinates", file=problem.file, key="start")
 
 

@@ -14,7 +14,9 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.scan_pattern import expand_scans
-from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
 NOWHERE = 1e-9
@@ -50,8 +52,8 @@ class Phase:
 def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
     """Start configurations (4,) to try: as given, or every closed-form solution with its whole turns."""
     target = problem.start
-    if target.joints is not None:
-        return [np.array(target.joints)]
+    if isinstance(target, Joints):
+        return [np.array(target.values)]
     found = _solutions(problem, mechanism, target, np.zeros(4), None)
     branches = np.where(found.reaches[0], found.branch[0], 0)
     order = sorted(np.flatnonzero(branches), key=lambda k: bool(branches[k] != mechanism.home_branch))
@@ -72,39 +74,35 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     phases: list[Phase] = []
-    near = None if problem.start.task is None else _task_of(problem, mechanism, problem.start, np.zeros(4))
+    near = _task_of(problem, mechanism, problem.start, np.zeros(4)) if isinstance(problem.start, Task) else None
     task = task_from_joints(mechanism, q[None, :], near=near)[0]
     for motion in expand_scans(problem, mechanism):
-        if motion.kind == "dwell" or motion.target is None:
+        if isinstance(motion, (Dwell, Scan)):  # no scan is left
             phase = Phase(motion, task, task, np.stack([q, q]), None)
-        elif motion.kind == "straight":
-            phase = _straight_phase(problem, mechanism, motion, motion.target, (task, q))
+        elif isinstance(motion, Straight):
+            phase = _straight_phase(problem, mechanism, motion, (task, q))
         else:
-            phase = _free_phase(problem, mechanism, motion, (*motion.through, motion.target), (task, q))
+            phase = _free_phase(problem, mechanism, motion, (task, q))
         phases.append(phase)
         task, q = phase.end, phase.points[-1]
     return tuple(phases)
 
 
-def _straight_phase(
-    problem: Problem, mechanism: Mechanism, motion: Motion, target: Target, at: tuple[Array, Array]
-) -> Phase:
+def _straight_phase(problem: Problem, mechanism: Mechanism, motion: Straight, at: tuple[Array, Array]) -> Phase:
     """A motion straight in task coordinates; at: task coordinates and joints where it starts, (4,) each."""
     start, q = at
-    end = _task_of(problem, mechanism, target, start)
+    end = _task_of(problem, mechanism, motion.to, start)
     _refuse_standstill(problem, motion, end - start)
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
     path = StraightPath(mechanism, start=start, end=end, branch=_branch_of(mechanism, q), first=q, watched=driven)
     return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
 
 
-def _free_phase(
-    problem: Problem, mechanism: Mechanism, motion: Motion, targets: tuple[Target, ...], at: tuple[Array, Array]
-) -> Phase:
+def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[Array, Array]) -> Phase:
     """A motion through points and to the last; at: task coordinates and joints where it starts, (4,) each."""
     start, q = at
     points, end = [q], start
-    for k, target in enumerate(targets):
+    for k, target in enumerate((*motion.through, motion.to)):
         points.append(_free_end(problem, mechanism, target, end, points[-1]))
         _refuse_standstill(problem, motion, points[-1] - points[-2], k if motion.through else None)
         end = task_from_joints(mechanism, points[-1][None, :], near=end)[0]
@@ -115,10 +113,10 @@ def _branch_of(mechanism: Mechanism, q: Array) -> int:
     return 1 if np.sin(q[1] - mechanism.delta) > 0 else -1
 
 
-def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Array, first: Array) -> Array:
+def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array, first: Array) -> Array:
     """Joints at the end of a free motion: as given, or the solution nearest to where it starts, on the same branch."""
-    if target.joints is not None:
-        return np.array(target.joints)
+    if isinstance(target, Joints):
+        return np.array(target.values)
     found = _solutions(problem, mechanism, target, held, first)
     branch = _branch_of(mechanism, first)
     usable = found.valid[0] & (found.branch[0] == branch)
@@ -128,13 +126,12 @@ def _free_end(problem: Problem, mechanism: Mechanism, target: Target, held: Arra
 
 
 def _solutions(
-    problem: Problem, mechanism: Mechanism, target: Target, held: Array, reference: Array | None
+    problem: Problem, mechanism: Mechanism, target: Point, held: Array, reference: Array | None
 ) -> Solutions:
     """All joint solutions of a target in task coordinates or tip position."""
     limits = None if reference is None else np.array([joint.position for joint in problem.robot.joints])
-    if target.tip is not None:
-        spin = target.spin if target.spin is not None else float(held[2])
-        found = inverse_tip(mechanism, [target.tip], spin, limits=limits, reference=reference)
+    if isinstance(target, Tip):
+        found = inverse_tip(mechanism, [target.position], target.spin, limits=limits, reference=reference)
         depth = mechanism.insertion_sign * found.joints[0, :, 3]
         low, high = problem.ranges.get("depth", (-np.inf, np.inf))
         found.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
@@ -144,16 +141,17 @@ def _solutions(
                 file=problem.file,
                 line=target.line,
                 key="tip",
-                value=", ".join(f"{1e3 * x:.4g} mm" for x in target.tip),
+                value=", ".join(f"{1e3 * x:.4g} mm" for x in target.position),
             )
         return found
+    assert isinstance(target, Task)
     task = _task_of(problem, mechanism, target, held)
     return inverse_task(mechanism, task[None, :], limits=limits, reference=reference)
 
 
-def _task_of(problem: Problem, mechanism: Mechanism, target: Target, held: Array) -> Array:
+def _task_of(problem: Problem, mechanism: Mechanism, target: Task, held: Array) -> Array:
     """Task coordinates (4,) of a target that names some; those that it does not name are held."""
-    task = np.array([(target.task or {}).get(name, held[k]) for k, name in enumerate(TASK)])
+    task = np.array([target.given.get(name, held[k]) for k, name in enumerate(TASK)])
     low, high = tilt_interval(mechanism)
     if not low < task[1] < high:
         raise ProblemError(
@@ -168,10 +166,10 @@ def _task_of(problem: Problem, mechanism: Mechanism, target: Target, held: Array
     return task
 
 
-def _refuse_standstill(problem: Problem, motion: Motion, way: Array, point: int | None = None) -> None:
+def _refuse_standstill(problem: Problem, motion: Straight | Free, way: Array, point: int | None = None) -> None:
     if np.abs(way).max() < NOWHERE:
         same = "its start and target are the same"
-        if point is not None:
+        if point is not None and isinstance(motion, Free):
             last = point == len(motion.through)
             same = f"{'its target' if last else f'through[{point}]'} is where the motion already is"
         raise ProblemError(

@@ -19,6 +19,7 @@ from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming, retime
+from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite, hold, join
@@ -133,7 +134,7 @@ def _with_durations(
     if free < needed:
         return phases, duration_too_short("the whole motion", duration, fixed + needed)
     timed = (
-        phase if own == 0.0 else replace(phase, motion=replace(phase.motion, duration=own * free / needed))
+        phase if own == 0.0 else replace(phase, motion=_lasting(phase.motion, own * free / needed))
         for phase, own in zip(phases, least, strict=True)
     )
     return tuple(timed), None
@@ -264,3 +265,7 @@ class _PhasePlanner:
         at_rest = not (phase.qd_start.any() or phase.qd_end.any())
         rates = rate_bound(phase.start, phase.end, self.problem.rates)
         return max(lower_bound(self.problem.robot, phase.points, at_rest=at_rest), rates)
+
+
+def _lasting(motion: Motion, duration: float) -> Motion:
+    return motion if isinstance(motion, Scan) else replace(motion, duration=duration)

@@ -15,7 +15,9 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
-from ssm_planner.problem.problem import TASK, Eye, Motion, Problem, Scan, Target
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Tip
+from ssm_planner.problem.problem import Eye, Problem
 from ssm_planner.typing import Array
 
 
@@ -23,16 +25,16 @@ def expand_scans(problem: Problem, mechanism: Mechanism) -> tuple[Motion, ...]:
     """The motion list with every scan as free motions to, or through, its spots. Raises ProblemError."""
     result: list[Motion] = []
     for motion in problem.motion:
-        if motion.scan is None or motion.target is None or problem.eye is None:
+        if not isinstance(motion, Scan) or problem.eye is None:
             result.append(motion)
             continue
-        task = _middle(problem, mechanism, motion, motion.target)
+        task = _middle(problem, mechanism, motion)
         axis, side = _axis(mechanism, task)
-        for k, plane in enumerate(pattern(motion.scan), 1):
-            tips = _tips(problem, motion, spots_on_retina(problem.eye, axis, side, plane), motion.scan.distance)
-            spots = [Target(tip=(x, y, z), spin=float(task[2]), line=motion.line) for x, y, z in tips.tolist()]
-            name = motion.name if len(motion.scan.diameters) < 2 else f"{motion.name} {k}"
-            result += _visits(motion, name, spots, motion.scan)
+        for k, plane in enumerate(pattern(motion), 1):
+            tips = _tips(problem, motion, spots_on_retina(problem.eye, axis, side, plane), motion.distance)
+            spots = [Tip((x, y, z), float(task[2]), motion.line) for x, y, z in tips.tolist()]
+            name = motion.name if len(motion.diameters) < 2 else f"{motion.name} {k}"
+            result += _visits(motion, name, spots)
     return tuple(result)
 
 
@@ -74,15 +76,15 @@ def _reach(eye: Eye, axis: Array, radius: float) -> Array:
         return np.asarray(along + np.sqrt(along**2 - eye.centre @ eye.centre + radius**2))
 
 
-def _middle(problem: Problem, mechanism: Mechanism, motion: Motion, target: Target) -> Array:
+def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
     """Task coordinates (4,) in which the tool points at the middle of the pattern."""
-    task = np.array([(target.task or {}).get(name, 0.0) for name in TASK])
+    task = np.array([scan.at.given.get(name, 0.0) for name in TASK])
     low, high = tilt_interval(mechanism)
     if not low < task[1] < high:
         raise ProblemError(
             "the mechanism cannot reach this tilt",
             file=problem.file,
-            line=motion.line,
+            line=scan.line,
             key="at.tilt",
             value=f"{np.degrees(task[1]):.6g} deg",
             allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded",
@@ -106,18 +108,18 @@ def _tips(problem: Problem, motion: Motion, spots: Array, distance: float) -> Ar
     return np.asarray(direction * depth[:, None])
 
 
-def _visits(motion: Motion, name: str, spots: list[Target], scan: Scan) -> list[Motion]:
+def _visits(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
     """Motions to the spots of one ring or raster: with a dwell at each, or through all of them; a ring is closed."""
     result: list[Motion] = []
     if scan.dwell > 0:
         for n, spot in enumerate(spots, 1):
-            result.append(Motion("free", f"{name}, spot {n}", spot, line=motion.line))
-            result.append(Motion("dwell", f"{name}, laser {n}", duration=scan.dwell, line=motion.line))
+            result.append(Free(spot, name=f"{name}, spot {n}", line=scan.line))
+            result.append(Dwell(scan.dwell, f"{name}, laser {n}", scan.line))
         return result
-    result.append(Motion("free", f"{name}, approach", spots[0], line=motion.line))
+    result.append(Free(spots[0], name=f"{name}, approach", line=scan.line))
     rest = spots[1:] + (spots[:1] if scan.diameters else [])
     if rest:
-        result.append(Motion("free", name, rest[-1], line=motion.line, through=tuple(rest[:-1])))
+        result.append(Free(rest[-1], tuple(rest[:-1]), name=name, line=scan.line))
     return result
 
 

@@ -4,27 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from importlib import import_module
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from ssm_planner.problem.limits import TASK as TASK
-from ssm_planner.problem.limits import LensClearance, Limit, Limited, RetinaClearance, task_limits
+from ssm_planner.problem.limits import LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
+from ssm_planner.problem.motion import Dwell, Free, Joints, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
-from ssm_planner.problem.value import Matrix, NotNegative, Positive, Value, Vector
-
-
-@dataclass(frozen=True, eq=False)
-class Target:
-    """One point of a motion: any subset of task coordinates (the rest held), joint values, or a tip position."""
-
-    task: Mapping[str, float] | None = None
-    joints: tuple[float, float, float, float] | None = None
-    tip: tuple[float, float, float] | None = None
-    spin: float | None = None
-    """Used with tip."""
-    line: int | None = None
-    """Line of the problem file, for messages."""
+from ssm_planner.problem.value import Matrix, Names, NotNegative, Positive, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,70 +115,47 @@ class TaskLimits(Limited):
         return self.limits if self.eye is None else (*self.limits, *self.eye.limits)
 
 
-@dataclass(frozen=True)
-class Scan:
-    """Spots on the retina: a raster, or rings one after the other, about the point where the tool's axis meets it."""
-
-    diameters: tuple[float, ...]
-    """Of the rings, m; none for a raster."""
-    rows: int
-    columns: int
-    """Of a raster."""
-    spacing: float
-    """Between neighbouring spots, m; on a ring as nearly as a whole number of spots allows."""
-    distance: float
-    """Of the tip from the retina, m."""
-    dwell: float
-    """At every spot, s; 0: the spots are passed without stopping."""
-
-
-MotionKind = Literal["straight", "free", "dwell", "scan"]
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """One entry of the motion list."""
-
-    kind: MotionKind
-    name: str
-    """The key in the file: tilt, roll, spin, insert, straight, free, dwell."""
-    target: Target | None = None
-    duration: float | None = None
-    """Of a dwell; of another motion where it is asked for, s."""
-    line: int | None = None
-    through: tuple[Target, ...] = ()
-    """Points that a free motion passes without stopping, in order, before its target."""
-    scan: Scan | None = None
-    """Its target is the task coordinates at which the tool points to the middle of the pattern."""
-
-
 Objective = Literal["time", "time then heat", "effort"]
 Planner = Literal["optimal", "toppra"]
+_READER = "ssm_planner.loading.load"
+"""It stands above this room, so it is looked up when it is used."""
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Limited):
-    """What is to be planned: a robot, where it starts, its motion phase after phase, and the limits it keeps."""
+class Problem(Value, Limited):
+    """A robot, where it starts, what it does, and within which limits. Raises ProblemError for what cannot be."""
 
-    name: str
     robot: Robot
-    start: Target
-    motion: tuple[Motion, ...]
+    start: Task | Joints | Tip
+    motion: tuple[Straight | Free | Dwell | Scan, ...]
     limits: tuple[Limit, ...] = ()
-    """Of the task: ranges (the robot's, narrowed by the problem's), rates and speeds; those of the joints are in robot."""
+    """Of the task: ranges, rates and speeds; those of the joints are in robot.
+
+    Without a range among them the robot's own hold.
+    """
     objective: Objective = "time then heat"
-    file: str | None = None
     eye: Eye | None = None
-    start_rate: Mapping[str, float] = field(default_factory=dict)
+    start_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
-    end_rate: Mapping[str, float] = field(default_factory=dict)
-    duration: float | None = None
+    end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
+    duration: Positive | None = None
     """Of everything together where it is asked for, s."""
     planner: Planner = "optimal"
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
+    name: str = "problem"
+    file: str | None = field(default=None, compare=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "limits", task_limits(self.limits))
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Problem:
+        """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
+        problem: Problem = import_module(_READER).problem_from_dict(data)
+        return problem
+
+    @classmethod
+    def from_yaml(cls, text: str) -> Problem:
+        """The problem that the text of a problem file describes. Raises ProblemError naming line and key."""
+        problem: Problem = import_module(_READER).problem_from_yaml(text)
+        return problem
 
     @property
     def task_limits(self) -> TaskLimits:
@@ -200,3 +166,59 @@ class Problem(Limited):
         """Every limit that holds for a motion: those of joints and motors, of the task and of the eye."""
         of_joints = (limit for joint in self.robot.joints for limit in joint.limits)
         return (*of_joints, *self.task_limits.all_limits)
+
+    def _check(self) -> None:
+        if not any(isinstance(limit, TaskRange) for limit in task_limits(self.limits)):
+            object.__setattr__(self, "limits", (*self.robot.limits, *self.limits))
+        if isinstance(self.start, Task) and len(self.start.given) < len(TASK):
+            missing = next(name for name in TASK if name not in self.start.given)
+            reason = "missing: a start says where all of the tool is"
+            raise self._wrong(f"start.{missing}", reason, ", ".join(TASK), "None")
+        if not self.motion:
+            raise self._wrong("motion", "no entries", "at least one motion", "()")
+        for i, entry in enumerate(self.motion):
+            if isinstance(entry, Scan):
+                self._check_scan(entry, f"motion[{i}]")
+        self._check_durations()
+        if self.planner == "toppra":
+            self._check_for_toppra()
+
+    def _check_scan(self, scan: Scan, place: str) -> None:
+        eye = self.eye
+        if eye is None:
+            reason = "a scan is of spots on a retina, and no eye is given"
+            raise self._wrong(place, reason, "a problem with an eye", scan.name)
+        if scan.distance < eye.clearance:
+            allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
+            raise self._wrong(f"{place}.distance", "nearer to the retina than the clearance", allowed, scan.distance)
+        for diameter in scan.diameters:
+            if diameter >= eye.radius:
+                reason = "larger than the eye's radius"
+                raise self._wrong(f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
+
+    def _check_durations(self) -> None:
+        """Durations are neither missing for the objective, nor contradict it."""
+        timed = [entry.duration is not None for entry in self.motion]
+        if self.objective == "effort" and self.duration is None and not all(timed):
+            raise self._wrong(
+                "objective",
+                "the least effort has no duration of its own",
+                "a duration of the whole problem, or one for every motion",
+            )
+        if self.duration is None:
+            return
+        fixed = sum(entry.duration or 0.0 for entry in self.motion)
+        if all(timed):
+            raise self._wrong("duration", "every motion has a duration of its own already", "no duration of the whole")
+        if fixed >= self.duration:
+            raise self._wrong("duration", f"dwells and timed motions alone take {fixed:g} s", "more than that")
+
+    def _check_for_toppra(self) -> None:
+        moving = [entry for entry in self.motion if not isinstance(entry, Dwell)]
+        asks = [f"a jerk limit of joint {joint.name}" for joint in self.robot.joints if joint.jerk is not None]
+        asks += [f"a {entry.kind} motion ({entry.name})" for entry in moving if not isinstance(entry, Straight)]
+        asks += [f"a duration of {entry.name}" for entry in moving if entry.duration is not None]
+        if self.duration is not None or self.objective == "effort":
+            asks.append("a duration or effort as the objective")
+        if asks:
+            raise self._wrong("planner", f"TOPP-RA cannot take {asks[0]}", "straight motions as fast as possible")

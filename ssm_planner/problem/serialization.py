@@ -10,9 +10,10 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import Interval, Positive, built, converted
+from ssm_planner.problem.value import Interval, Positive, built, check_mapping, converted, wrong
 from ssm_planner.typing import Range
 
 
@@ -25,6 +26,10 @@ def plain(value: Any) -> Any:
         return {**_fields(value), **stated}
     if isinstance(value, TaskLimits):
         return limits_to_plain(value)
+    if isinstance(value, (Task, Joints, Tip)):
+        return _point(value)
+    if isinstance(value, (Straight, Free, Dwell, Scan)):
+        return _motion(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return _fields(value)
     if isinstance(value, np.ndarray):
@@ -42,6 +47,78 @@ def _fields(value: Any) -> dict[str, Any]:
     return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
 
 
+def _point(point: Point) -> dict[str, Any]:
+    """A point as plan.json states it: one of task, joints, tip (with spin)."""
+    return {
+        "task": point.given if isinstance(point, Task) else None,
+        "joints": list(point.values) if isinstance(point, Joints) else None,
+        "tip": list(point.position) if isinstance(point, Tip) else None,
+        "spin": point.spin if isinstance(point, Tip) else None,
+        "line": point.line,
+    }
+
+
+def _motion(motion: Motion) -> dict[str, Any]:
+    """An entry of the motion list as plan.json states it, whatever its kind."""
+    scan: Any = None
+    target: Point | None = None
+    if isinstance(motion, Scan):
+        target = motion.at
+        scan = {name: plain(getattr(motion, name)) for name in _SCAN}
+    elif not isinstance(motion, Dwell):
+        target = motion.to
+    return {
+        "kind": motion.kind,
+        "name": motion.name,
+        "target": None if target is None else _point(target),
+        "duration": motion.duration,
+        "line": motion.line,
+        "through": [_point(point) for point in motion.through] if isinstance(motion, Free) else [],
+        "scan": scan,
+    }
+
+
+_SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
+_KINDS = {"straight": Straight, "free": Free, "dwell": Dwell, "scan": Scan}
+
+
+def _point_from(data: Any, where: str) -> Point:
+    check_mapping(data, ("task", "joints", "tip", "spin", "line"), where)
+    line = {"line": data.get("line")}
+    if data.get("joints") is not None:
+        point: Point = built(Joints, {"values": data["joints"], **line}, where)
+    elif data.get("tip") is not None:
+        point = built(Tip, {"position": data["tip"], "spin": data.get("spin"), **line}, where)
+    else:
+        task = data.get("task")
+        check_mapping(task, TASK, f"{where}.task")
+        point = built(Task, {**task, **line}, where)
+    return point
+
+
+def _motion_from(data: Any, where: str) -> Motion:
+    check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan"), where)
+    cls: Any = _KINDS.get(data.get("kind"))
+    if cls is None:
+        raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
+    values = {"name": data.get("name", ""), "line": data.get("line"), "duration": data.get("duration")}
+    if cls is Scan:
+        del values["duration"]
+        check_mapping(data.get("scan"), _SCAN, f"{where}.scan")
+        values |= data["scan"]
+    if cls is not Dwell:
+        target = _point_from(data.get("target"), f"{where}.target")
+        if cls is Straight and isinstance(target, Task):
+            values |= target.given
+        else:
+            values["at" if cls is Scan else "to"] = target
+    if cls is Free:
+        through = data.get("through") or ()
+        values["through"] = tuple(_point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through))
+    motion: Motion = built(cls, values, where)
+    return motion
+
+
 def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     """Limits of the task as plan.json states them: ranges and rates by coordinate, speeds by their field, the eye."""
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.speeds}}
@@ -55,8 +132,13 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     """
     task = task_limits_from_plain(data, file)
     robot = robot_from_plain(data.get("robot", {}), file)
-    given = {"robot": robot, "limits": task.limits, "eye": task.eye}
+    given: dict[str, Any] = {"robot": robot, "limits": task.limits, "eye": task.eye}
     try:
+        given["start"] = _point_from(data.get("start"), "problem.start")
+        entries = data.get("motion")
+        if not isinstance(entries, (list, tuple)):
+            raise wrong("problem.motion", entries, "a list")
+        given["motion"] = tuple(_motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries))
         rest = {key: item for key, item in data.items() if key not in {*given, *limits_to_plain(task)}}
         problem: Problem = from_plain(Problem, rest, "problem", given)
     except ProblemError as error:

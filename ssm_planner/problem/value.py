@@ -110,11 +110,9 @@ def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = 
 
     given: values of fields that are not in the data.
     """
-    if not isinstance(data, Mapping):
-        raise wrong(where, data, f"a mapping with the keys of {cls.__name__}")
     fields = {field.name: field for field in dataclasses.fields(cls)}
-    for key in data:
-        check_name(key, tuple(fields), f"{where}.{key}", "unknown key")
+    check_mapping(data, tuple(fields), where)
+    assert isinstance(data, Mapping)
     hints = _hints(cls)
     values = dict(given or {})
     for name, field in fields.items():
@@ -166,6 +164,14 @@ def check_name(name: object, known: tuple[str, ...], where: str, reason: str) ->
         close = difflib.get_close_matches(str(name), known, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
         raise ProblemError(reason + hint, key=where, value=name, allowed=", ".join(known))
+
+
+def check_mapping(data: object, known: tuple[str, ...], where: str) -> None:
+    """Raises ProblemError for what is no mapping, or has a key that is not among the known ones."""
+    if not isinstance(data, Mapping):
+        raise wrong(where, data, f"a mapping with the keys {', '.join(known)}")
+    for key in data:
+        check_name(key, known, f"{where}.{key}", "unknown key")
 
 
 def wrong(where: str, value: object, allowed: str) -> ProblemError:

@@ -14,6 +14,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.problem.motion import Task
 from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
@@ -59,7 +60,8 @@ class Study:
         own = self.own
         low, high = tilt_interval(own)
         ranges = {} if self.problem is None else dict(self.problem.ranges)
-        begin = {} if self.problem is None else dict(self.problem.start.task or {})
+        start = None if self.problem is None else self.problem.start
+        begin = start.given if isinstance(start, Task) else {}
         pose = [begin.get(name, own.home_tilt if name == "tilt" else 0.0) for name in TASK]
         joints = None if self.problem is None else self.problem.robot.joints
         return {

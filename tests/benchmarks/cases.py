@@ -11,7 +11,8 @@ import numpy as np
 
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.problem.motion import Free, Joints
+from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
@@ -65,7 +66,7 @@ def shipped() -> Problem:
 def straight_problem(change: Change, torque: float = 1.0) -> Problem:
     """The shipped problem's tilt, to another target."""
     problem = shipped()
-    motion = dataclasses.replace(problem.motion[0], target=Target(task={"tilt": float(np.radians(change.tilt))}))
+    motion = dataclasses.replace(problem.motion[0], tilt=float(np.radians(change.tilt)))
     robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
     return dataclasses.replace(problem, robot=robot, motion=(motion,))
 
@@ -73,11 +74,11 @@ def straight_problem(change: Change, torque: float = 1.0) -> Problem:
 def free_problem(change: Change, torque: float = 1.0) -> Problem:
     """A motion of all four joints."""
     problem = shipped()
-    last = Target(joints=tuple(float(x) for x in np.add(LAST, change.joints)))  # type: ignore[arg-type]
+    last = Joints(tuple(float(x) for x in np.add(LAST, change.joints)))  # type: ignore[arg-type]
     robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
-    motion = (Motion("free", "free", last),)
+    motion = (Free(last),)
     return dataclasses.replace(
-        problem, robot=robot, start=Target(joints=FIRST), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+        problem, robot=robot, start=Joints(FIRST), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
     )
 
 
@@ -108,7 +109,6 @@ def limits_of(robot: Robot) -> Array:
 
 def task_ends(problem: Problem) -> tuple[Array, Array]:
     """Task coordinates (4,) at both ends of a problem with one motion in task coordinates."""
-    start = np.array([(problem.start.task or {}).get(name, 0.0) for name in TASK])
-    target = problem.motion[0].target
-    asked = (target.task if target else None) or {}
+    start = np.array([(problem.start.given or {}).get(name, 0.0) for name in TASK])
+    asked = problem.motion[0].to.given
     return start, np.array([asked.get(name, start[k]) for k, name in enumerate(TASK)])

@@ -20,7 +20,8 @@ from section import Section
 
 import ssm_planner.planning
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.motion import Straight
+from ssm_planner.problem.problem import Problem
 from ssm_planner.verification.check import check
 
 MESHES = (25, 50, 100, 200, 400)
@@ -124,7 +125,7 @@ def phases(count: int) -> Problem:
     """A problem of so many straight motions."""
     problem = straight_problem(Change())
     targets = ({"tilt": np.radians(-120.0)}, {"depth": 0.01}, {"tilt": np.radians(-90.0)}, {"depth": 0.0})
-    motions = [Motion("straight", "straight", Target(task=targets[k % 4])) for k in range(count)]
+    motions = [Straight(**targets[k % 4], name="straight") for k in range(count)]
     return dataclasses.replace(problem, motion=tuple(motions))
 
 

@@ -12,7 +12,8 @@ from motions import certificate, planned_anew
 from section import Section
 
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.problem import Problem, Target
+from ssm_planner.problem.motion import Joints
+from ssm_planner.problem.problem import Problem
 
 JERKS = (5.0, 35.0, 500.0)
 ASKED = 1.002
@@ -86,17 +87,16 @@ def run(quick: bool) -> Section:
 
 def _problem(target: np.ndarray, jerk: float) -> Problem:
     problem = free_problem(Change())
-    motion = dataclasses.replace(problem.motion[0], target=Target(joints=tuple(float(x) for x in target)))  # type: ignore[arg-type]
+    motion = dataclasses.replace(problem.motion[0], to=Joints(tuple(float(x) for x in target)))  # type: ignore[arg-type]
     return dataclasses.replace(problem, robot=with_limits(problem.robot, torque=3.0, jerk=jerk), motion=(motion,))
 
 
 def ruckig_duration(problem: Problem) -> float:
     import ruckig
 
-    joints, target = problem.robot.joints, problem.motion[0].target
-    assert target is not None
+    joints, target = problem.robot.joints, problem.motion[0].to
     task, found = ruckig.InputParameter(4), ruckig.Trajectory(4)
-    task.current_position, task.target_position = list(problem.start.joints or ()), list(target.joints or ())
+    task.current_position, task.target_position = list(problem.start.values), list(target.values)
     task.max_velocity = [joint.velocity for joint in joints]
     task.max_acceleration = [joint.acceleration for joint in joints]
     task.max_jerk = [joint.jerk for joint in joints]

@@ -157,9 +157,8 @@ def _free(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
 
     numbers = []
     for case in cases:
-        target = case.motion[0].target
-        assert target is not None
-        numbers.append((np.array(case.start.joints), np.array(target.joints), limits_of(case.robot)))
+        target = case.motion[0].to
+        numbers.append((np.array(case.start.values), np.array(target.values), limits_of(case.robot)))
     kind: Any = OptiFree if peer == OPTI else RockitFree
     state: dict[str, Any] = {}
 

@@ -228,7 +228,7 @@ def test_the_shipped_eye_lies_as_its_comments_say() -> None:
     assert np.abs(tips[0] - macula).max() < 5e-5
     low, high = tilt_interval(mechanism)
     assert low + 0.4 < math.radians(-115.3) < high - 0.4
-    target = np.array(problem.motion[0].target.tip)
+    target = np.array(problem.motion[0].to.position)
     assert float(retina_distance(NUMPY, eye, target)) == pytest.approx(0.0015)
 
 

@@ -35,12 +35,12 @@ def test_points_on_the_way(files: Any) -> None:
     free, insert = files.load(NAME).motion
     assert (free.kind, insert.kind) == ("free", "straight")
     first, second, third = free.through
-    assert first.task == pytest.approx({"tilt": D(-100), "depth": 0.005})
-    assert second.joints == pytest.approx((0, D(10), D(20), -0.005))
-    assert (third.tip, third.spin) == (pytest.approx((0.001, 0.002, -0.01)), pytest.approx(D(5)))
+    assert first.given == pytest.approx({"tilt": D(-100), "depth": 0.005})
+    assert second.values == pytest.approx((0, D(10), D(20), -0.005))
+    assert (third.position, third.spin) == (pytest.approx((0.001, 0.002, -0.01)), pytest.approx(D(5)))
     lines = (files.root / NAME).read_text().splitlines()
     assert "{tilt: -100 deg" in lines[first.line - 1]
-    assert free.target.task == pytest.approx({"tilt": D(-135)})
+    assert free.to.given == pytest.approx({"tilt": D(-135)})
 
 
 @pytest.mark.parametrize("entry", ["tilt: {to: -135 deg, duration: 2 s}", "insert: {to: 5 mm, duration: 2000 ms}",
@@ -93,17 +93,17 @@ def test_every_pattern_of_a_scan(files: Any, pattern: str, expected: tuple[Any, 
     files.edit(SCAN, DIAMETER + "\n", "")
     files.edit(SCAN, RING, f"      {pattern}")
     motion = files.load(SCAN).motion[0]
-    scan = motion.scan
+    scan = motion
     assert (motion.kind, motion.name, scan.rows, scan.columns) == ("scan", expected[0], *expected[2:])
     assert scan.diameters == pytest.approx(expected[1])
     assert (scan.spacing, scan.distance, scan.dwell) == pytest.approx((0.001, 0.0015, 0.05))
-    assert motion.target.task == pytest.approx({"roll": 0, "tilt": D(-115.3)})
+    assert motion.at.given == pytest.approx({"roll": 0, "tilt": D(-115.3)})
 
 
 def test_a_scan_without_dwell_and_spacing_has_defaults(files: Any) -> None:
     files.edit(SCAN, "      spacing: 1 mm ", "      # ")
     files.edit(SCAN, "      dwell: 0.05 s ", "      # ")
-    scan = files.load(SCAN).motion[0].scan
+    scan = files.load(SCAN).motion[0]
     assert (scan.spacing, scan.dwell) == (0.6e-3, 0.0)
 
 

@@ -19,12 +19,12 @@ def test_shipped(files: Any) -> None:
     assert problem.name == "tilt_insert"
     assert problem.objective == "time"
     assert problem.tip_speed is None
-    assert problem.start.task == pytest.approx({"roll": 0, "tilt": D(-85), "spin": 0, "depth": 0})
+    assert problem.start.given == pytest.approx({"roll": 0, "tilt": D(-85), "spin": 0, "depth": 0})
     tilt, insert = problem.motion
     assert (tilt.kind, tilt.name, tilt.line) == ("straight", "tilt", 5)
-    assert tilt.target.task == pytest.approx({"tilt": D(-135)})
+    assert tilt.to.given == pytest.approx({"tilt": D(-135)})
     assert (insert.kind, insert.name) == ("straight", "insert")
-    assert insert.target.task == pytest.approx({"depth": 0.02})
+    assert insert.to.given == pytest.approx({"depth": 0.02})
     assert problem.ranges["tilt"] == pytest.approx((D(-139), D(-81)))
     assert problem.ranges["roll"] == pytest.approx((D(-30), D(30)))
     assert problem.ranges["depth"] == pytest.approx((0, 0.03))
@@ -53,9 +53,9 @@ def test_every_form_of_motion(files: Any) -> None:
         ("straight", "roll"),
         ("straight", "insert"),
     ]
-    assert problem.motion[2].target.joints == pytest.approx((0, D(10), D(20), -0.005))
-    assert problem.motion[3].target.tip == pytest.approx((0.001, 0.002, -0.01))
-    assert problem.motion[3].target.spin == pytest.approx(D(5))
+    assert problem.motion[2].to.values == pytest.approx((0, D(10), D(20), -0.005))
+    assert problem.motion[3].to.position == pytest.approx((0.001, 0.002, -0.01))
+    assert problem.motion[3].to.spin == pytest.approx(D(5))
     assert problem.motion[4].duration == pytest.approx(0.2)
     assert problem.tip_speed == pytest.approx(0.025)
     lines = (files.root / NAME).read_text().splitlines()
@@ -65,9 +65,9 @@ def test_every_form_of_motion(files: Any) -> None:
 
 def test_start_by_joints_or_tip(files: Any) -> None:
     files.edit(NAME, START, "start: {joints: [0 deg, 1 deg, 2 deg, 0 mm]}")
-    assert files.load(NAME).start.joints == pytest.approx((0, D(1), D(2), 0))
+    assert files.load(NAME).start.values == pytest.approx((0, D(1), D(2), 0))
     files.edit(NAME, "{joints: [0 deg, 1 deg, 2 deg, 0 mm]}", "{tip: [0 mm, 0 mm, -5 mm], spin: 0 deg}")
-    assert files.load(NAME).start.tip == pytest.approx((0, 0, -0.005))
+    assert files.load(NAME).start.position == pytest.approx((0, 0, -0.005))
 
 
 def test_limits_narrow_those_of_the_robot(files: Any) -> None:

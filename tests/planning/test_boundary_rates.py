@@ -15,7 +15,8 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task
+from ssm_planner.problem.problem import TASK, Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
@@ -28,13 +29,12 @@ JOINTS = (0.3, -0.2, 0.5, -0.015)
 
 def straight(problem: Problem, **changes: Any) -> Problem:
     """Over WAY, with a third of it per second as the unit of rates."""
-    goal = Target(task={name: START[name] + way for name, way in WAY.items()})
-    motion = (Motion("straight", "straight", goal),)
-    return dataclasses.replace(problem, start=Target(task=START), motion=motion, **{"objective": "time", **changes})
+    motion = (Straight(**{name: START[name] + way for name, way in WAY.items()}),)
+    return dataclasses.replace(problem, start=Task(**START), motion=motion, **{"objective": "time", **changes})
 
 
 def free(problem: Problem, **changes: Any) -> Problem:
-    motion, start = (Motion("free", "free", Target(joints=JOINTS)),), Target(joints=(-0.5, 0.6, 0.0, 0.0))
+    motion, start = (Free(Joints(JOINTS)),), Joints((-0.5, 0.6, 0.0, 0.0))
     limits = (TaskRange("depth", 0.0, 0.03),)
     return dataclasses.replace(problem, start=start, motion=motion, limits=limits, **{"objective": "time", **changes})
 
@@ -83,7 +83,7 @@ def test_a_free_motion_meets_them_too(tilt_insert: Problem, objective: str) -> N
 
 def test_one_joint_alone_gains_what_the_closed_form_says(tilt_insert: Problem) -> None:
     """From rest to a speed takes speed / acceleration, on a way that otherwise is made at the speed of cruising."""
-    alone = (Motion("free", "free", Target(joints=(-0.5, 0.6, 0.0, -0.015))),)
+    alone = (Free(Joints((-0.5, 0.6, 0.0, -0.015))),)
     problem = dataclasses.replace(free(tilt_insert), motion=alone)
     speed, joint = 0.008, tilt_insert.robot.joints[3]
     moving = plan(dataclasses.replace(problem, start_rate={"depth": speed})).duration
@@ -93,7 +93,7 @@ def test_one_joint_alone_gains_what_the_closed_form_says(tilt_insert: Problem) -
 
 def test_rates_hold_at_the_two_ends_of_all_and_rest_between(tilt_insert: Problem) -> None:
     problem = straight(tilt_insert, start_rate=along(0.3), end_rate={"depth": 0.01})
-    insert = Motion("straight", "insert", Target(task={"depth": 0.02}))
+    insert = Straight(**{"depth": 0.02}, name="insert")
     result = plan(dataclasses.replace(problem, motion=(*problem.motion, insert)))
     first, last = end_rates(result)
     assert first == pytest.approx(as_array(along(0.3)), abs=1e-9)
@@ -113,7 +113,7 @@ def test_a_rate_too_high_or_against_the_way_is_a_reason(tilt_insert: Problem) ->
 
 def test_an_end_too_near_to_stop_at_is_a_reason(tilt_insert: Problem) -> None:
     """15 mm/s in half a millimetre take v²/(2 d) = 225 mm/s²."""
-    near = (Motion("straight", "insert", Target(task={"depth": 0.0045})),)
+    near = (Straight(**{"depth": 0.0045}, name="insert"),)
     result = plan(dataclasses.replace(straight(tilt_insert), motion=near, start_rate={"depth": 0.015}))
     assert (result.status, result.reason.constraint, result.reason.joint) == ("infeasible", "acceleration", "insertion")
     assert (result.reason.required, result.reason.available) == pytest.approx((0.225, 0.1))
@@ -133,6 +133,6 @@ def test_a_rate_off_the_line_of_a_straight_motion_is_bad_input(
 
 def test_a_dwell_has_no_speed(tilt_insert: Problem) -> None:
     problem = straight(tilt_insert)
-    dwell = Motion("dwell", "dwell", duration=0.2)
+    dwell = Dwell(0.2)
     with pytest.raises(ProblemError, match="end_rate: a dwell has no speed"):
         plan(dataclasses.replace(problem, motion=(*problem.motion, dwell), end_rate={"depth": 0.01}))

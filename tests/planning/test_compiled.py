@@ -31,8 +31,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.
 
 
 def tilts(problem: Problem, degrees: float) -> Problem:
-    target = dataclasses.replace(problem.motion[0].target, task={"tilt": np.radians(degrees)})
-    return dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], target=target),))
+    return dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], tilt=np.radians(degrees)),))
 
 
 def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path) -> None:

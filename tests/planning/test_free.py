@@ -10,7 +10,8 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.problem.limits import TaskRange, TipSpeed
-from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.motion import Free, Joints, Point, Tip
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
 Weaker = Callable[[Robot, float], Robot]
@@ -19,12 +20,10 @@ WithJerk = Callable[[Robot, float, float], Robot]
 FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 
 
-def free(problem: Problem, first: tuple[float, ...] = FIRST, **target: object) -> Problem:
-    goal = Target(**(target or {"joints": LAST}))
-    motion = (Motion("free", "free", goal),)
-    return dataclasses.replace(
-        problem, start=Target(joints=first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
-    )
+def free(problem: Problem, first: tuple[float, ...] = FIRST, goal: Point | None = None) -> Problem:
+    goal = goal or Joints(LAST)
+    motion = (Free(goal),)
+    return dataclasses.replace(problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),))
 
 
 def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Problem) -> None:
@@ -74,7 +73,7 @@ def test_every_joint_moves_one_way(tilt_insert: Problem) -> None:
 
 def test_a_tip_position_is_reached(tilt_insert: Problem) -> None:
     tip = (0.003, 0.002, -0.014)
-    result = plan(free(tilt_insert, tip=tip, spin=0.3))
+    result = plan(free(tilt_insert, goal=Tip(tuple(tip), 0.3)))
     assert result.passed
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
     reached = tip_position(mechanism, result.trajectory.sample(result.trajectory.breaks[-1:], side="left").q)[0]
@@ -82,6 +81,6 @@ def test_a_tip_position_is_reached(tilt_insert: Problem) -> None:
 
 
 def test_one_joint_alone_leaves_the_others_at_rest(tilt_insert: Problem) -> None:
-    result = plan(free(tilt_insert, joints=(*FIRST[:3], -0.02)))
+    result = plan(free(tilt_insert, goal=Joints((*FIRST[:3], -0.02))))
     assert result.passed
     assert np.ptp(result.trajectory.uniform(1000.0).q[:, :3], axis=0).max() == 0.0

@@ -15,7 +15,8 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Straight
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.typing import Array
@@ -23,15 +24,15 @@ from ssm_planner.typing import Array
 WithJerk = Callable[[Robot, float, float], Robot]
 
 FIRST = (-0.5, 0.6, 0.0, 0.0)
-FREE = Motion("free", "free", Target(joints=(0.3, -0.2, 0.5, -0.015)))
-STRAIGHT = Motion("straight", "straight", Target(task={"roll": 0.2, "tilt": -2.1, "depth": 0.01}))
-THROUGH = dataclasses.replace(FREE, through=(Target(joints=(0.1, 0.7, 0.3, 0.0)),))
+FREE = Free(Joints((0.3, -0.2, 0.5, -0.015)))
+STRAIGHT = Straight(**{"roll": 0.2, "tilt": -2.1, "depth": 0.01}, name="straight")
+THROUGH = dataclasses.replace(FREE, through=(Joints((0.1, 0.7, 0.3, 0.0)),))
 MOTIONS = {"free": FREE, "straight": STRAIGHT, "through": THROUGH}
 
 
 def moving(problem: Problem, *motions: Motion, **changes: Any) -> Problem:
     limits = (TaskRange("depth", 0.0, 0.03),)
-    return dataclasses.replace(problem, start=Target(joints=FIRST), motion=motions, limits=limits, **changes)
+    return dataclasses.replace(problem, start=Joints(FIRST), motion=motions, limits=limits, **changes)
 
 
 def torques(robot: Robot, samples: Samples, direction: Array) -> Array:
@@ -119,7 +120,7 @@ def test_effort_falls_faster_than_time_grows(tilt_insert: Problem) -> None:
 
 def test_a_duration_of_the_whole_is_shared_by_the_motions_that_have_none(tilt_insert: Problem) -> None:
     timed = dataclasses.replace(STRAIGHT, duration=3.0)
-    motions = FREE, Motion("dwell", "dwell", duration=0.25), timed
+    motions = FREE, Dwell(0.25), timed
     result = plan(moving(tilt_insert, *motions, duration=5.0))
     assert result.passed
     assert result.duration == pytest.approx(5.0, rel=1e-9)

@@ -12,7 +12,8 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.problem.limits import TipSpeed
-from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.motion import Straight, Task
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
 Weaker = Callable[[Robot, float], Robot]
@@ -20,7 +21,7 @@ Weaker = Callable[[Robot, float], Robot]
 
 def straight(problem: Problem, **task: float) -> Problem:
     """The problem with one straight motion to the given task coordinates, rad and m."""
-    return dataclasses.replace(problem, motion=(Motion("straight", "straight", Target(task=task)),))
+    return dataclasses.replace(problem, motion=(Straight(**task, name="straight"),))
 
 
 def assert_certified_and_as_fast_as_toppra(problem: Problem) -> None:
@@ -56,7 +57,7 @@ def test_all_coordinates_together(tilt_insert: Problem) -> None:
 def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
     """Rolling on while tilting makes joint 1 reverse: the friction of its drive changes sign on the way."""
     problem = straight(tilt_insert, roll=np.radians(-30), tilt=np.radians(-112))
-    start = Target(task={"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
+    start = Task(**{"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
     problem = dataclasses.replace(problem, start=start)
     result = plan(problem)
     phases, _ = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))

@@ -14,7 +14,8 @@ from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import LensClearance, Limit, RetinaClearance, TaskRange, TaskRate, TipSpeed
-from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
+from ssm_planner.problem.motion import Free, Straight, Task
+from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import frozen
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.check import check
@@ -30,10 +31,10 @@ FAR = {"roll": 0.0, "tilt": -2.25, "spin": 0.0, "depth": 0.015}
 def moving(
     problem: Problem, kind: Any, start: dict[str, float], goal: dict[str, float], *limits: Limit, **changes: Any
 ) -> Problem:
-    motion = (Motion(kind, kind, Target(task=goal)),)
+    motion = (Free(Task(**goal)) if kind == "free" else Straight(**goal),)
     return dataclasses.replace(
         problem,
-        start=Target(task=start),
+        start=Task(**start),
         motion=motion,
         limits=(TaskRange("depth", 0.0, 0.03), *limits),
         **{"objective": "time", **changes},

@@ -18,7 +18,8 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import MotorTorque, TaskRange
-from ssm_planner.problem.problem import Eye, Lens, Motion, Problem, Target
+from ssm_planner.problem.motion import Free, Motion, Straight, Task
+from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
 
 Weaker = Callable[[Robot, float], Robot]
@@ -28,7 +29,7 @@ INSIDE = {"roll": 0.0, "tilt": -2.01, "spin": 0.0, "depth": 0.016}
 
 
 def straight(**task: float) -> Motion:
-    return Motion("straight", "straight", Target(task=task))
+    return Straight(**task, name="straight")
 
 
 def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
@@ -57,7 +58,7 @@ def slippery(problem: Problem) -> Problem:
 
 
 def in_eye(problem: Problem, eye: Eye | None, to: dict[str, float]) -> Problem:
-    return dataclasses.replace(problem, eye=eye, start=Target(task=INSIDE), motion=(straight(**to),))
+    return dataclasses.replace(problem, eye=eye, start=Task(**INSIDE), motion=(straight(**to),))
 
 
 def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
@@ -71,7 +72,7 @@ def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
         problem,
         0.012,
         eye=dataclasses.replace(eye, lens=lens, clearance=1e-4),
-        start=Target(task={**START, "depth": 0.002}),
+        start=Task(**{**START, "depth": 0.002}),
     )
 
 
@@ -87,12 +88,12 @@ class Case:
 
 def tilt(problem: Problem, **changes: Any) -> Problem:
     """A short tilt."""
-    start = Target(task=START)
+    start = Task(**START)
     return dataclasses.replace(problem, **{"start": start, "motion": (straight(tilt=-1.9),), **changes})
 
 
 def insertion(problem: Problem, depth: float = 0.015, **changes: Any) -> Problem:
-    start = Target(task=START)
+    start = Task(**START)
     return dataclasses.replace(problem, **{"start": start, "motion": (straight(depth=depth),), **changes})
 
 
@@ -100,7 +101,7 @@ CASES = {
     "motor too weak on a line": Case(lambda p, _: weak(tilt(p), 0, 0.2), "motor torque", "roll", "straight"),
     "motor too weak at a point": Case(
         lambda p, _: weak(
-            dataclasses.replace(tilt(p), motion=(Motion("free", "free", Target(task={"tilt": -1.9, "depth": 0.01})),)),
+            dataclasses.replace(tilt(p), motion=(Free(Task(**{"tilt": -1.9, "depth": 0.01})),)),
             0,
             0.2,
         ),
@@ -138,9 +139,7 @@ CASES = {
     "too near to the lens": Case(lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "),
     "not self-locking": Case(lambda p, _: slippery(insertion(p)), "self-locking", "roll", "t ="),
     "against its way": Case(
-        lambda p, _: insertion(
-            p, motion=(Motion("free", "free", Target(task={"depth": 0.015})),), end_rate={"depth": -0.005}
-        ),
+        lambda p, _: insertion(p, motion=(Free(Task(**{"depth": 0.015})),), end_rate={"depth": -0.005}),
         "direction",
         "insertion",
         "free, end rate",

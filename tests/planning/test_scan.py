@@ -17,18 +17,19 @@ from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.problem import Motion, Problem, Scan, Target
+from ssm_planner.problem.motion import Scan, Task
+from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
 MACULA = {"roll": 0.0, "tilt": float(np.radians(-115.3))}
 DISTANCE = 2e-3
-RING = Scan((2e-3,), 0, 0, 1e-3, DISTANCE, 0.0)
-THREE = Scan((1e-3, 2e-3, 3e-3), 0, 0, 1.5e-3, DISTANCE, 0.0)
-RASTER = Scan((), 3, 4, 0.8e-3, DISTANCE, 0.0)
+RING = Scan(Task(**MACULA), DISTANCE, (2e-3,), spacing=1e-3)
+THREE = Scan(Task(**MACULA), DISTANCE, (1e-3, 2e-3, 3e-3), spacing=1.5e-3)
+RASTER = Scan(Task(**MACULA), DISTANCE, rows=3, columns=4, spacing=0.8e-3)
 
 
 def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
-    motion = Motion("scan", "pattern", Target(task=MACULA), scan=scan)
+    motion = dataclasses.replace(scan, name="pattern")
     problem = dataclasses.replace(laser_scan, motion=(motion,), objective="time", **changes)
     result = plan(problem)
     assert result.passed
@@ -146,6 +147,6 @@ def test_a_scan_beyond_the_reach_of_the_port_is_bad_input(laser_scan: Problem) -
 
 
 def test_a_tilt_out_of_reach_is_bad_input(laser_scan: Problem) -> None:
-    motion = Motion("scan", "ring", Target(task={"tilt": float(np.radians(-141))}), scan=RING)
+    motion = dataclasses.replace(RING, at=Task(tilt=float(np.radians(-141))), name="ring")
     with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
         plan(dataclasses.replace(laser_scan, motion=(motion,), limits=(TaskRange("depth", 0.0, 0.03),)))

@@ -10,14 +10,16 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.problem.problem import Motion, Problem, Target
+from ssm_planner.problem.motion import Free, Straight, Task
+from ssm_planner.problem.problem import Problem
 
 START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}
 
 
 def inserting(problem: Problem, kind: Any, depth: float) -> Problem:
-    motion = (Motion(kind, kind, Target(task={"depth": START["depth"] + depth})),)
-    return dataclasses.replace(problem, start=Target(task=START), motion=motion, objective="time")
+    goal = Task(depth=START["depth"] + depth)
+    motion = (Free(goal) if kind == "free" else Straight(**goal.given),)
+    return dataclasses.replace(problem, start=Task(**START), motion=motion, objective="time")
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])

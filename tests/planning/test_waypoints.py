@@ -16,7 +16,8 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.problem import TASK, Motion, Problem, Target
+from ssm_planner.problem.motion import Free, Joints, Task, Tip
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
@@ -32,11 +33,9 @@ ASIDE = (0.1, 0.7, 0.3, 0.0)
 
 def through(problem: Problem, *points: tuple[float, ...], first: tuple[float, ...] = FIRST) -> Problem:
     """The problem from `first` to the last point through the others."""
-    *passed, goal = (Target(joints=point) for point in points)
-    motion = (Motion("free", "free", goal, through=tuple(passed)),)
-    return dataclasses.replace(
-        problem, start=Target(joints=first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
-    )
+    *passed, goal = (Joints(point) for point in points)
+    motion = (Free(goal, through=tuple(passed)),)
+    return dataclasses.replace(problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),))
 
 
 def passing(result: Plan, point: tuple[float, ...]) -> tuple[float, Array]:
@@ -83,7 +82,7 @@ def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> N
     tip = tip_position(mechanism, np.array([BETWEEN]))[0]
     spin = float(task_from_joints(mechanism, np.array([BETWEEN]))[0, 2])
     problem = through(tilt_insert, middle, BETWEEN, LAST)
-    points = Target(task=dict(zip(TASK, task.tolist(), strict=True))), Target(tip=tuple(tip.tolist()), spin=spin)
+    points = Task(*task.tolist()), Tip(tuple(tip.tolist()), spin)
     same = dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], through=points),))
     result = plan(same)
     assert 0 < passing(result, middle)[0] < passing(result, BETWEEN)[0] < result.duration

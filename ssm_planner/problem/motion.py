@@ -1,0 +1,157 @@
+"""Points and motions as frozen values: where a tool starts and what it does, one entry after the other. SI and radians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.value import Bound, Count, NotNegative, Positive, Value
+
+LARGEST_GRID = 50
+"""Rows or columns of a scan."""
+Line = Annotated[int, Bound(above=0)]
+
+
+@dataclass(frozen=True, eq=False)
+class Task(Value):
+    """A point in task coordinates, rad and m; those left out are held."""
+
+    roll: float | None = None
+    tilt: float | None = None
+    spin: float | None = None
+    depth: float | None = None
+    line: Line | None = field(default=None, compare=False)
+    """Line of the problem file, for messages."""
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The coordinates that are not held, by name in TASK."""
+        return {name: value for name in TASK if (value := getattr(self, name)) is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class Joints(Value):
+    """A point as joint values; rad, rad, rad, m."""
+
+    values: tuple[float, float, float, float]
+    line: Line | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Tip(Value):
+    """A point as position of the tool's tip in the base frame, m, and spin, rad."""
+
+    position: tuple[float, float, float]
+    spin: float
+    line: Line | None = field(default=None, compare=False)
+
+    def _check(self) -> None:
+        if sum(x * x for x in self.position) < 1e-12:
+            reason = "the tip at the remote centre leaves roll and tilt open"
+            raise self._wrong("position", reason, "a point away from [0, 0, 0]; or roll, tilt, spin and depth")
+
+
+Point = Task | Joints | Tip
+
+
+@dataclass(frozen=True, eq=False)
+class Straight(Value):
+    """Straight in task coordinates to those named, rad and m; those left out are held."""
+
+    kind: ClassVar[str] = "straight"
+    roll: float | None = None
+    tilt: float | None = None
+    spin: float | None = None
+    depth: float | None = None
+    duration: Positive | None = None
+    """Asked for; the motion then takes it with the least motor heat, s."""
+    name: str = ""
+    """By default the coordinate that moves (insert: depth), or straight."""
+    line: Line | None = field(default=None, compare=False)
+
+    def _check(self) -> None:
+        if not self.to.given:
+            raise self._wrong("to", "no point is given", "roll, tilt, spin or depth", "None")
+        if not self.name:
+            given = tuple(self.to.given)
+            name = given[0] if len(given) == 1 else "straight"
+            object.__setattr__(self, "name", "insert" if name == "depth" else name)
+
+    @property
+    def to(self) -> Task:
+        """Where it ends."""
+        return Task(self.roll, self.tilt, self.spin, self.depth, self.line)
+
+
+@dataclass(frozen=True, eq=False)
+class Free(Value):
+    """To a point, on whatever way the planner finds fastest."""
+
+    kind: ClassVar[str] = "free"
+    to: Task | Joints | Tip
+    through: tuple[Task | Joints | Tip, ...] = ()
+    """Points passed without stopping, in order."""
+    duration: Positive | None = None
+    """Asked for; the motion then takes it with the least motor heat, s."""
+    name: str = "free"
+    line: Line | None = field(default=None, compare=False)
+
+    def _check(self) -> None:
+        for i, point in enumerate((*self.through, self.to)):
+            if isinstance(point, Task) and not point.given:
+                place = "to" if i == len(self.through) else f"through[{i}]"
+                raise self._wrong(place, "no point is given", "roll, tilt, spin or depth; joints; or a tip", "Task()")
+
+
+@dataclass(frozen=True, eq=False)
+class Dwell(Value):
+    """At rest for a while."""
+
+    kind: ClassVar[str] = "dwell"
+    duration: Positive
+    """s."""
+    name: str = "dwell"
+    line: Line | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Scan(Value):
+    """Spots on the retina: a raster, or rings one after the other, about the point where the tool's axis meets it."""
+
+    kind: ClassVar[str] = "scan"
+    at: Task
+    """Where the tool points to the middle of the pattern: tilt, and roll and spin where they are not 0."""
+    distance: Positive
+    """Of the tip from the retina, m."""
+    diameters: tuple[Positive, ...] = ()
+    """Of the rings, m, growing; none for a raster."""
+    rows: Count = 0
+    columns: Count = 0
+    """Of a raster; 0 for rings."""
+    spacing: Positive = 0.6e-3
+    """Between neighbouring spots, m; on a ring as nearly as a whole number of spots allows."""
+    dwell: NotNegative = 0.0
+    """At every spot, s; 0: the spots are passed without stopping."""
+    name: str = "scan"
+    line: Line | None = field(default=None, compare=False)
+    duration: ClassVar[None] = None
+
+    def _check(self) -> None:
+        if self.at.tilt is None:
+            raise self._wrong("at", "missing: no pattern is there without a tilt", "roll, tilt, spin")
+        if self.at.depth is not None:
+            raise self._wrong("at", "how deep the tip goes is what distance says", "roll, tilt, spin")
+        if list(self.diameters) != sorted(set(self.diameters)):
+            raise self._wrong("diameters", "not rings one around the other", "growing lengths")
+        for name in ("rows", "columns"):
+            count = getattr(self, name)
+            if self.diameters and count:
+                raise self._wrong(name, "of a raster, but there are rings as well", "0, or no diameters")
+            if not self.diameters and not 1 <= count <= LARGEST_GRID:
+                raise self._wrong(
+                    name, "not a count", f"a whole number from 1 to {LARGEST_GRID}; or diameters of rings"
+                )
+
+
+Motion = Straight | Free | Dwell | Scan
