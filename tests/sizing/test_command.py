@@ -12,6 +12,7 @@ from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.cli import size as command
 from ssm_planner.errors import SsmPlannerError
+from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import FORMAT, VERSION
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
@@ -31,7 +32,7 @@ def plan_file(folder: Path, robot: Robot) -> Path:
     document = {
         "format": FORMAT,
         "version": VERSION,
-        "problem": {"name": "random", "robot": plain(robot), "limits": {}},
+        "problem": plain(replace(load_problem(Path(__file__).parents[2] / "problems/tilt_insert.yaml"), robot=robot)),
         "certificate": None,
         "trajectory": random_trajectory(3).to_dict(),
     }

@@ -18,7 +18,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.problem.problem import TASK, Eye, Lens
 from ssm_planner.problem.robot import Robot, frozen
 from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
-from ssm_planner.verification import prefilter as screen
+from ssm_planner.verification import prefilter
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
@@ -252,7 +252,7 @@ def test_the_screen_of_long_trajectories_hides_nothing(
     coefficients = hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
     trajectory = Trajectory(t, coefficients, (Span("all", 0.0, 3.0),))
     full = check(trajectory, robot, LIMITS)
-    monkeypatch.setattr(screen, "WORTHWHILE", 10)
+    monkeypatch.setattr(prefilter, "WORTHWHILE", 10)
     screened = check(trajectory, robot, LIMITS)
     assert screened.instants < full.instants / 2
     for a, b in zip(full.limits, screened.limits, strict=True):
