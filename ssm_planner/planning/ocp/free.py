@@ -93,14 +93,16 @@ def solve_free(
     """
     robot = problem.robot
     table = limit_table(strict or robot)
-    if "depth" in problem.rates:
+    if "depth" in problem.rates:  # the rate of joint 4 alone
         table[0, 3] = min(table[0, 3], problem.rates["depth"])
     way = np.diff(points, axis=0)
     way[np.abs(way) <= MOVES] = 0.0
+    # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
+        """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
         structure = NlpStructure(
             moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
             segment_sizes=tuple(sum(guess.arcs) for guess in guesses),
