@@ -33,6 +33,11 @@ def problem_from(section: Section) -> Problem:
     model = validated(section, ProblemModel)
     robot = robot_from(follow(section, "robot"))
     limits = _narrowed(section.sub("limits"), robot, task_limits(model.limits))
+    missing = [name for name in TASK if getattr(model.start, name) is None]
+    if model.start.joints is None and model.start.tip is None and missing:
+        raise section.error(
+            "missing: a start says where all of the tool is", "start", missing[0], allowed=", ".join(TASK)
+        )
     start = _target(section.sub("start"), model.start, robot, limits)
     eye = None if model.eye is None else eye_from(section.sub("eye"), model.eye)
     if eye is not None:

@@ -663,16 +663,16 @@ class Limited:
         return next((limit.largest for limit in self.limits if isinstance(limit, TipSpeed)), None)
 
 
-def task_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
+def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, ...]:
     """Limits of the task as a tuple. Raises ProblemError for what is none, and for one given twice."""
     found = tuple(limits)
     for limit in found:
         if not isinstance(limit, (TaskRange, TaskRate, SpeedLimit)):
             raise ProblemError(
-                "not a limit of the task", key="limits", value=limit, allowed="TaskRange, TaskRate, TipSpeed"
+                "not a limit of the task", key=where, value=limit, allowed="TaskRange, TaskRate, TipSpeed"
             )
         if [other.key for other in found].count(limit.key) > 1:
-            raise ProblemError("given twice", key="limits", value=limit.name)
+            raise ProblemError("given twice", key=where, value=limit.name, allowed="each limit once")
     return found
 
 

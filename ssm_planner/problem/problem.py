@@ -127,6 +127,7 @@ class Problem(Value, Limited):
 
     robot: Robot
     start: Task | Joints | Tip
+    """Task coordinates that it does not name are 0."""
     motion: tuple[Straight | Free | Dwell | Scan, ...]
     limits: tuple[Limit, ...] = ()
     """Of the task: ranges, rates and speeds; those of the joints are in robot.
@@ -168,12 +169,11 @@ class Problem(Value, Limited):
         return (*of_joints, *self.task_limits.all_limits)
 
     def _check(self) -> None:
-        if not any(isinstance(limit, TaskRange) for limit in task_limits(self.limits)):
+        if not any(isinstance(limit, TaskRange) for limit in task_limits(self.limits, "Problem.limits")):
             object.__setattr__(self, "limits", (*self.robot.limits, *self.limits))
-        if isinstance(self.start, Task) and len(self.start.given) < len(TASK):
-            missing = next(name for name in TASK if name not in self.start.given)
-            reason = "missing: a start says where all of the tool is"
-            raise self._wrong(f"start.{missing}", reason, ", ".join(TASK), "None")
+        if isinstance(self.start, Task):
+            whole = Task(**{**dict.fromkeys(TASK, 0.0), **self.start.given}, line=self.start.line)
+            object.__setattr__(self, "start", whole)
         if not self.motion:
             raise self._wrong("motion", "no entries", "at least one motion", "()")
         for i, entry in enumerate(self.motion):

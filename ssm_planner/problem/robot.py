@@ -175,7 +175,7 @@ class Robot(Value, Limited):
     file: str | None = field(default=None, compare=False)
 
     def _check(self) -> None:
-        task_limits(self.limits)
+        task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
                 raise self._wrong(f"joints[{i}].name", "not in this place", name, joint.name)

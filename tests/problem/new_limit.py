@@ -31,12 +31,13 @@ def main(problem_file: str, kind: str, largest: float, folder: str) -> None:
     """Plan with the limit, read the plan back, write its page; print what came of it as JSON."""
     import ssm_planner
     from ssm_planner.plans import load_plan
-    from ssm_planner.problem.problem import Motion
+    from ssm_planner.problem.motion import Free, Straight
     from ssm_planner.reporting.html.report import write_report
 
     problem = ssm_planner.load_problem(problem_file)
-    end = problem.motion[0].target
-    problem = dataclasses.replace(problem, objective="time", motion=(Motion(kind, kind, end),))  # type: ignore[arg-type]
+    end = problem.motion[0].to
+    motion = Free(end) if kind == "free" else Straight(**end.given)
+    problem = dataclasses.replace(problem, objective="time", motion=(motion,))
     limited = AxisSpeed(largest).on(problem)
     free, result = ssm_planner.plan(problem), ssm_planner.plan(limited)
     found = next(each for each in result.certificate.limits if each.name == AxisSpeed.name)
