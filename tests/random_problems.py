@@ -15,9 +15,9 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.limits import TASK, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Straight, Task
-from ssm_planner.problem.problem import TASK, Eye, Lens, Problem
+from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
 from ssm_planner.typing import Array
 

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from ssm_planner.kinematics.of_robot import ik
     from ssm_planner.loading.load import load_robot
-    from ssm_planner.problem.problem import TASK
+    from ssm_planner.problem.limits import TASK
 
     robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
     found = ik(robot, **point, within_limits=options.within_limits)

@@ -24,7 +24,7 @@ from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.plans import Plan
-from ssm_planner.problem.problem import TASK
+from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.typing import Array

@@ -18,8 +18,9 @@ from ssm_planner.paper.section import NOTHING, Section, number, picture, table, 
 from ssm_planner.paper.workspace import degrees
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Straight, Task
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, new_figure
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads

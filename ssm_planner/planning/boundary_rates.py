@@ -11,8 +11,8 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.limits import Direction, JointAcceleration, JointVelocity
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.limits import TASK, Direction, JointAcceleration, JointVelocity
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Joint
 from ssm_planner.typing import Array
 

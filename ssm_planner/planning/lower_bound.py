@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.problem.problem import TASK
+from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices

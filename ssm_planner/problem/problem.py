@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from ssm_planner.problem.limits import TASK as TASK
-from ssm_planner.problem.limits import LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
+from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
 from ssm_planner.problem.motion import Dwell, Free, Joints, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
 from ssm_planner.problem.value import Matrix, Names, NotNegative, Positive, Value, Vector

@@ -14,8 +14,9 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Task
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.loading.load import load_problem
-from ssm_planner.problem.limits import TaskRange
+from ssm_planner.problem.limits import TASK, TaskRange
 from ssm_planner.problem.motion import Free, Joints
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 

@@ -14,9 +14,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TaskRange
+from ssm_planner.problem.limits import TASK, TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 

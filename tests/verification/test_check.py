@@ -15,7 +15,8 @@ from ssm_planner.kinematics.forward import tip_position, tip_velocity
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.problem.problem import TASK, Eye, Lens
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import Robot, frozen
 from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
 from ssm_planner.verification import prefilter

@@ -34,8 +34,8 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.problem.limits import MotorTorque, TaskRange, TaskRate
-from ssm_planner.problem.problem import TASK, Problem
+from ssm_planner.problem.limits import TASK, MotorTorque, TaskRange, TaskRate
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, Indices
 

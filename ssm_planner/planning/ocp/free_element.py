@@ -32,8 +32,8 @@ from ssm_planner.planning.ocp.constraints import (
     torque_rows,
 )
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
-from ssm_planner.problem.limits import RetinaClearance, TaskRange, TaskRate
-from ssm_planner.problem.problem import TASK, Eye
+from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem.problem import Eye
 
 WATCHED = ("roll", "spin")
 """Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""

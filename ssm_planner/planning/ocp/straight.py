@@ -23,8 +23,8 @@ from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.straight_element import FIT, PARAMETERS, StraightElement, fit, fits_hold
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
-from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque, SpeedLimit
-from ssm_planner.problem.problem import TASK, Objective, TaskLimits
+from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, MotorTorque, SpeedLimit
+from ssm_planner.problem.problem import Objective, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array

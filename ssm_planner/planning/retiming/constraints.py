@@ -25,7 +25,8 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.problem import TASK, TaskLimits
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
