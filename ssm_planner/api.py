@@ -1,4 +1,4 @@
-"""`check` and `size` as Python callers want them: of a plan, a file or a trajectory."""
+"""The doors for Python callers that take a plan, a file or a trajectory, and give what a command says as values."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ssm_planner import comparison
+from ssm_planner.comparison import AxisComparison
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
@@ -62,6 +64,43 @@ def size(
     }
     duty = DutyCycle.of_trajectory(motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan))
     return sizing.size(duty, candidates, Conditions(**conditions), payload)
+
+
+def compare(
+    plan: Plan | str | Path, recordings: Mapping[str, str | Path], counts_per_turn: int | None = None
+) -> tuple[AxisComparison, ...]:
+    """A plan against recordings of its execution, one for each axis: errors, and whether the margins held.
+
+    recordings: EPOS recorder exports or CSV files by joint name. counts_per_turn: increments per motor turn of a position
+    channel, where the motor file gives no encoder_counts. Raises RecordingError, TrajectoryError or ProblemError.
+    """
+    plan = plan if isinstance(plan, Plan) else load_plan(plan)
+    words = [f"{joint}={path}" for joint, path in recordings.items()]
+    return tuple(
+        comparison.compare(
+            plan.motion,
+            plan.robot,
+            plan.certificate,
+            comparison.read_measured(path, plan.robot, joint, counts_per_turn),
+        )
+        for joint, path in comparison.assign(words, plan.robot)
+    )
+
+
+def report(plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None) -> Path:
+    """Write the page of a plan, or with `other` the page that compares the two; returns its path.
+
+    path: default report.html or comparison.html beside the plan's plan.json. Raises ExportError, TrajectoryError or
+    ProblemError.
+    """
+    from ssm_planner.reporting.html.compare import write_comparison
+    from ssm_planner.reporting.html.report import write_report
+
+    plan = plan if isinstance(plan, Plan) else load_plan(plan)
+    if other is None:
+        return write_report(plan, plan.path.with_name("report.html") if path is None else Path(path))
+    other = other if isinstance(other, Plan) else load_plan(other)
+    return write_comparison(plan, other, plan.path.with_name("comparison.html") if path is None else Path(path))
 
 
 def _given(robot: Robot | None, motion: str | Path) -> Robot:

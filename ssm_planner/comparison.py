@@ -1,11 +1,11 @@
-"""When in a recording a planned motion happens: the delay at which the two speeds differ least.
-
-A plan against a recording of its execution, axis by axis: errors, time alignment, and what became of the margins.
-"""
+"""A plan against recordings of its execution, axis by axis: time alignment, errors, and what became of the margins."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,12 @@ import numpy as np
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
+from ssm_planner.formats.epos4_setup import QUADRATURE
 from ssm_planner.formats.points import Flags
 from ssm_planner.problem.limits import JointLimit, JointPosition, JointVelocity, MotorSpeed, MotorTorque
-from ssm_planner.problem.robot import Robot
+from ssm_planner.identification.recorder_csv import parse_table
+from ssm_planner.identification.recordings import read_recording
+from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
@@ -52,7 +55,7 @@ def align(planned_time: Array, planned: Array, time: Array, measured: Array) -> 
 def _search(planned_time: Array, planned: Array, t: Array, w: Array, duration: float) -> tuple[float, float]:
     """(delay, correlation): zooming grids over the squared difference."""
     low, high = float(t[0]) - duration, float(t[-1])
-    # coarser than the motion's own features the first grid must not be
+    # the first grid is finer than the features of the motion
     count = int(np.clip((high - low) / (duration / 100), DELAYS, 20 * DELAYS))
     delay = low
     while high - low > FINEST:
@@ -270,3 +273,79 @@ def _limits(robot: Robot, i: int, certificate: Certificate | None, measured: Mea
 def _row(limit: JointLimit, worst: float, resolution: float) -> tuple[str, float, float, float, float, str]:
     largest = limit.largest
     return limit.name, largest, worst, 1 - worst / largest, resolution / largest, limit.unit
+
+
+POSITION = ("position actual value", "position demand value", "position")
+INCREMENTS = ("inc", "qc", "counts", "increments", "")
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+
+def read_measured(path: Path, robot: Robot, joint: str, counts_per_turn: int | None = None) -> Measured:
+    """One recording in SI units and the joint's positive direction. Raises RecordingError."""
+    axis = next(each for each in robot.joints if each.name == joint)
+    if axis.drive is None:
+        raise RecordingError(f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its motor")
+    nominal = None if axis.motor is None else axis.motor.nominal_torque
+    recording = read_recording(path, nominal_torque=nominal, direction=axis.motor_direction)
+    steps = np.diff(np.unique(np.round(recording.tau, 12)))
+    return Measured(
+        joint,
+        recording.name,
+        time=recording.time,
+        w=recording.w,
+        tau=recording.tau,
+        q=_recorded_position(path, axis, recording.time, counts_per_turn),
+        speed_resolution=recording.quantum,
+        torque_resolution=float(steps.min()) if len(steps) else 0.0,
+        repairs=recording.repairs,
+    )
+
+
+def _recorded_position(path: Path, joint: Joint, time: Array, counts_per_turn: int | None) -> Array | None:
+    """Joint position at the recording's times from a channel in increments, if there is one."""
+    table = parse_table(path.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff"), path)
+    names = [name.strip().lower() for name in table.names]
+    column = next((names.index(name) for name in POSITION if name in names), None)
+    clock = next((k for k, name in enumerate(names) if name in ("", "time", "t")), 0)
+    if column is None or joint.drive is None:
+        return None
+    if table.units[column].strip().lower() not in INCREMENTS:
+        raise RecordingError(f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, qc)")
+    counts = counts_per_turn
+    if counts is None and joint.motor is not None and joint.motor.encoder_counts is not None:
+        counts = QUADRATURE * joint.motor.encoder_counts
+    if counts is None:
+        raise RecordingError(
+            f"{path}: its position channel is in increments, and the motor of joint {joint.name} has no encoder_counts: "
+            "give --counts-per-turn"
+        )
+    raw = table.values[:, clock] * TIMES.get(table.units[clock].strip().lower(), 1.0)
+    position = table.values[:, column] * joint.motor_direction * 2 * np.pi / counts / joint.drive.ratio
+    known = np.isfinite(raw) & np.isfinite(position)
+    return np.interp(time, raw[known] - raw[known][0], position[known])
+
+
+def assign(words: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
+    """(joint, file) of every `JOINT=FILE`, or of files whose names hold a joint's name or its number.
+
+    Raises RecordingError.
+    """
+    names = [joint.name for joint in robot.joints]
+    found: list[tuple[str, Path]] = []
+    for word in words:
+        joint, given, file = word.partition("=")
+        if not given:
+            joint, file = _joint_in(Path(word).stem.lower(), names), word
+        if joint not in names:
+            raise RecordingError(f"{word}: of which joint? write JOINT=FILE with one of {', '.join(names)}")
+        if joint in (other for other, _ in found):
+            raise RecordingError(f"{word}: a second recording of joint {joint}")
+        found.append((joint, Path(file)))
+    return found
+
+
+def _joint_in(stem: str, names: list[str]) -> str:
+    chosen = [name for name in names if name in stem]
+    numbers = re.findall(r"(?:axis|joint|motor|j)[ _-]?([1-4])(?!\d)", stem)
+    chosen += [names[int(number) - 1] for number in numbers]
+    return chosen[0] if len(set(chosen)) == 1 else ""

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import compare as command
-from ssm_planner.cli.compare import assign, read_measured
-from ssm_planner.comparison import align, compare
+from ssm_planner.comparison import align, assign, compare, read_measured
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError

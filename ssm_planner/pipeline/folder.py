@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.plans import FILE, Plan, use_folder_writer
+from ssm_planner.plans import FILE, Plan, load_plan, use_folder_writer
 
 if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
+
+__all__ = ["Plan", "load_plan", "write_folder"]
+"""Who takes `Plan` and `load_plan` from here can `save` plans."""
 
 
 @use_folder_writer
