@@ -9,43 +9,122 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ssm_planner.api import check, size
+    from ssm_planner.api import check, compare, report, size
+    from ssm_planner.comparison import Alignment, AxisComparison, Difference, Kept
+    from ssm_planner.errors import (
+        ExportError,
+        GeometryError,
+        ProblemError,
+        RecordingError,
+        SsmPlannerError,
+        TrajectoryError,
+    )
     from ssm_planner.formats.export import export
-    from ssm_planner.identification.identify import identify, predict
+    from ssm_planner.identification.dynamic import DynamicFit
+    from ssm_planner.identification.estimation import Estimate
+    from ssm_planner.identification.fit import MapFit
+    from ssm_planner.identification.identify import Identification, identify, predict
+    from ssm_planner.identification.prediction import Prediction
+    from ssm_planner.identification.recordings import Recording
+    from ssm_planner.identification.torque_map import TorqueMap
+    from ssm_planner.kinematics.design import DesignRegion, design_region
+    from ssm_planner.kinematics.of_robot import JointSolutions, ToolPose, Workspace, fk, ik, workspace
+    from ssm_planner.kinematics.workspace import Extreme
     from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
-    from ssm_planner.pipeline.run import plan
+    from ssm_planner.pipeline.folder import Plan, load_plan
+    from ssm_planner.pipeline.run import Progress, plan
+    from ssm_planner.planning.reason import Reason
+    from ssm_planner.plans import PhaseSummary
+    from ssm_planner.problem.drive import Drive, DriveKind, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
+    from ssm_planner.problem.limits import Limit, SpeedLimit, TaskRange, TaskRate, TipSpeed
+    from ssm_planner.problem.motor import Motor
+    from ssm_planner.problem.problem import (
+        Eye,
+        Lens,
+        Motion,
+        MotionKind,
+        Objective,
+        Planner,
+        Problem,
+        Scan,
+        Target,
+        TaskLimits,
+    )
+    from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
+    from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
+    from ssm_planner.sizing.assess import MotorVerdict
+    from ssm_planner.sizing.checks import Check
+    from ssm_planner.sizing.demand import Band, DemandName, Demands
+    from ssm_planner.sizing.heat_check import Heat
+    from ssm_planner.sizing.joint_load import JointLoad
+    from ssm_planner.sizing.motor_limits import Conditions
+    from ssm_planner.sizing.requirements import MotorRequirement, TorqueBreakdown
+    from ssm_planner.sizing.size import JointSizing, Sizing
+    from ssm_planner.sizing.thermal_network import Cycle, ThermalModel
+    from ssm_planner.trajectory import Samples, Side, Span, Trajectory
+    from ssm_planner.typing import Array, Indices, Range
     from ssm_planner.units import deg, mm, mNm, ms, rpm
+    from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 __all__ = [
-    "check",
-    "deg",
-    "export",
-    "identify",
-    "load_drive",
-    "load_motor",
-    "load_problem",
-    "load_robot",
-    "mNm",
-    "mm",
-    "ms",
-    "plan",
-    "predict",
-    "rpm",
-    "size",
-]
+    "Alignment", "Array", "AxisComparison", "Band", "Body", "Certificate", "Check", "Conditions", "Count",
+    "Cycle", "DemandName", "Demands", "DesignRegion", "Difference", "Drive", "DriveKind", "DynamicFit",
+    "Estimate", "ExportError", "Extreme", "Eye", "Friction", "FrictionLawName", "Geometry", "GeometryError",
+    "Heat", "Identification", "Indices", "Interval", "Joint", "JointLoad", "JointSizing", "JointSolutions",
+    "Kept", "Lens", "Limit", "LimitCheck", "MapFit", "Matrix", "Motion", "MotionKind", "Motor",
+    "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
+    "Positive", "Prediction", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording",
+    "RecordingError", "Rig", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing", "Span",
+    "SpeedLimit", "SsmPlannerError", "Target", "TaskLimits", "TaskRange", "TaskRate", "ThermalModel",
+    "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Trajectory", "TrajectoryError", "Vector",
+    "Workspace", "check", "compare", "deg", "design_region", "export", "fk", "identify", "ik", "load_drive",
+    "load_motor", "load_plan", "load_problem", "load_robot", "mNm", "mm", "ms", "plan", "predict", "report",
+    "rpm", "size", "workspace",
+]  # fmt: skip
 
 _HOMES = {
-    "check": "ssm_planner.api",
-    "export": "ssm_planner.formats.export",
-    "identify": "ssm_planner.identification.identify",
-    "load_drive": "ssm_planner.loading.load",
-    "load_motor": "ssm_planner.loading.load",
-    "load_problem": "ssm_planner.loading.load",
-    "load_robot": "ssm_planner.loading.load",
-    "plan": "ssm_planner.pipeline.run",
-    "predict": "ssm_planner.identification.identify",
-    "size": "ssm_planner.api",
-    **dict.fromkeys(("deg", "mNm", "mm", "ms", "rpm"), "ssm_planner.units"),
+    name: module
+    for module, names in {
+        "ssm_planner.api": "check compare report size",
+        "ssm_planner.comparison": "Alignment AxisComparison Difference Kept",
+        "ssm_planner.errors": "ExportError GeometryError ProblemError RecordingError SsmPlannerError TrajectoryError",
+        "ssm_planner.formats.export": "export",
+        "ssm_planner.identification.dynamic": "DynamicFit",
+        "ssm_planner.identification.estimation": "Estimate",
+        "ssm_planner.identification.fit": "MapFit",
+        "ssm_planner.identification.identify": "Identification identify predict",
+        "ssm_planner.identification.prediction": "Prediction",
+        "ssm_planner.identification.recordings": "Recording",
+        "ssm_planner.identification.torque_map": "TorqueMap",
+        "ssm_planner.kinematics.design": "DesignRegion design_region",
+        "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",
+        "ssm_planner.kinematics.workspace": "Extreme",
+        "ssm_planner.loading.load": "load_drive load_motor load_problem load_robot",
+        "ssm_planner.pipeline.folder": "Plan load_plan",
+        "ssm_planner.pipeline.run": "Progress plan",
+        "ssm_planner.planning.reason": "Reason",
+        "ssm_planner.plans": "PhaseSummary",
+        "ssm_planner.problem.drive": "Drive DriveKind Friction FrictionLawName Ratings Rig ScrewEnds",
+        "ssm_planner.problem.limits": "Limit SpeedLimit TaskRange TaskRate TipSpeed",
+        "ssm_planner.problem.motor": "Motor",
+        "ssm_planner.problem.problem": "Eye Lens Motion MotionKind Objective Planner Problem Scan Target TaskLimits",
+        "ssm_planner.problem.robot": "Body Geometry Joint Robot",
+        "ssm_planner.problem.value": "Count Interval Matrix NotNegative Positive Sign Vector",
+        "ssm_planner.sizing.assess": "MotorVerdict",
+        "ssm_planner.sizing.checks": "Check",
+        "ssm_planner.sizing.demand": "Band DemandName Demands",
+        "ssm_planner.sizing.heat_check": "Heat",
+        "ssm_planner.sizing.joint_load": "JointLoad",
+        "ssm_planner.sizing.motor_limits": "Conditions",
+        "ssm_planner.sizing.requirements": "MotorRequirement TorqueBreakdown",
+        "ssm_planner.sizing.size": "JointSizing Sizing",
+        "ssm_planner.sizing.thermal_network": "Cycle ThermalModel",
+        "ssm_planner.trajectory": "Samples Side Span Trajectory",
+        "ssm_planner.typing": "Array Indices Range",
+        "ssm_planner.units": "deg mNm mm ms rpm",
+        "ssm_planner.verification.certificate": "Certificate LimitCheck",
+    }.items()
+    for name in names.split()
 }
 """No module of the package may have one of these names: importing it would put the module in the function's place."""
 

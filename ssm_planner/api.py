@@ -15,9 +15,10 @@ from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing import size as sizing
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.sizing.size import Sizing
+from ssm_planner.sizing.size import size as size_duty
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import check as checking
 from ssm_planner.verification.certificate import Certificate
@@ -50,7 +51,7 @@ def size(
     motors: Mapping[str, Sequence[Motor | str | Path]] | None = None,
     payload: float = 0.0,
     **conditions: Any,
-) -> sizing.Sizing:
+) -> Sizing:
     """Which motors and gears a plan, or the plan in a plan.json, needs.
 
     motors: candidates by joint name, motor files or what they hold; joints not named there are judged with their own.
@@ -63,7 +64,7 @@ def size(
         for joint, listed in (motors or {}).items()
     }
     duty = DutyCycle.of_trajectory(motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan))
-    return sizing.size(duty, candidates, Conditions(**conditions), payload)
+    return size_duty(duty, candidates, Conditions(**conditions), payload)
 
 
 def compare(

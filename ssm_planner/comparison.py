@@ -133,9 +133,11 @@ class AxisComparison:
 
     @property
     def held(self) -> bool:
+        """Every limit was kept within the resolution of the measurement."""
         return all(limit.held for limit in self.limits)
 
     def to_dict(self) -> dict[str, Any]:
+        """An entry of `axes` in what `compare --json` prints; SI."""
         return {
             "joint": self.joint,
             "recording": self.recording,

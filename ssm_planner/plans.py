@@ -23,7 +23,6 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
 
 if TYPE_CHECKING:  # the check reads plans, and never loads the planner
-    from ssm_planner.planning.planner import PlannedPhase
     from ssm_planner.planning.reason import Reason
 
 FORMAT = "ssm_planner plan"
@@ -67,21 +66,6 @@ class PhaseSummary:
     """Of the inverse kinematics, ±1; None for a phase without a path of its own."""
     iterations: int
     """Of the solver."""
-
-    @classmethod
-    def of(cls, planned: PlannedPhase) -> PhaseSummary:
-        """What a plan keeps of a planned phase."""
-        phase = planned.phase
-        return cls(
-            name=phase.motion.name,
-            duration=planned.duration,
-            toppra_duration=planned.toppra_duration,
-            lower_bound=planned.lower_bound,
-            task_start=tuple(phase.start.tolist()),
-            task_end=tuple(phase.end.tolist()),
-            branch=phase.branch,
-            iterations=planned.iterations,
-        )
 
 
 @dataclass(frozen=True, eq=False)

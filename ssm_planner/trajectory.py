@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.typing import Array, Indices
@@ -62,16 +63,20 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
+        """From the first break to the last, s."""
         return float(self.breaks[-1] - self.breaks[0])
 
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
-        """Index of the piece that holds each t; at a break the one to its right or left."""
+        """Index (n,) of the piece that holds each t (n,); at a break the one to its right or left."""
         where = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
         return np.clip(where, 0, len(self.breaks) - 2)
 
-    def sample(self, t: Array, side: Side = "right") -> Samples:
-        """The motion at times t (n,); one-sided limits at the breaks, where the acceleration may jump."""
-        t = np.asarray(t, dtype=float)
+    def sample(self, t: ArrayLike, side: Side = "right") -> Samples:
+        """The motion at times t (n,), or at one; one-sided limits at the breaks, where the acceleration may jump.
+
+        The arrays of the answer have one row for each time, (n, 4), and (1, 4) for a single one.
+        """
+        t = np.atleast_1d(np.asarray(t, dtype=float))
         piece = self.piece_of(t, side)
         return self.sample_pieces(piece, t - self.breaks[piece])
 
@@ -97,6 +102,7 @@ class Trajectory:
         return self.sample(t)
 
     def to_dict(self) -> dict[str, Any]:
+        """What plan.json holds: JSON types, s, rad, m."""
         return {
             "breaks_s": self.breaks.tolist(),
             "coefficients": self.coefficients.tolist(),

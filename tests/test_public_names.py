@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import inspect
 import pkgutil
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 
@@ -16,11 +20,8 @@ from ssm_planner.cli import main
 from ssm_planner.errors import TrajectoryError
 
 ROOT = Path(__file__).parent.parent
-UNITS = {"deg", "mm", "mNm", "ms", "rpm"}
-FUNCTIONS = {
-    "load_problem", "load_robot", "load_drive", "load_motor", "plan", "check", "identify", "predict", "size", "export"
-}  # fmt: skip
-NAMES = FUNCTIONS | UNITS
+NAMES = set(ssm_planner.__all__)
+FUNCTIONS = {name for name in NAMES if inspect.isfunction(getattr(ssm_planner, name))}
 EVERY = "import pkgutil, importlib, ssm_planner\n" + (
     "for found in pkgutil.walk_packages(ssm_planner.__path__, 'ssm_planner.'):\n"
     "    if not found.name.endswith('__main__'): importlib.import_module(found.name)\n"
@@ -33,9 +34,110 @@ def run(code: str) -> None:
 
 
 def test_these_names_and_no_others() -> None:
-    assert set(ssm_planner.__all__) == set(dir(ssm_planner)) == NAMES
+    assert len(ssm_planner.__all__) == len(NAMES)
+    assert set(dir(ssm_planner)) == set(ssm_planner._HOMES) == NAMES
+    assert {
+        *(
+            "load_problem",
+            "load_robot",
+            "load_drive",
+            "load_motor",
+            "load_plan",
+            "plan",
+            "check",
+            "identify",
+            "predict",
+        ),
+        *("size", "export", "ik", "fk", "workspace", "design_region", "compare", "report"),
+    } == FUNCTIONS
     with pytest.raises(AttributeError, match="nonsense"):
         ssm_planner.nonsense  # noqa: B018
+
+
+def test_type_checkers_find_the_names_where_the_program_does() -> None:
+    tree = ast.parse(Path(ssm_planner.__file__).read_text(encoding="utf-8"))
+    stated = {
+        alias.name: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if alias.name in NAMES
+    }
+    assert stated == ssm_planner._HOMES
+
+
+def words(annotation: ast.expr | None) -> set[str]:
+    """Names in an annotation; an Annotated type's arguments are not among them."""
+    if annotation is None:
+        return set()
+    if isinstance(annotation, ast.Constant) and isinstance(annotation.value, str):
+        return words(ast.parse(annotation.value, mode="eval").body)
+    if (
+        isinstance(annotation, ast.Subscript)
+        and isinstance(annotation.value, ast.Name)
+        and annotation.value.id == "Annotated"
+    ):
+        assert isinstance(annotation.slice, ast.Tuple)
+        return words(annotation.slice.elts[0])
+    if isinstance(annotation, ast.Name):
+        return {annotation.id}
+    children = (child for child in ast.iter_child_nodes(annotation) if isinstance(child, ast.expr))
+    return set().union(*map(words, children))
+
+
+def in_signature(node: ast.FunctionDef) -> set[str]:
+    a = node.args
+    arguments = [*a.posonlyargs, *a.args, *a.kwonlyargs, *(each for each in (a.vararg, a.kwarg) if each)]
+    return set().union(words(node.returns), *(words(each.annotation) for each in arguments))
+
+
+def in_class(node: ast.ClassDef) -> set[str]:
+    """Names in the fields and in the public methods and properties."""
+    found: set[str] = set()
+    for part in node.body:
+        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and part.target.id[0] != "_":
+            found |= words(part.annotation)
+        if isinstance(part, ast.FunctionDef) and (part.name[0] != "_" or part.name == "__init__"):
+            found |= in_signature(part)
+    return found
+
+
+def of_this_package(module: str) -> set[str]:
+    """Classes and types that a module defines, or takes from other modules of the package."""
+    tree = ast.parse(Path(importlib.import_module(module).__file__ or "").read_text(encoding="utf-8"))
+    taken = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ssm_planner")
+        for alias in node.names
+    }
+    made = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}
+    types = {
+        node.targets[0].id
+        for node in tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+    return taken | made | types
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_every_name_in_a_public_signature_is_public(name: str) -> None:
+    value = getattr(ssm_planner, name)
+    kinds = [value] if inspect.isfunction(value) else inspect.getmro(value) if inspect.isclass(value) else []
+    for kind in kinds:
+        if kind.__module__.startswith("ssm_planner"):
+            node = ast.parse(inspect.cleandoc("\n" + inspect.getsource(kind))).body[0]
+            found = in_class(node) if isinstance(node, ast.ClassDef) else in_signature(node)  # type: ignore[arg-type]
+            found &= of_this_package(kind.__module__)
+            home = vars(importlib.import_module(kind.__module__))
+            assert not {each for each in found - NAMES if not isinstance(home.get(each), TypeVar)}
+
+
+def test_the_walk_sees_fields_methods_and_arguments() -> None:
+    tree = ast.parse(
+        "class A:\n    x: B | None\n    _y: C\n    def f(self, z: 'D') -> E: ...\n    def _g(self) -> F: ..."
+    )
+    assert in_class(tree.body[0]) == {"B", "D", "E"}  # type: ignore[arg-type]
 
 
 def test_no_module_takes_a_name_away() -> None:

@@ -45,6 +45,7 @@ class Identification:
 
     @property
     def dynamic_estimates(self) -> dict[str, Estimate]:
+        """Of the start–stop recordings, by name; empty where there are none."""
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:

@@ -30,6 +30,7 @@ class DesignRegion:
 
     @property
     def empty(self) -> bool:
+        """Nothing reaches the range with the margin."""
         return len(self.vertices) == 0
 
     @property

@@ -10,7 +10,7 @@ from pathlib import Path
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.tightening import Strictness
-from ssm_planner.planning.planner import PlannerResult, plan_motion
+from ssm_planner.planning.planner import PlannedPhase, PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import ContinuousTorque, Jump, Limit, SelfLocking
@@ -46,10 +46,24 @@ def plan(
         problem=problem,
         status=planned.status,
         trajectory=planned.trajectory,
-        phases=tuple(PhaseSummary.of(phase) for phase in planned.phases),
+        phases=tuple(map(_summary, planned.phases)),
         certificate=certificate,
         reason=reason,
         solve_time=time.perf_counter() - begin,
+    )
+
+
+def _summary(planned: PlannedPhase) -> PhaseSummary:
+    phase = planned.phase
+    return PhaseSummary(
+        name=phase.motion.name,
+        duration=planned.duration,
+        toppra_duration=planned.toppra_duration,
+        lower_bound=planned.lower_bound,
+        task_start=tuple(phase.start.tolist()),
+        task_end=tuple(phase.end.tolist()),
+        branch=phase.branch,
+        iterations=planned.iterations,
     )
 
 

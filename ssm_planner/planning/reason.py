@@ -23,13 +23,16 @@ class Reason:
 
     @property
     def constraint(self) -> str:
+        """Name of the limit; "solver" where none is known."""
         return "solver" if self.limit is None else self.limit.name
 
     @property
     def joint(self) -> str | None:
+        """Joint of the limit; None where it concerns the tool or the whole motion."""
         return None if self.limit is None else self.limit.joint
 
     def to_dict(self) -> dict[str, Any]:
+        """The object under `reason` in what `plan --json` prints."""
         return {
             "constraint": self.constraint,
             "joint": self.joint,

@@ -44,6 +44,7 @@ class Motor(Value):
 
     @property
     def placeholder(self) -> bool:
+        """Some figures stand in for unknown ones."""
         return bool(self.placeholders)
 
     def _check(self) -> None:

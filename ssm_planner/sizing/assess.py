@@ -12,7 +12,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.checks import Check, above, all_of, below, binding, gear_checks, unchecked
-from ssm_planner.sizing.demand import Band, FrictionSpread, Name, linear_band, monte_carlo, spread_of
+from ssm_planner.sizing.demand import Band, DemandName, FrictionSpread, linear_band, monte_carlo, spread_of
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
@@ -53,6 +53,7 @@ class MotorVerdict:
 
     @property
     def joint(self) -> str:
+        """Name of the joint."""
         return self.load.joint
 
     @property
@@ -71,6 +72,7 @@ class MotorVerdict:
         return None if first is None else first.name
 
     def to_dict(self) -> dict[str, Any]:
+        """An entry of `motors` in what `size --json` prints; SI."""
         checks = (*self.checks, *self.gear)
         return {
             "joint": self.joint,
@@ -149,7 +151,7 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, tuple[Check, ...]]
     return replace(load.drive, input_inertia=inertia), ()
 
 
-Limit = tuple[Name, float, float | None, str, tuple[str, ...]]
+Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
 """Demand, factor on it, what it must not exceed (None: not known), unit, and what is missing."""
 
 
@@ -183,7 +185,7 @@ def _check(
     band: Band,
     conditions: Conditions,
     name: str,
-    demand: Name,
+    demand: DemandName,
     factor: float,
     limit: float | None,
     unit: str,

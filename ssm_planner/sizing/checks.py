@@ -16,7 +16,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.problem.drive import Drive, Ratings, ScrewEnds
-from ssm_planner.sizing.demand import Band, FrictionSpread, Name
+from ssm_planner.sizing.demand import Band, DemandName, FrictionSpread
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 
@@ -48,6 +48,7 @@ class Check:
         return None if self.margin is None else self.margin >= -TOLERANCE
 
     def to_dict(self) -> dict[str, Any]:
+        """JSON types; SI."""
         return {
             "name": self.name,
             "passed": self.passed,
@@ -161,7 +162,7 @@ def _speed(load: JointLoad, ratings: Ratings) -> Check:
 
 def _output(drive: Drive, ratings: Ratings, band: Band, conditions: Conditions) -> Iterator[Check]:
     unit = "N·m" if drive.kind == "worm" else "N"
-    pairs: tuple[tuple[str, Name, str], ...] = (
+    pairs: tuple[tuple[str, DemandName, str], ...] = (
         ("gear_peak_output", "peak_effort", "peak_output"),
         ("gear_continuous_output", "continuous_effort", "continuous_output"),
     )

@@ -23,8 +23,8 @@ from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, missing, required_voltage
 from ssm_planner.typing import Array, Indices, Range
 
-Name = Literal["peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"]
-DEMANDS: tuple[Name, ...] = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")
+DemandName = Literal["peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"]
+DEMANDS: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")
 LINEAR_DRAWS = 20_000
 SHARE = 500
 """Instants of a motion that a Monte Carlo looks at, beside those where torque jumps or peaks."""
@@ -51,6 +51,7 @@ class Demands:
 
     @classmethod
     def of(cls, table: Array) -> Demands:
+        """Of a table (draws, demands) with a column for each of DEMANDS."""
         return cls(*(table[:, i] for i in range(len(DEMANDS))))
 
 
@@ -64,15 +65,15 @@ class Band:
     known: bool
     """False: nothing is known of the uncertainty, all three are the nominal figures."""
 
-    def high(self, name: Name, confidence: float) -> float:
+    def high(self, name: DemandName, confidence: float) -> float:
         """What the demand stays below with this confidence."""
         return float(np.quantile(getattr(self.worst, name), confidence, method="inverted_cdf"))
 
-    def low(self, name: Name, confidence: float) -> float:
+    def low(self, name: DemandName, confidence: float) -> float:
         """What the demand stays above with this confidence."""
         return float(np.quantile(getattr(self.best, name), 1 - confidence, method="inverted_cdf"))
 
-    def at(self, name: Name) -> float:
+    def at(self, name: DemandName) -> float:
         """At the stated friction."""
         return float(getattr(self.nominal, name)[0])
 

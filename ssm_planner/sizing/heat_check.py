@@ -41,6 +41,7 @@ class Heat:
         return time_until(self.model, self.cycle, self.limit)
 
     def to_dict(self) -> dict[str, Any]:
+        """JSON types; SI, kelvin."""
         return {
             "capacity": self.capacity if np.isfinite(self.capacity) else None,
             "limit": self.limit,

@@ -51,6 +51,7 @@ class JointLoad:
 
     @property
     def tau_rigid(self) -> Array:
+        """Effort of the rigid bodies (n,), N·m or N."""
         return self.inertia + self.velocity + self.gravity
 
     @property
@@ -59,11 +60,11 @@ class JointLoad:
         return float(self.weight[self.direction != 0].sum())
 
     def speed(self, drive: Drive | None = None) -> Array:
-        """Motor speed, rad/s."""
+        """Motor speed (n,), rad/s."""
         return (drive or self.drive).ratio * self.qd
 
     def acceleration(self, drive: Drive | None = None) -> Array:
-        """Motor acceleration, rad/s²."""
+        """Motor acceleration (n,), rad/s²."""
         return (drive or self.drive).ratio * self.qdd
 
     def effort(self, drive: Drive | None = None) -> Array:
@@ -77,7 +78,7 @@ class JointLoad:
         return motor_torque(drive, self.effort(drive), w, wd, direction=self.direction, mu=self.coefficient(drive))
 
     def coefficient(self, drive: Drive) -> Array:
-        """μ at every instant: kinetic, and at a start at least the static one."""
+        """μ at every instant, (n,) or (draws, n): kinetic, and at a start at least the static one."""
         friction = friction_of(drive)
         w = self.speed(drive)
         mu = friction_coefficient(friction, w)
@@ -109,7 +110,7 @@ class JointLoad:
         )
 
     def at(self, keep: Indices) -> JointLoad:
-        """Only the instants `keep` (increasing); each stands for the time to its neighbours."""
+        """Only the instants `keep` (m,), increasing; each stands for the time to its neighbours."""
         names = ("t", "q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
         parts = {name: getattr(self, name)[keep] for name in names}
         return replace(self, **parts, weight=_weights(parts["t"]))

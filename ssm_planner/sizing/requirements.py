@@ -54,9 +54,11 @@ class MotorRequirement:
 
     @property
     def placeholder(self) -> bool:
+        """No motor is given, or its figures stand in for unknown ones."""
         return self.motor is None or self.motor.placeholder
 
     def to_dict(self) -> dict[str, Any]:
+        """An entry of `motors` in what `plan --json` prints; SI."""
         return {
             "joint": self.joint,
             "motor": None if self.motor is None else self.motor.name,
@@ -139,11 +141,12 @@ class TorqueBreakdown:
     """RMS of each part over the motion, N·m."""
 
     def parts(self) -> Iterator[tuple[str, Array]]:
-        """Name and part."""
+        """Name and part (n,), N·m."""
         for name in PARTS:
             yield name, getattr(self, name)
 
     def to_dict(self) -> dict[str, dict[str, float]]:
+        """By part: its value at the largest torque and its RMS, N·m."""
         return {name: {"at_peak": self.at_peak[name], "rms": self.rms[name]} for name in PARTS}
 
 

@@ -15,7 +15,7 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of
 from ssm_planner.sizing.checks import Check, all_of, binding, gear_checks
-from ssm_planner.sizing.demand import Band, Name, spread_of
+from ssm_planner.sizing.demand import Band, DemandName, spread_of
 from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
@@ -47,6 +47,7 @@ class JointSizing:
         return None if None in answers or not answers else False
 
     def gear_dict(self) -> dict[str, Any]:
+        """An entry of `gears` in what `size --json` prints."""
         first = binding(self.gear)
         return {
             "joint": self.load.joint,
@@ -59,7 +60,8 @@ class JointSizing:
         }
 
     def requirement_dict(self, confidence: float) -> dict[str, Any]:
-        names: tuple[Name, ...] = ("peak_torque", "rms_torque", "peak_effort")
+        """An entry of `requirements` in what `size --json` prints; bands at a confidence."""
+        names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
         bands = {
             name: [self.band.low(name, confidence), self.band.high(name, confidence)] if self.band.known else None
             for name in names
@@ -82,6 +84,7 @@ class Sizing:
 
     @property
     def verdicts(self) -> tuple[MotorVerdict, ...]:
+        """Of every candidate on every joint."""
         return tuple(verdict for joint in self.joints for verdict in joint.candidates)
 
     def to_dict(self) -> dict[str, Any]:

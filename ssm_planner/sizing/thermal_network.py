@@ -162,7 +162,7 @@ class ThermalModel:
         return self.loss * square * self._growth(winding)[0]
 
     def slope(self, square: Array, winding: Array) -> Array:
-        """dP/dT_w, W/K."""
+        """dP/dT_w, W/K, for squared torques and winding temperatures of any shape."""
         return self.loss * square * self._growth(winding)[1]
 
     def _growth(self, winding: Array) -> tuple[Array, Array]:
@@ -182,7 +182,7 @@ class Cycle:
 
     @classmethod
     def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> Cycle:
-        """A motion and the pause after it, in which the motor is without current."""
+        """A motion, t (n,) and torque (n,), and the pause after it, in which the motor is without current."""
         t, square = t - t[0], np.square(torque)
         if pause > 0:
             # dense where the winding cools fastest
@@ -192,6 +192,7 @@ class Cycle:
 
     @property
     def period(self) -> float:
+        """Duration of motion and pause, s."""
         return float(self.t[-1])
 
     def scaled(self, factor: float) -> Cycle:
@@ -199,6 +200,7 @@ class Cycle:
         return Cycle(self.t, factor**2 * self.square)
 
     def mean(self, value: Array) -> float:
+        """Over one period, of a value (n,) at the instants t."""
         return float(np.trapezoid(value, self.t) / self.period)
 
 

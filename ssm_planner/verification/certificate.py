@@ -28,9 +28,11 @@ class LimitCheck:
 
     @property
     def passed(self) -> bool:
+        """The limit is kept, up to rounding."""
         return self.margin >= -TOLERANCE
 
     def to_dict(self) -> dict[str, Any]:
+        """An entry of `limits` in what `check --json` prints; SI."""
         return {
             "name": self.name,
             "joint": self.joint,
@@ -63,6 +65,7 @@ class Certificate:
 
     @property
     def passed(self) -> bool:
+        """Every limit is kept."""
         return all(limit.passed for limit in self.limits)
 
     @property
@@ -72,9 +75,11 @@ class Certificate:
 
     @property
     def violations(self) -> tuple[LimitCheck, ...]:
+        """The limits that are not kept."""
         return tuple(limit for limit in self.limits if not limit.passed)
 
     def to_dict(self) -> dict[str, Any]:
+        """What plan.json holds; SI."""
         return {
             "passed": self.passed,
             "interpolation": self.interpolation,
