@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ssm_planner.errors import ProblemError, SsmPlannerError, TrajectoryError
+from ssm_planner.cli import main
+from ssm_planner.errors import ExportError, ProblemError, SsmPlannerError, TrajectoryError
+from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.run import plan as plan_problem
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
@@ -95,3 +100,34 @@ def test_an_infeasible_plan_holds_no_trajectory(plan: Plan, tmp_path: Path) -> N
 
 def test_helpers_make_passing_plans(robot: Robot) -> None:
     assert check(smooth(robot), robot).passed
+
+
+def test_a_saved_folder_is_the_command_s_and_the_same_every_time(tmp_path: Path) -> None:
+    problem = load_problem(ROOT / "problems/tilt_insert.yaml")
+    first, second = (plan_problem(problem).save(tmp_path / name) for name in ("first", "second"))
+    assert main(["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "command")]) == 0
+    names = {path.name for path in first.values()}
+    assert {"plan.json", "report.html", "trajectory.csv"} < names == {path.name for path in second.values()}
+    assert names == {path.name for path in (tmp_path / "command").iterdir()}
+    for name in names:
+        content = (tmp_path / "first" / name).read_bytes()
+        assert content == (tmp_path / "second" / name).read_bytes(), name
+        assert content == (tmp_path / "command" / name).read_bytes(), name
+
+
+def test_a_loaded_plan_is_the_plan(tmp_path: Path) -> None:
+    made = plan_problem(load_problem(ROOT / "problems/tilt_insert.yaml"))
+    made.save(tmp_path)
+    loaded = load_plan(tmp_path)
+    assert loaded.to_json() == made.to_json()
+    assert loaded.sha256 == made.sha256 == hashlib.sha256((tmp_path / "plan.json").read_bytes()).hexdigest()
+    assert loaded.to_dict().keys() == json.loads((ROOT / "results/tilt_insert/plan.json").read_text("utf-8")).keys()
+    assert loaded.trajectory is not None
+    assert loaded.trajectory.sample(0.001).q.shape == (1, 4)
+    assert replace(loaded, status="changed").file is None
+
+
+def test_a_plan_without_a_passed_certificate_is_not_saved(bad_plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="no passed certificate"):
+        bad_plan.save(tmp_path / "out")
+    assert not (tmp_path / "out").exists()
