@@ -15,9 +15,9 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
 from ssm_planner.formats.epos4_setup import QUADRATURE
 from ssm_planner.formats.points import Flags
-from ssm_planner.problem.limits import JointLimit, JointPosition, JointVelocity, MotorSpeed, MotorTorque
 from ssm_planner.identification.recorder_csv import parse_table
 from ssm_planner.identification.recordings import read_recording
+from ssm_planner.problem.limits import JointLimit, JointPosition, JointVelocity, MotorSpeed, MotorTorque
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array

@@ -61,14 +61,17 @@ class Limit(Value, ABC):
 
     @property
     def low(self) -> float:
+        """Smallest value allowed; infinite where there is none."""
         return -math.inf
 
     @property
     def high(self) -> float:
+        """Largest value allowed; infinite where there is none."""
         return math.inf
 
     @property
     def key(self) -> tuple[str, str | None]:
+        """(name, joint), by which results tell limits apart."""
         return self.name, self.joint
 
     @property
@@ -82,6 +85,7 @@ class Limit(Value, ABC):
         return self.low if value < self.low else self.high
 
     def allows(self, value: float) -> bool:
+        """Whether a value keeps the limit."""
         return self.low <= value <= self.high
 
     def tightened(self: L, worst: float, bound: float) -> L | None:
@@ -376,6 +380,7 @@ class TaskRange(Between):
 
     @property
     def name(self) -> str:
+        """Such as "tilt range"."""
         return self.name_of(self.coordinate)
 
     @staticmethod
@@ -385,6 +390,7 @@ class TaskRange(Between):
 
     @property
     def unit(self) -> str:
+        """rad, or m for depth."""
         return "m" if self.coordinate == "depth" else "rad"
 
     @property
@@ -393,6 +399,7 @@ class TaskRange(Between):
         return self.coordinate in ("roll", "spin")
 
     def tightened(self, worst: float, bound: float) -> TaskRange | None:
+        """As for every limit."""
         inwards = TIGHTENING * abs(worst - bound)
         if not self.coupled or not 2 * inwards < self.upper - self.lower:
             return None
@@ -401,10 +408,12 @@ class TaskRange(Between):
         return replace(self, lower=self.lower + inwards)
 
     def trials(self) -> tuple[float, ...]:
+        """As for every limit."""
         width = self.upper - self.lower
         return self.lower - width, self.upper + width
 
     def described(self, value: float) -> str:
+        """As for every limit."""
         side = "from" if value < self.low else "to"
         return (
             f"range of {self.coordinate} {side} {_text(value, self.unit)} "
@@ -412,6 +421,7 @@ class TaskRange(Between):
         )
 
     def on(self, problem: P) -> P:
+        """As for every limit."""
         return _with_own(problem, self)
 
 
@@ -430,9 +440,11 @@ class SpeedLimit(Symmetric):
     unit = "m/s"
 
     def trials(self) -> tuple[float, ...]:
+        """As for every limit."""
         return (2 * self.largest,)
 
     def on(self, problem: P) -> P:
+        """As for every limit."""
         return _with_own(problem, self)
 
 
@@ -451,6 +463,7 @@ class TaskRate(Symmetric):
 
     @property
     def name(self) -> str:
+        """Such as "tilt rate"; "insertion speed" for depth."""
         return self.name_of(self.coordinate)
 
     @staticmethod
@@ -465,9 +478,11 @@ class TaskRate(Symmetric):
 
     @property
     def unit(self) -> str:
+        """rad/s, or m/s for depth."""
         return "m/s" if self.coordinate == "depth" else "rad/s"
 
     def on(self, problem: P) -> P:
+        """As for every limit."""
         return _with_own(problem, self)
 
 

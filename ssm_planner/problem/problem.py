@@ -159,6 +159,7 @@ class Problem(Value, Limited):
 
     @property
     def task_limits(self) -> TaskLimits:
+        """Limits on where the tool is and how fast it goes."""
         return TaskLimits(self.limits, self.eye)
 
     @property
