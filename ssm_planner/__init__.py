@@ -37,19 +37,9 @@ if TYPE_CHECKING:
     from ssm_planner.plans import PhaseSummary
     from ssm_planner.problem.drive import Drive, DriveKind, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
     from ssm_planner.problem.limits import Limit, SpeedLimit, TaskRange, TaskRate, TipSpeed
+    from ssm_planner.problem.motion import Dwell, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
     from ssm_planner.problem.motor import Motor
-    from ssm_planner.problem.problem import (
-        Eye,
-        Lens,
-        Motion,
-        MotionKind,
-        Objective,
-        Planner,
-        Problem,
-        Scan,
-        Target,
-        TaskLimits,
-    )
+    from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, Problem, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
     from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
     from ssm_planner.sizing.assess import MotorVerdict
@@ -68,18 +58,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Alignment", "Array", "AxisComparison", "Band", "Body", "Certificate", "Check", "Conditions", "Count",
-    "Cycle", "DemandName", "Demands", "DesignRegion", "Difference", "Drive", "DriveKind", "DynamicFit",
-    "Estimate", "ExportError", "Extreme", "Eye", "Friction", "FrictionLawName", "Geometry", "GeometryError",
-    "Heat", "Identification", "Indices", "Interval", "Joint", "JointLoad", "JointSizing", "JointSolutions",
-    "Kept", "Lens", "Limit", "LimitCheck", "MapFit", "Matrix", "Motion", "MotionKind", "Motor",
-    "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
-    "Positive", "Prediction", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording",
-    "RecordingError", "Rig", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing", "Span",
-    "SpeedLimit", "SsmPlannerError", "Target", "TaskLimits", "TaskRange", "TaskRate", "ThermalModel",
-    "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Trajectory", "TrajectoryError", "Vector",
-    "Workspace", "check", "compare", "deg", "design_region", "export", "fk", "identify", "ik", "load_drive",
-    "load_motor", "load_plan", "load_problem", "load_robot", "mNm", "mm", "ms", "plan", "predict", "report",
-    "rpm", "size", "workspace",
+    "Cycle", "DemandName", "Demands", "DesignRegion", "Difference", "Drive", "DriveKind", "Dwell", "DynamicFit",
+    "Estimate", "ExportError", "Extreme", "Eye", "Free", "Friction", "FrictionLawName", "Geometry",
+    "GeometryError", "Heat", "Identification", "Indices", "Interval", "Joint", "JointLoad", "JointSizing",
+    "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion",
+    "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
+    "Point", "Positive", "Prediction", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason",
+    "Recording", "RecordingError", "Rig", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing",
+    "Span", "SpeedLimit", "SsmPlannerError", "Straight", "Task", "TaskLimits", "TaskRange", "TaskRate",
+    "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Trajectory",
+    "TrajectoryError", "Vector", "Workspace", "check", "compare", "deg", "design_region", "export", "fk",
+    "identify", "ik", "load_drive", "load_motor", "load_plan", "load_problem", "load_robot", "mNm", "mm", "ms",
+    "plan", "predict", "report", "rpm", "size", "workspace",
 ]  # fmt: skip
 
 _HOMES = {
@@ -106,8 +96,9 @@ _HOMES = {
         "ssm_planner.plans": "PhaseSummary",
         "ssm_planner.problem.drive": "Drive DriveKind Friction FrictionLawName Ratings Rig ScrewEnds",
         "ssm_planner.problem.limits": "Limit SpeedLimit TaskRange TaskRate TipSpeed",
+        "ssm_planner.problem.motion": "Dwell Free Joints Line Motion Point Scan Straight Task Tip",
         "ssm_planner.problem.motor": "Motor",
-        "ssm_planner.problem.problem": "Eye Lens Motion MotionKind Objective Planner Problem Scan Target TaskLimits",
+        "ssm_planner.problem.problem": "Eye Lens Objective Planner Problem TaskLimits",
         "ssm_planner.problem.robot": "Body Geometry Joint Robot",
         "ssm_planner.problem.value": "Count Interval Matrix NotNegative Positive Sign Vector",
         "ssm_planner.sizing.assess": "MotorVerdict",

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 
@@ -207,3 +207,26 @@ def test_the_lines_in_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
     names: dict[str, object] = {}
     exec(found[1], names)
     assert names["files"]
+
+
+AS_A_LIBRARY = """
+import ssm_planner as ssm
+from ssm_planner import deg, mm
+
+robot = ssm.load_robot("vitreoretinal")            # a shipped name, or a file
+problem = ssm.Problem(robot, start=ssm.Task(tilt=-85 * deg),
+    motion=[ssm.Straight(tilt=-135 * deg), ssm.Dwell(0.2), ssm.Straight(depth=20 * mm)],
+    limits=[ssm.TaskRange("tilt", -139 * deg, -81 * deg), ssm.TipSpeed(25 * mm)])
+plan = ssm.plan(problem)
+plan.save("out")                                   # the same folder as the command's
+ssm.load_plan("out").trajectory.sample(0.001)
+"""
+
+
+def test_a_problem_made_in_python_is_planned_saved_and_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(AS_A_LIBRARY, names)
+    assert names["plan"].passed
+    assert {"plan.json", "report.html", "trajectory.csv"} < {path.name for path in Path("out").iterdir()}
+    assert ssm_planner.load_plan("out").to_json() == names["plan"].to_json()
