@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.problem.limits import Limit
 
 TOLERANCE = 1e-6
 """A limit counts as kept while it is exceeded by no more than this share of itself (rounding)."""
@@ -25,6 +26,13 @@ class LimitCheck:
     margin: float
     time: float
     unit: str
+
+    @classmethod
+    def of(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
+        """A limit on a magnitude, with the largest one found and when."""
+        bound = limit.high
+        margin = (bound - worst) / bound
+        return cls(limit.name, limit.joint, worst=worst, limit=bound, margin=margin, time=time, unit=limit.unit)
 
     @property
     def passed(self) -> bool:
@@ -49,7 +57,8 @@ class LimitCheck:
         try:
             joint = None if data["joint"] is None else str(data["joint"])
             worst, limit, margin, time = (float(data[key]) for key in ("worst", "limit", "margin", "time"))
-            return cls(str(data["name"]), joint, worst, limit, margin, time, str(data["unit"]))
+            unit = str(data["unit"])
+            return cls(str(data["name"]), joint, worst=worst, limit=limit, margin=margin, time=time, unit=unit)
         except (KeyError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
 

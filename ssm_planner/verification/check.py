@@ -77,5 +77,15 @@ def _locking(robot: Robot) -> list[LimitCheck]:
         lowest = limit.friction
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
-        checks.append(LimitCheck(limit.name, limit.joint, lowest, needed, float(in_mu) / needed, 0.0, limit.unit))
+        checks.append(
+            LimitCheck(
+                limit.name,
+                limit.joint,
+                worst=lowest,
+                limit=needed,
+                margin=float(in_mu) / needed,
+                time=0.0,
+                unit=limit.unit,
+            )
+        )
     return checks

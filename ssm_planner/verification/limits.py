@@ -69,7 +69,9 @@ class Worst:
         bound = limit.high if limit.high - value <= value - limit.low else limit.low
         if limit.low == -limit.high:
             value, bound = abs(value), limit.high
-        return LimitCheck(limit.name, limit.joint, value, bound, -self.excess, self.time, limit.unit)
+        return LimitCheck(
+            limit.name, limit.joint, worst=value, limit=bound, margin=-self.excess, time=self.time, unit=limit.unit
+        )
 
 
 def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:

@@ -160,6 +160,5 @@ class Jumps:
                 limits.append(Jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
             for limit in limits:
                 worst, time = (float(values[limit.derivative, i]) for values in (self.worst, self.time))
-                margin = (limit.largest - worst) / limit.largest
-                checks.append(LimitCheck(limit.name, limit.joint, worst, limit.largest, margin, time, limit.unit))
+                checks.append(LimitCheck.of(limit, worst, time))
         return checks

@@ -48,8 +48,7 @@ def linear_limits(
         k = int(np.argmax(jump / allowed))
         limit = Jump(joint.name, float(allowed[k]), joint.kind == "prismatic", derivative=1)
         worst, time = float(jump[k]), float(trajectory.breaks[k])
-        margin = 1 - worst / limit.largest
-        found.append(LimitCheck(limit.name, limit.joint, worst, limit.largest, margin, time, limit.unit))
+        found.append(LimitCheck.of(limit, worst, time))
     undefined = "acceleration, jerk, motor torque and continuous torque: "
     undefined += "not defined on straight pieces (linear interpolation); "
     undefined += "velocity jumps are held against what the acceleration limit allows within one interval"
@@ -68,7 +67,7 @@ def _within_rounding(
     if of.limit.order != 1:
         return limit
     if of.order is None:
-        return _of_tool(of, limit, trajectory, robot, speeds, wrong)
+        return _of_tool(of, limit, trajectory=trajectory, robot=robot, speeds=speeds, wrong=wrong)
     i, scale = of.index, abs(of.scale)
     speed = scale * np.maximum(np.abs(speeds[:, i]) - wrong[:, i], 0.0)
     k = int(np.argmax(speed))

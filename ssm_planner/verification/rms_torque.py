@@ -52,6 +52,5 @@ class RmsTorques:
         for i, integral in zip(self.joints, self.integrals, strict=True):
             limit = robot.joints[i].limit(ContinuousTorque)
             rms, end = float(np.sqrt(integral / trajectory.duration)), float(trajectory.breaks[-1])
-            margin = 1 - rms / limit.largest
-            checks.append(LimitCheck(limit.name, limit.joint, rms, limit.largest, margin, end, limit.unit))
+            checks.append(LimitCheck.of(limit, rms, end))
         return checks

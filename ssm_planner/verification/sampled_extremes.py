@@ -211,7 +211,7 @@ def _law(robot: Robot, eye: Eye | None, wanted: tuple[Quantity, ...]) -> Vectori
     """The wanted quantities as one function of (q, qd, qdd, direction, breakaway); of a nut contact its effort."""
     q, qd, qdd, direction, breakaway = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway"))
     mechanism = Mechanism.from_geometry(robot.geometry)
-    _, torque, effort = motor_law(robot, q, qd, qdd, direction, breakaway)
+    _, torque, effort = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)

@@ -76,7 +76,15 @@ def retime(
         path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
     )
     message = "TOPP-RA finds no motion along the path within the limits"
-    best = Retiming("infeasible", message, np.inf, grid, np.zeros_like(grid), 0, np.full(points, -2))
+    best = Retiming(
+        "infeasible",
+        message,
+        duration=np.inf,
+        s=grid,
+        speed_squared=np.zeros_like(grid),
+        passes=0,
+        active=np.full(points, -2),
+    )
     for count in range(1, PASSES + 1):
         rows = path_limits.constraints(tangent, static_start=static and speeds[0] == 0.0)
         found = _solve(grid, rows, tangent, speeds)
@@ -90,7 +98,7 @@ def retime(
         active = rows.active(grid, found)
         # the tangents only over-estimate: where no row that has one binds, they do not matter
         settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k[:, active[active >= 0]].any()
-        best = Retiming("solved", "", duration, grid, found, count, active)
+        best = Retiming("solved", "", duration=duration, s=grid, speed_squared=found, passes=count, active=active)
         if settled:
             break
         tangent = found
