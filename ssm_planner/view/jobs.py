@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import secrets
-import tempfile
 import threading
 import time
 from collections.abc import Mapping
@@ -16,6 +14,7 @@ from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.loading.eye import as_written
 from ssm_planner.problem.limits import TASK, TaskRate
 from ssm_planner.problem.problem import Problem
+from ssm_planner.typing import Range
 from ssm_planner.view.page import SAME, Study, pose, tilt_range
 
 KEPT = 8
@@ -50,14 +49,14 @@ class Jobs:
 
     def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """{alpha, beta, start, target, tilt_range} or {own: true} → {job}. Raises ProblemError."""
-        text = self._problem(request)
+        stated = self._problem(request)
         if not self._busy.acquire(blocking=False):
             raise ProblemError("a plan is being made; one at a time")
         job = Job(secrets.token_urlsafe(16))
         self._jobs[job.identity] = job
         for old in list(self._jobs)[:-KEPT]:
             del self._jobs[old]
-        threading.Thread(target=self._run, args=(job, text), daemon=True).start()
+        threading.Thread(target=self._run, args=(job, stated), daemon=True).start()
         return {"job": job.identity}
 
     def progress(self, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -71,8 +70,8 @@ class Jobs:
         job = self._jobs.get(identity)
         return None if job is None else job.report
 
-    def _problem(self, request: Mapping[str, Any]) -> str | None:
-        """The problem file of a request; None for the problem's own motion."""
+    def _problem(self, request: Mapping[str, Any]) -> dict[str, Any] | None:
+        """The problem of a request as a file states it; None for the problem's own motion. Raises ProblemError."""
         problem = self.study.problem
         if problem is None:
             raise ProblemError("planning needs a robot with drives: start the view with a problem file")
@@ -83,48 +82,37 @@ class Jobs:
             raise ProblemError(
                 f"the masses of the links are known for the robot's own alpha and beta only (within {SAME:g} rad)"
             )
-        return _text(problem, pose(request, "start"), pose(request, "target"), tilt_range(request))
+        return _straight(problem, pose(request, "start"), pose(request, "target"), tilt_range(request))
 
-    def _run(self, job: Job, text: str | None) -> None:
+    def _run(self, job: Job, stated: dict[str, Any] | None) -> None:
         job.message = "stopped by a fault of the program; the terminal shows it"
         try:
-            job.message, job.report = self._outcome(job, text)
+            job.message, job.report = self._outcome(job, stated)
         except SsmPlannerError as error:
             job.message = str(error)
         finally:
             job.done = True
             self._busy.release()
 
-    def _outcome(self, job: Job, text: str | None) -> tuple[str, str | None]:
+    def _outcome(self, job: Job, stated: dict[str, Any] | None) -> tuple[str, str | None]:
         job.progress("loading the planner")
-        from ssm_planner.loading.load import load_problem
         from ssm_planner.pipeline.run import plan
         from ssm_planner.reporting.html.report import report_page
 
-        with tempfile.TemporaryDirectory(prefix="ssm-planner-view-") as name:
-            folder = Path(name)
-            problem = self.study.problem
-            if text is not None:
-                file = folder / "view.yaml"
-                file.write_text(text, encoding="utf-8")
-                try:
-                    problem = load_problem(file)
-                except ProblemError as error:
-                    error.file = error.line = None
-                    raise
-            if problem is None:
-                raise ProblemError("planning needs a problem")
-            result = plan(problem, job.progress)
-            if result.trajectory is None:
-                return (result.reason.message if result.reason else result.status), None
-            job.progress("writing the report")
-            page = report_page(result)
+        problem = self.study.problem if stated is None else Problem.from_dict(stated)
+        if problem is None:
+            raise ProblemError("planning needs a problem")
+        result = plan(problem, job.progress)
+        if result.trajectory is None:
+            return (result.reason.message if result.reason else result.status), None
+        job.progress("writing the report")
+        page = report_page(result)
         verdict = "passed" if result.passed else "failed"
         return f"planned: {result.duration:.4f} s, independent check {verdict}", page
 
 
-def _text(problem: Problem, start: list[float], target: list[float], tilt: tuple[float, float]) -> str:
-    """A straight motion between two poses as a problem file (JSON is YAML), so that it is checked like any other."""
+def _straight(problem: Problem, start: list[float], target: list[float], tilt: Range) -> dict[str, Any]:
+    """A straight motion between two poses, as a problem file states it: so it is checked like any other."""
 
     def quantities(values: list[float]) -> dict[str, str]:
         units = ("rad", "rad", "rad", "m")
@@ -139,7 +127,7 @@ def _text(problem: Problem, start: list[float], target: list[float], tilt: tuple
         limits[speed.field] = f"{speed.largest!r} {speed.unit}"
     for name, rate in problem.rates.items():
         limits[TaskRate.field_of(name)] = f"{rate!r} {'m' if name == 'depth' else 'rad'}/s"
-    document = {
+    return {
         "name": f"{problem.name}, from the view",
         "robot": str(Path(str(problem.robot.file)).resolve()),
         "start": quantities(start),
@@ -147,4 +135,3 @@ def _text(problem: Problem, start: list[float], target: list[float], tilt: tuple
         "limits": limits,
         **({} if problem.eye is None else {"eye": as_written(problem.eye)}),
     }
-    return json.dumps(document)
