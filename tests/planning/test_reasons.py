@@ -125,19 +125,10 @@ CASES = {
     "too little time for all": Case(
         lambda p, _: insertion(p, objective="effort", duration=0.3), "duration", None, "the whole motion"
     ),
-    "other durations than that of all": Case(
-        lambda p, _: insertion(
-            p, motion=(dataclasses.replace(straight(depth=0.015), duration=2.0),), objective="effort", duration=3.0
-        ),
-        "duration",
-        None,
-        "the whole motion",
-    ),
     "too near to the retina": Case(
         lambda p, eye: in_eye(p, eye, {"depth": 0.0203}), "retina clearance", None, "straight, at its end"
     ),
     "too near to the lens": Case(lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "),
-    "not self-locking": Case(lambda p, _: slippery(insertion(p)), "self-locking", "roll", "t ="),
     "against its way": Case(
         lambda p, _: insertion(p, motion=(Free(Task(**{"depth": 0.015})),), end_rate={"depth": -0.005}),
         "direction",
@@ -227,6 +218,14 @@ def test_a_direction_has_no_value_that_could_be_relaxed_and_says_what_to_do(unpl
     assert reason is not None
     assert "add a point where it turns" in reason.message
     assert reason.required == -reason.available
+
+
+def test_what_no_limit_could_cure_is_refused_before_it_is_planned(tilt_insert: Problem) -> None:
+    timed = (dataclasses.replace(straight(depth=0.015), duration=2.0),)
+    with pytest.raises(ProblemError, match="every motion has a duration of its own already"):
+        insertion(tilt_insert, motion=timed, objective="effort", duration=3.0)
+    with pytest.raises(ProblemError, match="the drive does not lock itself"):
+        slippery(insertion(tilt_insert))
 
 
 def test_two_limits_in_the_way_are_both_named(tilt_insert: Problem) -> None:
