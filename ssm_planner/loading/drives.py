@@ -60,7 +60,7 @@ def drive_from(section: Section) -> Drive:
     with located(section.sub("ratings")):
         ratings = ratings_from(model.ratings)
     with located(section):
-        return Drive(
+        drive = Drive(
             name=model.name,
             kind=model.kind,
             ratio=dimensions["ratio"],
@@ -81,6 +81,8 @@ def drive_from(section: Section) -> Drive:
             ratings=ratings,
             friction_ranges=friction_ranges_from(model.friction_ranges),
         )
+        drive.check_locking()
+    return drive
 
 
 def _model(section: Section) -> type[WormModel] | type[LeadScrewModel] | type[AntibacklashScrewModel]:

@@ -51,7 +51,7 @@ def problem_from(section: Section) -> Problem:
             diameters = "diameter" if entry.scan.pattern == "ring" else "diameters"
             keys |= {f"motion[{i}].diameters": ("motion", i, "scan", diameters), f"motion[{i}]": ("motion", i, "scan")}
     with located(section, keys):
-        return Problem(
+        problem = Problem(
             name=model.name or section.name,
             robot=robot,
             start=start,
@@ -65,6 +65,8 @@ def problem_from(section: Section) -> Problem:
             file=None if section.file is None else str(section.file),
             eye=eye,
         )
+        problem.check_total()
+    return problem
 
 
 def _speeds(model: LimitsModel) -> list[Limit]:

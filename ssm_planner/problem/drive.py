@@ -191,8 +191,6 @@ class Drive(Value):
             if self.kind != "antibacklash_screw" and getattr(self, name) > 0:
                 raise self._wrong(name, f"a {self.kind} has one nut or wheel only", "0, or kind antibacklash_screw")
         self._check_ranges()
-        if self.friction is not None:
-            self._check_locking(self.friction)
 
     def _check_ranges(self) -> None:
         """Every range holds the parameter's own value."""
@@ -211,8 +209,14 @@ class Drive(Value):
                 reason = f"does not hold the value of {name} itself, {value:g} in SI"
                 raise self._wrong(field, reason, "a range around it", (low, high))
 
-    def _check_locking(self, friction: Friction) -> None:
-        """φ_f = atan(μ/cos θ_n) ≤ λ: the load drives the motor (values at rest do not count: they can be shaken off)."""
+    def check_locking(self) -> None:
+        """Raises ProblemError where φ_f = atan(μ/cos θ_n) ≤ λ, so that the load drives the motor, or where the gear jams.
+
+        Values at rest do not count: they can be shaken off. A drive made in Python may fail: the planner then says so.
+        """
+        friction = self.friction
+        if friction is None:
+            return
         lowest, field = friction.mu, "friction.mu"
         if friction.mu_lowest is not None:
             lowest, field = friction.mu_lowest, "friction.mu_lowest"

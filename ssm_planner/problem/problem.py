@@ -197,7 +197,7 @@ class Problem(Value, Limited):
                 raise self._wrong(f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
 
     def _check_durations(self) -> None:
-        """Durations are neither missing for the objective, nor contradict it."""
+        """The objective has the durations that it needs."""
         timed = [entry.duration is not None for entry in self.motion]
         if self.objective == "effort" and self.duration is None and not all(timed):
             raise self._wrong(
@@ -205,8 +205,12 @@ class Problem(Value, Limited):
                 "the least effort has no duration of its own",
                 "a duration of the whole problem, or one for every motion",
             )
+
+    def check_total(self) -> None:
+        """Raises ProblemError where the duration of the whole contradicts those of its motions; the planner says so too."""
         if self.duration is None:
             return
+        timed = [entry.duration is not None for entry in self.motion]
         fixed = sum(entry.duration or 0.0 for entry in self.motion)
         if all(timed):
             raise self._wrong("duration", "every motion has a duration of its own already", "no duration of the whole")
