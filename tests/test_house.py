@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 import runpy
 from collections.abc import Collection, Iterator
@@ -43,6 +44,12 @@ def public(tree: ast.Module, open_classes: Collection[str] = ()) -> Iterator[tup
 
 def undocumented(tree: ast.Module, open_classes: Collection[str] = ()) -> list[str]:
     return [name for name, node in public(tree, open_classes) if not ast.get_docstring(node)]
+
+
+def said_elsewhere(name: str) -> bool:
+    """A command's function, or a method that does what its base class says of it."""
+    owner, _, method = name.rpartition(".")
+    return name in COMMAND or bool(owner and inspect.getdoc(getattr(getattr(ssm_planner, owner), method)))
 
 
 def without_shape(tree: ast.Module, open_classes: Collection[str] = ()) -> list[str]:
@@ -88,7 +95,7 @@ def test_a_module_says_what_it_holds(name: str) -> None:
 @pytest.mark.parametrize("name", TREES)
 def test_every_public_name_has_a_docstring(name: str) -> None:
     if not name.startswith(SELF_DESCRIBED):
-        assert not set(undocumented(TREES[name], ssm_planner.__all__)) - COMMAND
+        assert not [each for each in undocumented(TREES[name], ssm_planner.__all__) if not said_elsewhere(each)]
 
 
 @pytest.mark.parametrize("name", TREES)

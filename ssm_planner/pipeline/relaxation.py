@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -97,9 +96,8 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
     if reason.limit is None or reason.required is None or reason.available is None:
         return None
     limit = next((own for own in problem.all_limits if own.key == reason.limit.key), reason.limit)
-    # of a limit with a lowest value alone the bound is what is required, and comes down to what there is
-    only_low = math.isinf(limit.high) and math.isfinite(limit.low)
-    needed = limit.enough(reason.available if only_low else reason.required)
+    # of a floor the bound is what is required, and comes down to what there is
+    needed = limit.enough(reason.available if limit.is_floor else reason.required)
     return None if limit.relaxed(needed) is None else Relaxation(problem, limit, needed)
 
 

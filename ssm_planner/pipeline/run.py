@@ -13,7 +13,7 @@ from ssm_planner.pipeline.tightening import Strictness
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.trajectory import Trajectory
@@ -130,17 +130,18 @@ def plan_to_folder(
 def _exceeded(problem: Problem, certificate: Certificate) -> Reason:
     """The worst violation that the check found and tightening did not cure."""
     worst = certificate.worst
-    jumps = (Jump(joint.name, worst.limit, derivative=k) for joint in problem.robot.joints for k in range(3))
-    limits: tuple[Limit, ...] = (*problem.all_limits, *jumps)
-    limit = next((each for each in limits if each.key == (worst.name, worst.joint)), None)
+    limit: Limit | None = next((own for own in problem.all_limits if own.key == (worst.name, worst.joint)), None)
+    if worst.name in JUMPS and worst.joint is not None:
+        limit = Jump(worst.joint, worst.limit, derivative=JUMPS.index(worst.name))
     joint = "" if worst.joint is None else f" of joint {worst.joint}"
     text = (
         f"the independent check found {worst.name}{joint} exceeded: {worst.worst:.6g} {worst.unit} against "
         f"{worst.limit:.6g} {worst.unit} at t = {worst.time:.4f} s; the motion is not written"
     )
     required, available = worst.worst, worst.limit
+    if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
+        required, available = available, required
     if isinstance(limit, SelfLocking):
-        required, available = worst.limit, worst.worst
         text = (
             f"the drive{joint} does not hold by itself: its friction coefficient may be as low as {available:.4g}, "
             f"self-locking needs {required:.4g}; the load would drive it back"

@@ -80,6 +80,11 @@ class Limit(Value, ABC):
         width = self.high - self.low
         return width / 2 if math.isfinite(width) and width > 0 else 1.0
 
+    @property
+    def is_floor(self) -> bool:
+        """It has a lowest value alone: a motion has less than the bound asks for."""
+        return math.isinf(self.high) and math.isfinite(self.low)
+
     def bound(self, value: float) -> float:
         """The end of the range that is nearer to a value outside it."""
         return self.low if value < self.low else self.high
@@ -220,8 +225,6 @@ class JointPosition(Between):
 class JointVelocity(JointLimit):
     """|q̇| of one joint, rad/s or m/s."""
 
-    """|q̇| of one joint, rad/s or m/s."""
-
     name = "velocity"
     order = 1
 
@@ -234,8 +237,6 @@ class JointVelocity(JointLimit):
 
 @dataclass(frozen=True)
 class JointAcceleration(JointLimit):
-    """|q̈| of one joint, rad/s² or m/s²."""
-
     """|q̈| of one joint, rad/s² or m/s²."""
 
     name = "acceleration"
@@ -252,8 +253,6 @@ class JointAcceleration(JointLimit):
 class JointJerk(JointLimit):
     """Third derivative of one joint's position, by magnitude, rad/s³ or m/s³."""
 
-    """Third derivative of one joint's position, by magnitude, rad/s³ or m/s³."""
-
     name = "jerk"
     order = 3
 
@@ -263,8 +262,6 @@ class JointJerk(JointLimit):
 
 @dataclass(frozen=True)
 class MotorSpeed(JointLimit):
-    """Speed of one joint's motor by magnitude, rad/s."""
-
     """Speed of one joint's motor by magnitude, rad/s."""
 
     name = "motor speed"
@@ -399,7 +396,6 @@ class TaskRange(Between):
         return self.coordinate in ("roll", "spin")
 
     def tightened(self, worst: float, bound: float) -> TaskRange | None:
-        """As for every limit."""
         inwards = TIGHTENING * abs(worst - bound)
         if not self.coupled or not 2 * inwards < self.upper - self.lower:
             return None
@@ -408,12 +404,10 @@ class TaskRange(Between):
         return replace(self, lower=self.lower + inwards)
 
     def trials(self) -> tuple[float, ...]:
-        """As for every limit."""
         width = self.upper - self.lower
         return self.lower - width, self.upper + width
 
     def described(self, value: float) -> str:
-        """As for every limit."""
         side = "from" if value < self.low else "to"
         return (
             f"range of {self.coordinate} {side} {_text(value, self.unit)} "
@@ -421,7 +415,6 @@ class TaskRange(Between):
         )
 
     def on(self, problem: P) -> P:
-        """As for every limit."""
         return _with_own(problem, self)
 
 
@@ -440,11 +433,9 @@ class SpeedLimit(Symmetric):
     unit = "m/s"
 
     def trials(self) -> tuple[float, ...]:
-        """As for every limit."""
         return (2 * self.largest,)
 
     def on(self, problem: P) -> P:
-        """As for every limit."""
         return _with_own(problem, self)
 
 
@@ -482,7 +473,6 @@ class TaskRate(Symmetric):
         return "m/s" if self.coordinate == "depth" else "rad/s"
 
     def on(self, problem: P) -> P:
-        """As for every limit."""
         return _with_own(problem, self)
 
 
