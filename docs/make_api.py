@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
 
 import ssm_planner
 
@@ -27,7 +27,7 @@ def page() -> str:
     """The whole of docs/api.md."""
     values = {name: getattr(ssm_planner, name) for name in sorted(ssm_planner.__all__, key=str.casefold)}
     functions = [name for name, value in values.items() if inspect.isroutine(value)]
-    classes = [name for name, value in values.items() if inspect.isclass(value)]
+    classes = [name for name, value in values.items() if inspect.isclass(value) and get_origin(value) is None]
     constants = [name for name in values if name not in {*functions, *classes}]
     parts = [HEAD]
     for title, names in (("Functions", functions), ("Values", classes)):
