@@ -26,7 +26,7 @@ def write_folder(plan: Plan, folder: Path, drawer: FigureProcess | None = None) 
 
     if plan.trajectory is None:
         return {}
-    if drawer is not None:
+    if drawer is not None and plan.requirements:
         drawer.draw("motors", plan.trajectory, plan.robot, plan.requirements)
     return {
         "plan": plan.write(folder / FILE),

@@ -340,7 +340,8 @@ def _verdict(sizing: Sizing) -> list[str]:
     lines = ["Verdicts"]
     for joint in sizing.joints:
         lines.append(f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}")
-    return [*lines, f"  all        {LOUD[sizing.adequate]} (motors and gears)"]
+    of_what = "motors and gears" if sizing.joints else "no joint has a drive: there is nothing to judge"
+    return [*lines, f"  all        {LOUD[sizing.adequate]} ({of_what})"]
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:

@@ -78,7 +78,9 @@ class Sizing:
 
     @property
     def adequate(self) -> bool | None:
-        """Every joint has a motor that suffices, and every gear holds; None where that is not known."""
+        """Every joint has a motor that suffices, and every gear holds; None where that is not known, or there is neither."""
+        if not self.joints:
+            return None
         gears = [check.passed for joint in self.joints for check in joint.gear]
         return all_of([*(joint.adequate for joint in self.joints), *gears])
 

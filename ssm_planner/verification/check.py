@@ -11,7 +11,7 @@ from __future__ import annotations
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.problem.limits import SelfLocking
 from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
@@ -54,7 +54,7 @@ def check(
         jumps.look(pieces)
     found = [each.as_check() for each in worst]
     unchecked = [
-        f"motor torque and speed of joint {joint.name}: the robot file names no drive or no motor for it"
+        f"motor torque and speed of joint {joint.name}: {_lacking(joint)}"
         for joint in robot.joints
         if joint.drive is None or joint.motor is None
     ]
@@ -65,6 +65,15 @@ def check(
     found += jumps.checks(straight)
     found += _locking(robot)
     return Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
+
+
+def _lacking(joint: Joint) -> str:
+    """Why a joint's motor is not checked."""
+    if joint.drive is not None:
+        return "the robot file names no motor for it"
+    if joint.motor is None:
+        return "the robot file names no drive and no motor for it"
+    return f"the robot file names no drive for it, so its motor {joint.motor.name} counts for nothing"
 
 
 def _locking(robot: Robot) -> list[LimitCheck]:

@@ -118,15 +118,20 @@ def serve() -> None:
 
 
 def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
-    """motion and motors as PNG, drawn here or by a process that has begun to; paths by name. Raises ExportError."""
+    """motion and, where a joint has a drive, motors as PNG; paths by name. Raises ExportError.
+
+    drawer: a process that has begun to draw them; what it has not drawn is drawn here.
+    """
     trajectory, robot = plan.trajectory, plan.problem.robot
     if trajectory is None:
         raise ExportError("there is no trajectory to draw: the problem has no plan")
-    arguments = {"motion": (trajectory, robot), "motors": (trajectory, robot, plan.requirements)}
+    arguments: dict[str, tuple[object, ...]] = {"motion": (trajectory, robot)}
+    if plan.requirements:
+        arguments["motors"] = trajectory, robot, plan.requirements
     files = {} if drawer is None else drawer.result()
     paths: dict[str, Path] = {}
-    for name, figure in DRAWN.items():
-        endings = files.get(name) or drawn(figure(*arguments[name]), pdf=False)
+    for name, values in arguments.items():
+        endings = files.get(name) or drawn(DRAWN[name](*values), pdf=False)
         paths |= save_drawn(endings, folder / name)
     return paths
 
@@ -135,5 +140,7 @@ def write_figures_of_file(plan: Plan, folder: Path) -> dict[str, Path]:
     """The same figures from a plan.json that has been read, as PNG and PDF. Raises ExportError."""
     trajectory, robot = plan.motion, plan.robot
     paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
-    motors = motors_figure(trajectory, robot, motor_requirements(trajectory, robot))
-    return paths | save_figure(motors, folder / "motors")
+    requirements = motor_requirements(trajectory, robot)
+    if requirements:
+        paths |= save_figure(motors_figure(trajectory, robot, requirements), folder / "motors")
+    return paths

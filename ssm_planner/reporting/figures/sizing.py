@@ -27,7 +27,12 @@ PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 
 
 def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
-    """payload_curves, torque_split and, where motors are judged, operating_regions, as PNG and PDF; their paths by name."""
+    """payload_curves, torque_split and, where motors are judged, operating_regions, as PNG and PDF; their paths by name.
+
+    None where the motion moves no joint that has a drive.
+    """
+    if not sizing.joints:
+        return {}
     figures = {"payload_curves": payload_curves(sizing), "torque_split": torque_split_figure(sizing)}
     if sizing.verdicts:
         figures["operating_regions"] = operating_regions(sizing)
