@@ -15,20 +15,20 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, NUMBER, PACKAGE_FRICTION, TABLE_II, FrictionRow, Inputs
-from ssm_planner.paper.section import Section, number, picture, table, text
-from ssm_planner.paper.workspace import degrees
+from ssm_planner.paper.section import Section, number
 from ssm_planner.problem.drive import Drive, Friction
 from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.reporting.figures.sizing import payload_curves
 from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
 from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.size import JointSizing, Sizing, size
+from ssm_planner.sizing.requirements import MotorRequirement
+from ssm_planner.sizing.size import Sizing, size
 from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from matplotlib.figure import Figure
 
@@ -61,7 +61,7 @@ class FrictionMap:
     @property
     def mesh(self) -> float:
         """Torque of the mesh without load, at the top speed."""
-        row = published.TABLE_II[self.joint]
+        row = TABLE_II[self.joint]
         return float(self.unloaded[0][-1] - row.b_c - row.b_v * self.w[-1])
 
     @property
@@ -103,8 +103,8 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
     maps = []
     for joint in DRIVEN:
         drive, i = driven(robot, joint), JOINTS.index(joint)
-        paper = with_friction(drive, published.TABLE_II[joint])
-        package = with_friction(drive, published.PACKAGE_FRICTION[joint])
+        paper = with_friction(drive, TABLE_II[joint])
+        package = with_friction(drive, PACKAGE_FRICTION[joint])
         w = np.linspace(0.0, drive.ratio * MAP_SPEEDS[joint], POINTS)[1:]
         loads = np.linspace(low[i], high[i], LOADS)
         loads = np.append(loads, np.clip(0.0, low[i], high[i]))
@@ -129,67 +129,37 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
 
 def friction_section(robot: Robot) -> Section:
     """Table II with the maps."""
-    maps = friction_maps(robot)
-    low, high = robot.ranges["tilt"]
-    joints = tuple(f"joint {NUMBER[m.joint]}" for m in maps)
-    rows = [
-        _parameter(robot, name, symbol, scale)
-        for name, symbol, scale in (
-            ("mu", "μ_c", 1.0),
-            ("mu_static", "μ_s", 1.0),
-            ("b_c", "10³ b_c (N·m)", 1e3),
-            ("b_v", "10⁵ b_v (N·m·s/rad)", 1e5),
-        )
-    ]
-    lines = [
-        *table(("Table II: joints 1 / 2 / 4", "published", "ours", "difference", "the package"), rows),
-        *text(
-            "Ours are the published values: the robot's drive files hold them. The recordings behind them are not public, so "
-            "that no fit of our own can be set beside them. The package simulates the arm with other figures, from before "
-            f"identification: its b_c is that of its worm rig in all three joints, {_ratios()} that of Table II."
-        ),
-        *table(
-            ("motor torque by Table II, mN·m", *joints),
-            [
-                ("top speed of the map (rpm)", *(f"{RPM * m.w[-1]:.0f}" for m in maps)),
-                ("no load, slow", *(number(1e3 * m.unloaded[0][0]) for m in maps)),
-                ("no load, top speed", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
-                ("of which bearing, Coulomb", *(number(1e3 * published.TABLE_II[m.joint].b_c) for m in maps)),
-                ("of which bearing, viscous", *(number(1e3 * published.TABLE_II[m.joint].b_v * m.w[-1]) for m in maps)),
-                ("of which mesh, by μ_c", *(number(1e3 * m.mesh) for m in maps)),
-                ("no load, breakaway, by μ_s", *(number(1e3 * m.start) for m in maps)),
-                ("the package's parameters, no load, top speed", *(number(1e3 * m.package[0][-1]) for m in maps)),
-                ("effort of the arm's weight (N·m, N·m, N)", *(" … ".join(map(number, m.gravity)) for m in maps)),
-                ("under the arm's weight, largest", *(number(1e3 * m.largest) for m in maps)),
-            ],
-        ),
-        *text(
-            "The paper tests each joint without external load. With no load at all the mesh would carry only the output's "
-            "own friction, and μ_c would decide no more of the map than the row of the mesh says: only the weight of the arm "
-            "itself can have identified it. The figure of the maps is not in the paper's source, so its circles cannot be "
-            "set beside these curves."
-        ),
-        *picture(
-            "friction_maps",
-            "Torque–velocity maps of joints 1, 2 and 4 by Table II; grey: under the arm's weight, at tilts of "
-            f"{degrees(low, 0)} to {degrees(high, 0)} and rolls of ±30°",
-        ),
-    ]
-    return Section("Table II: friction, and its torque–velocity maps", lines, {"friction_maps": _maps_figure(maps)})
+    maps, (low, high) = friction_maps(robot), robot.ranges["tilt"]
+    rows = [TABLE_II[joint] for joint in DRIVEN]
+    torques = (
+        ("top speed of the map (rpm)", *(f"{RPM * m.w[-1]:.0f}" for m in maps)),
+        ("no load, slow", *(number(1e3 * m.unloaded[0][0]) for m in maps)),
+        ("no load, top speed", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
+        ("of which bearing, Coulomb", *(number(1e3 * row.b_c) for row in rows)),
+        ("of which bearing, viscous", *(number(1e3 * row.b_v * m.w[-1]) for row, m in zip(rows, maps, strict=True))),
+        ("of which mesh, by μ_c", *(number(1e3 * m.mesh) for m in maps)),
+        ("no load, breakaway, by μ_s", *(number(1e3 * m.start) for m in maps)),
+        ("the package's parameters, no load, top speed", *(number(1e3 * m.package[0][-1]) for m in maps)),
+        ("effort of the arm's weight (N·m, N·m, N)", *(" … ".join(map(number, m.gravity)) for m in maps)),
+        ("under the arm's weight, largest", *(number(1e3 * m.largest) for m in maps)),
+    )
+    parameters = (
+        _parameter(robot, "mu", "μ_c", 1.0),
+        _parameter(robot, "mu_static", "μ_s", 1.0),
+        _parameter(robot, "b_c", "10³ b_c (N·m)", 1e3),
+        _parameter(robot, "b_v", "10⁵ b_v (N·m·s/rad)", 1e5),
+    )
+    ratios = [PACKAGE_FRICTION[joint].b_c / TABLE_II[joint].b_c for joint in DRIVEN]
+    values = {"parameters": parameters, "ratios": ratios, "torques": torques, "low": low, "high": high}
+    return Section("friction", values, {"friction_maps": _maps_figure(maps)})
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
-    printed = [getattr(published.TABLE_II[joint], name) for joint in DRIVEN]
+    printed, package = ([getattr(rows[joint], name) for joint in DRIVEN] for rows in (TABLE_II, PACKAGE_FRICTION))
     ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
-    package = [getattr(published.PACKAGE_FRICTION[joint], name) for joint in DRIVEN]
     difference = [mine - theirs for mine, theirs in zip(ours, printed, strict=True)]
     columns = (printed, ours, difference, package)
     return (symbol, *(" / ".join(number(scale * value) for value in values) for values in columns))
-
-
-def _ratios() -> str:
-    ratios = [published.PACKAGE_FRICTION[joint].b_c / published.TABLE_II[joint].b_c for joint in DRIVEN]
-    return ", ".join(f"{ratio:.2f}" for ratio in ratios[:-1]) + f" and {ratios[-1]:.2f} times"
 
 
 def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
@@ -230,6 +200,11 @@ class Payload:
     identified: Sizing
     package: Sizing
 
+    def rows(self) -> Iterator[tuple[str, MotorRequirement, MotorRequirement]]:
+        """Every stroke: its name, what it requires at the friction of Table II and at the package's."""
+        for stroke, ours, theirs in zip(self.run.strokes, self.identified.joints, self.package.joints, strict=True):
+            yield _label(stroke), ours.requirement, theirs.requirement
+
 
 def payloads(inputs: Inputs) -> tuple[Payload, ...]:
     """Both motorisation runs with both sets of friction."""
@@ -240,64 +215,18 @@ def payloads(inputs: Inputs) -> tuple[Payload, ...]:
 
 def payload_section(results: tuple[Payload, ...]) -> Section:
     """Peaks of the payload curves, and the curves at the paper's speeds."""
-    rows = []
-    for result in results:
-        for stroke, mine, theirs in zip(
-            result.run.strokes, result.identified.joints, result.package.joints, strict=True
-        ):
-            ratio = mine.requirement.peak_torque / theirs.requirement.peak_torque
-            rows.append(
-                (
-                    _speeds(stroke),
-                    "figure only",
-                    f"{RPM * mine.requirement.peak_speed:.0f}",
-                    *_torques(theirs),
-                    *_torques(mine),
-                    f"{ratio:.2f}",
-                )
-            )
-    head = (
-        "one joint at a time",
-        "published",
-        "motor speed (rpm)",
-        "ours, package's friction: peak (mN·m)",
-        "RMS",
-        "ours, Table II: peak (mN·m)",
-        "RMS",
-        "ratio of the peaks",
-    )
-    first = results[0]
-    lines = [
-        *table(head, rows),
-        *text(
-            "The paper prints its payload curves as a figure without numbers, so there is no published value to subtract. It "
-            "drew them before identification, with manufacturers' friction (§IV-C); of that, the package's parameters are "
-            "what is known. With those of Table II, identified later, the peaks are the last column times as large. The "
-            "first three rows are the speeds that the paper requires, the others those of the package's script."
-        ),
-        *picture(
-            "payload_curves_package", "Payload curves with the package's friction, as for the paper's motor selection"
-        ),
-        *picture("payload_curves_table_ii", "Payload curves with the friction of Table II"),
-    ]
-    figures: dict[str, Figure] = {
-        "payload_curves_package": payload_curves(first.package),
-        "payload_curves_table_ii": payload_curves(first.identified),
+    figures = {
+        "payload_curves_package": payload_curves(results[0].package),
+        "payload_curves_table_ii": payload_curves(results[0].identified),
     }
-    also = [f"ssm-planner size problems/motorisation/{name}.yaml" for name in RUNS]
-    return Section("Payload curves", lines, figures, also)
+    return Section("payload", {"payloads": results}, figures)
 
 
-def _speeds(stroke: Stroke) -> str:
+def _label(stroke: Stroke) -> str:
     """Such as `joint 1, 65°/s, 200°/s²`."""
     scale, unit = (1e3, " mm") if stroke.joint == "insertion" else (180.0 / math.pi, "°")
     speed, bend = (f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration))
     return f"joint {NUMBER[stroke.joint]}, {speed}/s, {bend}/s²"
-
-
-def _torques(joint: JointSizing) -> tuple[str, str]:
-    r = joint.requirement
-    return number(1e3 * r.peak_torque), number(1e3 * r.rms_torque)
 
 
 def _sized(run: Motorisation, rows: Mapping[str, FrictionRow]) -> Sizing:

@@ -14,8 +14,7 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_rate_bound
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, NUMBER, TABLE_III, SpeedRow
-from ssm_planner.paper.section import NOTHING, Section, number, picture, table, text
-from ssm_planner.paper.workspace import degrees
+from ssm_planner.paper.section import Section
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
@@ -46,6 +45,10 @@ class SpeedRun:
 
     def load(self, joint: str) -> JointLoad:
         return next(load for load in self.loads if load.joint == joint)
+
+    def top_speed(self, joint: str) -> float:
+        """Of the joint's motor, rpm."""
+        return RPM * float(np.abs(self.load(joint).speed()).max())
 
     def reaches(self) -> bool:
         """Whether a rotary joint and the translation both come up to the printed speeds."""
@@ -103,98 +106,24 @@ def _values(problem: Problem, name: str) -> list[float]:
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
     """Table III."""
-    lines = [*_reading(problem, runs), *_table(runs), *_notes(runs)]
+    mechanism, allowed = Mechanism.from_geometry(problem.robot.geometry), problem.robot.ranges["tilt"]
+    tilts, limit = tilts_of(problem), published.ROTARY_ACCELERATION
+    per_tilt = np.abs(joint_speed_per_tilt_speed(mechanism, np.linspace(*tilts, 501), mechanism.home_branch))
+    values = {
+        "runs": runs,
+        "robot": problem.robot,
+        "tilts": tilts,
+        "depth": depth_of(problem),
+        "fastest": per_tilt.max(axis=0),
+        "slowest": per_tilt[:, 1].min(),
+        "bound": tilt_rate_bound(mechanism, tilts, limit),
+        "allowed": allowed,
+        "allowed_bound": tilt_rate_bound(mechanism, allowed, limit),
+        "reached": sum(run.reaches() for run in runs),
+        "passed": sum(run.plan.passed for run in runs),
+    }
     solved = tuple(run for run in runs if run.loads)
-    figures = {}
-    if solved:
-        lines += picture(
-            "motions",
-            "Predicted motor torque of joints 1, 2 and 4 at the speeds of Table III; shaded: insertion, dashed: envelope "
-            "while the joint moves",
-        )
-        figures = {"motions": _figure(solved)}
-    return Section("Table III: tilt and insertion", lines, figures)
-
-
-def _reading(problem: Problem, runs: tuple[SpeedRun, ...]) -> list[str]:
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    low, high = tilts_of(problem)
-    per = np.abs(joint_speed_per_tilt_speed(mechanism, np.linspace(low, high, 501), mechanism.home_branch))
-    stated, bend = published.ROTARY_SPEED, published.ROTARY_ACCELERATION
-    rows = []
-    for run in runs:
-        fastest, slowest = run.row.tilt * per.max(axis=0), run.row.tilt * per[:, 1].min()
-        rows.append(
-            (
-                run.row.label,
-                f"{math.degrees(slowest):.0f} … {degrees(float(fastest[1]), 0)}/s",
-                f"{degrees(float(fastest[0]), 0)}/s",
-                f"{max(fastest[:2]) / stated:.2f}",
-                f"{run.row.tilt / stated:.2f}",
-                f"{degrees(run.tilt_rate(problem.robot), 1)}/s" if run.loads else NOTHING,
-            )
-        )
-    head = (
-        "printed speeds",
-        "read as tilt rate: joint 2",
-        "joint 1 up to",
-        "times the stated 65°/s",
-        "read as joint speed: times 65°/s",
-        "tilt rate then up to",
-    )
-    bound, wide = (tilt_rate_bound(mechanism, ends, bend) for ends in ((low, high), problem.robot.ranges["tilt"]))
-    ends = [degrees(end, 0) for end in (low, high, *problem.robot.ranges["tilt"])]
-    reached = sum(run.reaches() for run in runs)
-    return [
-        *text(
-            "**The reading chosen.** The paper prints a tilt and an insertion speed for each motion and does not say whether "
-            "the former is the rate of the tilt angle or a speed of joints. It is read here as the largest speed of the "
-            f"rotary joints. Between {ends[0]} and {ends[1]} of tilt the two readings ask for:"
-        ),
-        *table(head, rows),
-        *text(
-            f"Within the {degrees(bend, 0)}/s² that the paper states, no motion from rest to rest between these tilts "
-            f"passes {degrees(bound.rate, 0)}/s of tilt (closed form; joint {NUMBER[bound.joint]} sets it, at "
-            f"{degrees(bound.tilt, 0)}), so a tilt rate of 80°/s is out of reach; between {ends[2]} and {ends[3]} the bound "
-            f"is {degrees(wide.rate, 0)}/s, for an instant. As a joint speed {reached} of {len(runs)} rows are reached. "
-            "The last row then exceeds the stated 65°/s, and 40 mm/s the stated 20 mm/s, so the speed limits of the robot "
-            "file give way to the printed ones; its accelerations stay. The paper does not print how far it tilted and "
-            f"inserted; the motion is that of `problems/tilt_insert.yaml`, {ends[1]} to {ends[0]}, then "
-            f"{1e3 * depth_of(problem):.0f} mm."
-        ),
-    ]
-
-
-def _table(runs: tuple[SpeedRun, ...]) -> list[str]:
-    rows = []
-    for run in runs:
-        printed = " / ".join(f"{run.row.nrmsd[joint]:.2f}" for joint in DRIVEN)
-        if not run.loads:
-            reason = run.plan.status if run.plan.reason is None else run.plan.reason.message
-            rows.append((run.row.label, printed, NOTHING, f"no plan: {reason}", *[NOTHING] * 4))
-            continue
-        envelopes = [" … ".join(number(1e3 * end) for end in run.envelope(joint)) for joint in DRIVEN]
-        speeds = " / ".join(f"{RPM * float(np.abs(run.load(joint).speed()).max()):.0f}" for joint in DRIVEN)
-        rows.append((run.row.label, printed, "not public", f"{run.plan.duration:.2f} s", *envelopes, speeds))
-    head = (
-        "Table III",
-        "NRMSD, published: joints 1 / 2 / 4",
-        "NRMSD, ours",
-        "duration, ours",
-        *(f"torque of joint {NUMBER[joint]} (mN·m)" for joint in DRIVEN),
-        "motor speeds up to (rpm)",
-    )
-    return table(head, rows)
-
-
-def _notes(runs: tuple[SpeedRun, ...]) -> list[str]:
-    passed = sum(run.plan.passed for run in runs)
-    return text(
-        "The paper's torque recordings are not public: its NRMSD cannot be recomputed, and no number stands in for it. For "
-        "the recordings that are public it is in the section on the rigs. What can be predicted is the envelope: least and "
-        "largest motor torque while the joint moves, with the friction of Table II and static friction at starts. "
-        f"{passed} of {len(runs)} motions pass the independent check of every limit at 10 kHz."
-    )
+    return Section("motions", values, {"motions": _figure(solved)} if solved else {})
 
 
 def _figure(runs: tuple[SpeedRun, ...]) -> Figure:

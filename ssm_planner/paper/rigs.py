@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from ssm_planner.identification.prediction import nrmsd, predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.paper.published import RIGS, Inputs
-from ssm_planner.paper.section import NOTHING, Section, minus, number, percent, picture, table, text
+from ssm_planner.paper.section import NOTHING, Section, number, percent
 from ssm_planner.problem.drive import Drive, FrictionLawName, Rig
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH, SIZE, finish, new_figure
 from ssm_planner.units import RPM
@@ -63,6 +63,17 @@ class RigResult:
 
     def map_nrmsd(self, drive: Drive) -> float:
         return nrmsd(map_torque(drive, self.data.w, self.rig.F_payload), self.data.tau)
+
+    def parameters(self) -> Iterator[list[str]]:
+        """Rows: a parameter, its published value, and for every law its estimate and the difference."""
+        for name, (symbol, scale) in SHOWN.items():
+            value = self.rig.published.get(name)
+            estimates = (cell for fit in self.fits.values() for cell in _estimate(fit, name, scale, value))
+            yield [symbol, NOTHING if value is None else number(scale * value), *estimates]
+
+    def reasons(self) -> list[str]:
+        """What of the fits explains that parameters differ."""
+        return [reason for law, fit in self.fits.items() for reason in _reasons(fit, NAMES[law])]
 
 
 def published_drive(drive: Drive, law: FrictionLawName = "stribeck_exponential") -> Drive:
@@ -139,38 +150,7 @@ NAMES = dict(zip(LAWS, ("Coulomb", "Stribeck"), strict=True))
 
 def rigs_section(results: tuple[RigResult, ...]) -> Section:
     """Parameters, maps and predictions of the three rigs."""
-    lines = text(
-        "The torque–velocity maps of the paper's joints come from recordings that are not public. Those of the package's "
-        "three rigs are; their mean speeds and torques ship as `problems/drives/rig_figures.csv` and are identified here by "
-        "the package's two laws: constant μ (Coulomb), and μ_c + μ_str·exp(−2|w|/w_s) (Stribeck, as its code computes it). "
-        "In brackets 95 % intervals; inside and outside say where the published value lies."
-    )
-    for result in results:
-        lines += [f"### {result.title[0].upper()}{result.title[1:]}", "", *_parameters(result)]
-    lines += picture("rig_maps", "Maps of the rigs: figures of the recordings, published parameters, our fits")
-    lines += ["### Predicted against measured torque", "", *_predictions(results)]
-    also = [f"ssm-planner identify problems/drives/{result.name}.yaml" for result in results]
-    return Section("The rigs: identification and prediction", lines, {"rig_maps": _figure(results)}, also)
-
-
-def _parameters(result: RigResult) -> list[str]:
-    fits = [result.fits[law] for law in LAWS]
-    rows = []
-    for name, (symbol, scale) in SHOWN.items():
-        value = result.rig.published.get(name)
-        cells = [symbol, NOTHING if value is None else number(scale * value)]
-        rows.append([*cells, *(cell for fit in fits for cell in _estimate(fit, name, scale, value))])
-    head = ("parameter", "published", "ours, Coulomb", "difference", "ours, Stribeck", "difference")
-    nrmsds = [f"{result.map_nrmsd(drive):.4f}" for drive in (result.published, *(fit.drive for fit in fits))]
-    criteria = [f"{minus(f'{fit.criterion[law]:.1f}')} {NAMES[law]}" for law, fit in zip(LAWS, fits, strict=True)]
-    words = (
-        f"NRMSD of the map: {nrmsds[0]} with the published parameters, {nrmsds[1]} Coulomb, {nrmsds[2]} Stribeck. AICc "
-        f"prefers {NAMES[result.chosen]} ({', '.join(criteria)})."
-    )
-    why = [reason for law, fit in zip(LAWS, fits, strict=True) for reason in _reasons(fit, NAMES[law])]
-    if why:
-        words += f" Why they differ: {'; '.join(why)}."
-    return [*table(head, rows), *text(words)]
+    return Section("rigs", {"rigs": results, "NAMES": NAMES}, {"rig_maps": _figure(results)})
 
 
 def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> tuple[str, str]:
@@ -186,7 +166,6 @@ def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> 
 
 
 def _reasons(fit: MapFit, law: str) -> list[str]:
-    """What of the fit explains that parameters differ."""
     reasons = []
     if fit.inseparable:
         groups = " and ".join(", ".join(SYMBOLS[name] for name in group) for group in fit.inseparable)
@@ -194,31 +173,6 @@ def _reasons(fit: MapFit, law: str) -> list[str]:
     if fit.estimates["mu"].at_bound:
         reasons.append(f"with {law} μ_c sits at the least with which the drive still locks itself")
     return reasons
-
-
-def _predictions(results: tuple[RigResult, ...]) -> list[str]:
-    rows = []
-    for result in results:
-        if result.left_out:
-            rows.append((result.title, NOTHING, NOTHING, NOTHING, f"left out: {result.left_out}"))
-        rows += [
-            (
-                result.title,
-                tested.recording,
-                f"{tested.published:.3f}",
-                f"{tested.ours:.3f}",
-                "; ".join(tested.repairs) or "none",
-            )
-            for tested in result.tested
-        ]
-    head = ("rig", "start–stop recording", "NRMSD, published parameters", "NRMSD, ours", "repairs to the recording")
-    return [
-        *table(head, rows, words=(1, 4)),
-        *text(
-            "Measured speed in, motor torque out, as for Table III. Ours is the fit that AICc prefers, from the map alone: "
-            "no start–stop recording went into it. The paper prints 0.08 to 0.13 for its prototype (Table III)."
-        ),
-    ]
 
 
 def _figure(results: tuple[RigResult, ...]) -> Figure:

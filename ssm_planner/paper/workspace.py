@@ -12,7 +12,8 @@ from ssm_planner.kinematics.design import DesignRegion, design_region
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_interval
 from ssm_planner.paper import published
-from ssm_planner.paper.section import NOTHING, Section, minus, percent, picture, signed, table, text
+from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
+from ssm_planner.paper.section import Section
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.figures.style import DPI, LIMIT, SIZE, finish, new_figure
 from ssm_planner.reporting.figures.workspace import design_region_figure, reachable_set_figure
@@ -20,7 +21,6 @@ from ssm_planner.reporting.figures.workspace import design_region_figure, reacha
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 
 
 @dataclass(frozen=True)
@@ -122,59 +122,9 @@ def tilt_range(robot: Robot) -> TiltRange:
 
 def workspace_section(robot: Robot) -> Section:
     """Table I, why it differs, and the pictures."""
-    found = tilt_range(robot)
-    beta = f"β = {math.degrees(found.beta):.3f}°"
-    rows = [
-        (
-            exact.name,
-            degrees(exact.paper, 1),
-            degrees(printed.theoretical),
-            degrees(exact.theoretical),
-            signed(math.degrees(exact.theoretical - exact.paper), 3, "°"),
-            degrees(exact.measured, 1),
-            f"{100 * printed.agreement:.1f} %",
-            f"{100 * exact.agreement:.1f} %",
-        )
-        for printed, exact in zip(found.printed, found.exact, strict=True)
-    ]
-    head = (
-        "Table I",
-        "published, theoretical",
-        "ours, β = 110°",
-        f"ours, {beta}",
-        "difference",
-        "published, measured",
-        "agreement, β = 110°",
-        f"agreement, {beta}",
-    )
-    agreement = found.printed[0].agreement
-    lines = [
-        *table(head, rows),
-        *text(
-            "The ends are φ = ±(α ± β) (eq. 9). Why they differ: the paper sets the tool 23° beyond the perpendicular to ω₁ "
-            f"and ω₂, which makes {beta}, and prints it as 110°; that shifts both ends by "
-            f"{abs(math.degrees(published.BETA - found.beta)):.3f}° and leaves the extent. The paper prints an agreement of "
-            f"{100 * published.TILT_AGREEMENT:.1f} % for the extent; ours is {100 * agreement:.1f} % (difference "
-            f"{percent(agreement - published.TILT_AGREEMENT)}). The measured column is the paper's: its protractor readings "
-            "cannot be recomputed."
-        ),
-        *picture("tilt_disks", "Tilt disks in the plane of ω₁ and the tool, with the limits measured on the prototype"),
-        *picture(
-            "reachable_set", "Reachable pointings on the unit sphere, and the tilt interval in the section through ω₁"
-        ),
-    ]
     mechanism = Mechanism.from_geometry(robot.geometry)
-    return Section(
-        "Table I: tilt range, and the workspace figure",
-        lines,
-        {"tilt_disks": tilt_disks(mechanism), "reachable_set": restyled(reachable_set_figure(mechanism))},
-        ("ssm-planner workspace problems/robots/vitreoretinal.yaml",),
-    )
-
-
-def degrees(value: float, decimals: int = 3) -> str:
-    """An angle given in rad."""
-    return minus(f"{math.degrees(value):.{decimals}f}°")
+    figures = {"tilt_disks": tilt_disks(mechanism), "reachable_set": restyled(reachable_set_figure(mechanism))}
+    return Section("workspace", {"tilt": tilt_range(robot)}, figures)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,71 +158,15 @@ def design_choice() -> DesignChoice:
 
 def design_section(robot: Robot) -> Section:
     """The axes, the other required ranges, and what of the separation can be said."""
-    choice = design_choice()
-    alpha, beta = choice.region.smallest_alpha
-    mechanism, stage = Mechanism.from_geometry(robot.geometry), robot.bodies[3]
+    choice, mechanism = design_choice(), Mechanism.from_geometry(robot.geometry)
     low, high = robot.joints[3].position
-    beside = math.hypot(float(stage.com[0]), float(stage.com[1]))
-    rows = [
-        (
-            "α",
-            "30°",
-            degrees(alpha, 2),
-            signed(math.degrees(alpha - published.ALPHA), 2, "°"),
-            "the smallest α that reaches −140° to −80°",
-        ),
-        (
-            "β",
-            "≈ 110°",
-            degrees(beta, 2),
-            signed(math.degrees(beta - published.BETA), 2, "°"),
-            f"the β that goes with it; from the tool's −23° it is {degrees(mechanism.beta)}",
-        ),
-        (
-            "least α for the required 50° of tilt",
-            "not printed",
-            degrees(choice.least[0], 2),
-            NOTHING,
-            f"half the range; the chosen 30° spare {degrees(choice.spare, 1)} at either end",
-        ),
-        (
-            "speed of joint 2 by tilt speed",
-            "not printed",
-            f"{choice.speed[0]:.2f} at the ends, {choice.speed[1]:.2f} in the middle",
-            NOTHING,
-            "what the spare tilt buys: with the least α it is unbounded at the ends",
-        ),
-        (
-            "roll 60°, spin 360°",
-            "unrestricted",
-            "unrestricted",
-            NOTHING,
-            "joints 1 and 3 give roll and spin one to one",
-        ),
-        (
-            "translation",
-            "30 mm",
-            f"{1e3 * (high - low):.0f} mm",
-            signed(1e3 * (high - low - published.REQUIRED_TRAVEL), 0, " mm"),
-            "joint 4 of the robot file is given the requirement as its range",
-        ),
-        (
-            "separation of tip and actuated parts",
-            "≈ 100 mm",
-            "not derivable",
-            NOTHING,
-            "follows from the lengths of links 1 and 2, which are in the CAD drawing only; the package has centres of mass: "
-            f"that of the translation stage is {1e3 * stage.com[2]:.1f} mm out along the tool axis, {1e3 * beside:.1f} mm "
-            "beside it",
-        ),
-    ]
-    lines = [
-        *table(("§IV-A, §IV-B", "published", "ours", "difference", "why"), rows, words=(4,)),
-        *picture(
-            "design", "All (α, β) that reach −140° to −80°, in closed form; the corner of smallest α is the paper's"
-        ),
-    ]
+    across, beside, along = robot.bodies[3].com
+    values = {
+        "choice": choice,
+        "built_beta": mechanism.beta,
+        "travel": high - low,
+        "along": along,
+        "beside": math.hypot(across, beside),
+    }
     figure = restyled(design_region_figure(choice.region, (mechanism.alpha, mechanism.beta)), (4.6, 4.6))
-    return Section(
-        "Choice of the axes (§IV)", lines, {"design": figure}, ("ssm-planner workspace --reach -140deg -80deg",)
-    )
+    return Section("design", values, {"design": figure})

@@ -16,7 +16,7 @@ from ssm_planner.paper.document import write
 from ssm_planner.paper.friction import friction_section
 from ssm_planner.paper.published import Inputs, read_inputs
 from ssm_planner.paper.rigs import rig_result
-from ssm_planner.paper.section import COMMAND, Section, number, signed, table, text
+from ssm_planner.paper.section import Section, number, percent, signed, wrapped
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.figures.style import save_figure
@@ -58,7 +58,7 @@ def test_tables_are_rectangular_and_sections_name_their_command(made: Made) -> N
     for block in blocks:
         assert len({line.count("|") for line in block.splitlines()}) == 1, block
     for section in made.text.split("\n## ")[1:-1]:
-        assert f"Made by `{COMMAND}`" in section, section[:60]
+        assert "Made by `ssm-planner reproduce`" in section, section[:60]
 
 
 def test_every_command_named_exists(made: Made) -> None:
@@ -183,8 +183,8 @@ def test_an_interrupted_writing_leaves_the_earlier_document(
 
 def test_numbers_and_lines_of_the_document() -> None:
     assert (number(-0.12345), number(1e-15), number(1234.5)) == ("−0.123", "0", "1.23e+03")
-    assert (signed(-0.0004, 3), signed(0.0004, 2, "°"), signed(-1.25, 1, " %")) == ("0.000", "0.00°", "−1.2 %")
-    lines = text("a `command that stays whole` " * 12)
+    assert (signed(-0.0004, 3), signed(0.0004, 2), percent(-0.0125)) == ("0.000", "0.00", "−1.2 %")
+    lines = wrapped("a `command that stays whole` " * 12).splitlines()
+    assert len(lines) > 2
     assert all(line.count("`") % 2 == 0 for line in lines)
     assert all(len(line) <= 120 for line in lines)
-    assert table(("a", "b"), [("1", "2")], words=(1,))[1] == "| --- | --- |"
