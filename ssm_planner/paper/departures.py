@@ -11,10 +11,9 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.identification.fit import fit_map
-from ssm_planner.paper.friction import RUNS
-from ssm_planner.paper.motions import SpeedRun
+from ssm_planner.paper.friction import RigResult, published_drive
+from ssm_planner.paper.motions import RUNS, SpeedRun
 from ssm_planner.paper.published import BOUNDS, DRIVEN, Inputs
-from ssm_planner.paper.rigs import RigResult, published_drive
 from ssm_planner.paper.section import Section
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motorisation import Motorisation

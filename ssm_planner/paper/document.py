@@ -8,10 +8,9 @@ from pathlib import Path
 
 from ssm_planner.atomic import staging
 from ssm_planner.paper.departures import departures_section
-from ssm_planner.paper.friction import friction_section, payload_section, payloads
-from ssm_planner.paper.motions import SpeedRun, motions_section, speed_runs
+from ssm_planner.paper.friction import RigResult, friction_section, rig_result, rigs_section
+from ssm_planner.paper.motions import SpeedRun, motions_section, payload_section, payloads, speed_runs
 from ssm_planner.paper.published import RIGS, Inputs
-from ssm_planner.paper.rigs import RigResult, rig_result, rigs_section
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.reporting.figures.style import save_figure

@@ -1,4 +1,4 @@
-"""Table III: tilt and insertion planned at the printed speeds, and the motor torques over time that this predicts."""
+"""Motor torques of whole motions: Table III (tilt and insertion at the printed speeds), and the payload curves."""
 
 from __future__ import annotations
 
@@ -27,6 +27,18 @@ from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+from ssm_planner.paper.published import PACKAGE_FRICTION, TABLE_II, FrictionRow, Inputs
+from ssm_planner.problem.motorisation import Motorisation, Stroke
+from ssm_planner.reporting.figures.sizing import payload_curves
+from ssm_planner.sizing.duty import DutyCycle
+from ssm_planner.sizing.requirements import MotorRequirement
+from ssm_planner.sizing.size import Sizing, size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from matplotlib.figure import Figure
+from ssm_planner.paper.friction import with_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,3 +154,48 @@ def _figure(runs: tuple[SpeedRun, ...]) -> Figure:
             finish(axes, "time (s)" if row == len(DRIVEN) - 1 else "", label)
         panels[0, column].set_title(run.row.label, fontsize=SIZE)
     return figure
+
+
+RUNS = {"paper": "the paper's speeds", "package": "the package's speeds"}
+"""What the runs are called, by file name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """One run at the friction of Table II and at the package's."""
+
+    run: Motorisation
+    identified: Sizing
+    package: Sizing
+
+    def rows(self) -> Iterator[tuple[str, MotorRequirement, MotorRequirement]]:
+        """Every stroke: its name, what it requires at the friction of Table II and at the package's."""
+        for stroke, ours, theirs in zip(self.run.strokes, self.identified.joints, self.package.joints, strict=True):
+            yield _label(stroke), ours.requirement, theirs.requirement
+
+
+def payloads(inputs: Inputs) -> tuple[Payload, ...]:
+    """Both motorisation runs with both sets of friction."""
+    return tuple(
+        Payload(run, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION)) for run in inputs.motorisations.values()
+    )
+
+
+def payload_section(results: tuple[Payload, ...]) -> Section:
+    """Peaks of the payload curves, and the curves at the paper's speeds."""
+    figures = {
+        "payload_curves_package": payload_curves(results[0].package),
+        "payload_curves_table_ii": payload_curves(results[0].identified),
+    }
+    return Section("payload", {"payloads": results}, figures)
+
+
+def _label(stroke: Stroke) -> str:
+    """Such as `joint 1, 65°/s, 200°/s²`."""
+    scale, unit = (1e3, " mm") if stroke.joint == "insertion" else (180.0 / math.pi, "°")
+    speed, bend = (f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration))
+    return f"joint {NUMBER[stroke.joint]}, {speed}/s, {bend}/s²"
+
+
+def _sized(run: Motorisation, rows: Mapping[str, FrictionRow]) -> Sizing:
+    return size(DutyCycle.of_motorisation(replace(run, robot=with_rows(run.robot, rows))))

@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_problem
@@ -19,10 +18,6 @@ from ssm_planner.problem.motion import Task
 from ssm_planner.problem.motorisation import Motorisation
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-
-if TYPE_CHECKING:
-    pass
-
 
 DRIVEN = ("roll", "tilt", "insertion")
 """Joints 1, 2 and 4, which have a drive."""
@@ -40,6 +35,10 @@ REQUIRED_SPIN = math.radians(360.0)
 REQUIRED_TRAVEL = 0.030
 TILT_AGREEMENT = 0.985
 """§V-A."""
+TABLE_I_MEASURED = (math.radians(-138.6), math.radians(-79.5))
+"""The tilt interval measured on the prototype (paper, Table I)."""
+TABLE_I = (math.radians(-140.0), math.radians(-80.0))
+"""The theoretical interval as the paper prints it, with β rounded to 110°."""
 
 ROTARY_SPEED, ROTARY_ACCELERATION = math.radians(65.0), math.radians(200.0)
 """§IV-C, about."""
@@ -194,9 +193,3 @@ BOUNDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     },
 }
 """Lower and upper bound by rig and parameter, SI (sd_1dof.m of the package)."""
-
-
-TABLE_I_MEASURED = (math.radians(-138.6), math.radians(-79.5))
-"""The tilt interval measured on the prototype (paper, Table I)."""
-TABLE_I = (math.radians(-140.0), math.radians(-80.0))
-"""The theoretical interval as the paper prints it, with β rounded to 110°."""

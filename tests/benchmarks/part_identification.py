@@ -17,7 +17,7 @@ from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, read_figures
 from ssm_planner.loading.load import load_drive
-from ssm_planner.paper.rigs import published_drive
+from ssm_planner.paper.friction import published_drive
 
 RECORDINGS = "BENCH_RECORDINGS"
 """Environment variable with the folder of the rigs' recordings, which may be absent."""

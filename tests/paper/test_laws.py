@@ -15,10 +15,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_rate_bound
 from ssm_planner.paper import published
 from ssm_planner.paper.departures import body_moments, flipped, joint_inertia, outside_bounds, subtracted, velocity_sign
-from ssm_planner.paper.friction import friction_maps, payloads, with_friction, with_rows
-from ssm_planner.paper.motions import tilts_of
+from ssm_planner.paper.friction import LAWS, friction_maps, published_drive, with_friction, with_rows
+from ssm_planner.paper.motions import payloads, tilts_of
 from ssm_planner.paper.published import BOUNDS, Inputs
-from ssm_planner.paper.rigs import LAWS, published_drive
 from ssm_planner.paper.workspace import design_choice, tilt_range
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import DutyCycle
