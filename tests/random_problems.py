@@ -19,6 +19,7 @@ from ssm_planner.problem.limits import TASK, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
+from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 NAMED = {
@@ -169,7 +170,7 @@ def _joint(joint: Joint, jerk: bool, rng: np.random.Generator) -> Joint:
     acceleration = joint.acceleration * 10 ** rng.uniform(-0.7, 0.5)
     motor = joint.motor
     if motor is not None:
-        motor = dataclasses.replace(motor, max_torque=motor.max_torque * 10 ** rng.uniform(-0.5, 0.2))
+        motor = unchecked(motor, max_torque=motor.max_torque * 10 ** rng.uniform(-0.5, 0.2))
     return dataclasses.replace(
         joint,
         position=(-6.5, 6.5) if joint.kind == "revolute" else joint.position,

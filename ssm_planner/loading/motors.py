@@ -130,8 +130,6 @@ def _check(section: Section, values: dict[str, float]) -> None:
                 name,
                 allowed=f"{SMALLEST_TORQUE * 1e3:g} mN*m to {LARGEST_TORQUE:g} N*m",
             )
-    if largest < nominal:
-        raise section.error("smaller than nominal_torque", "max_torque", allowed=f"at least {nominal:g} N*m")
     if largest > 100 * nominal:
         raise section.error(
             "more than 100 times nominal_torque: is the unit right?", "max_torque", allowed=f"{nominal:g} N*m upwards"

@@ -42,14 +42,6 @@ def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
 def _joint(section: Section, name: str, model: RevoluteModel | PrismaticModel) -> Joint:
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
-    # in Python another motor may be tried on a drive, whose own rotor then gives way
-    if drive is not None and motor is not None and (motor.rotor_inertia or 0.0) > drive.input_inertia:
-        raise section.error(
-            f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia than the whole input side "
-            f"of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it",
-            "motor",
-            allowed="a drive whose input_inertia counts the rotor in",
-        )
     with located(section):
         return Joint(
             name=name,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limits import ContinuousTorque, Limit, MotorTorque
 from ssm_planner.problem.problem import Problem
 from ssm_planner.verification.certificate import Certificate
@@ -44,7 +45,10 @@ class Strictness:
             else:
                 stricter = None if limit is None else limit.tightened(found.worst, found.limit)
             if stricter is not None:
-                problem, held = stricter.on(problem), True
+                try:
+                    problem, held = stricter.on(problem), True
+                except ProblemError:  # a point, or the port of the eye, lies between the two bounds
+                    return None
         return Strictness(problem, heat) if held else None
 
 

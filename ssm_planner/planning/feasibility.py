@@ -10,23 +10,31 @@ from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.limits import JointPosition, RetinaClearance
+from ssm_planner.problem.limits import TASK, JointPosition, RetinaClearance, TaskRange
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
+from ssm_planner.units import shown
 
 SAMPLES = 201
 TOLERANCE = 1e-9
 """Share of a range, or m and shares of the lens, by which a joint or the tip may miss it."""
+AT_POINTS = 1e-6
+"""rad or m by which a task coordinate that follows from joints may miss its range; the check of the motion is finer."""
 
 
 def infeasible_place(problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]) -> Reason | None:
-    """The first place that a limit forbids: a joint's range, the retina's clearance or the lens."""
+    """The first place that a limit forbids: range of a joint or of a task coordinate, the retina's clearance or the lens."""
     for phase in phases:
         q = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES)).q if phase.path is not None else phase.points
-        reason = _beyond_range(problem.robot, phase, q) or blocked_by_eye(problem, mechanism, phase, q)
+        reason = (
+            _beyond_range(problem.robot, phase, q)
+            or _beyond_task_range(problem, mechanism, phase)
+            or blocked_by_eye(problem, mechanism, phase, q)
+        )
         if reason is not None:
             return reason
     return None
@@ -50,13 +58,36 @@ def _beyond_range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
             continue
         k = int(np.argmax(over))
         value, limit = float(q[k, i]), low if q[k, i] < low else high
-        unit, scale = ("deg", 180 / np.pi) if joint.kind == "revolute" else ("mm", 1e3)
+        position = joint.limit(JointPosition)
+        unit, scale = shown(position.unit)
         where = _where(phase, k, len(q))
         text = (
             f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
             f"{limit * scale:.6g} {unit} ({where})"
         )
-        return Reason(joint.limit(JointPosition), where, value, limit, text)
+        return Reason(position, where, value, limit, text)
+    return None
+
+
+def _beyond_task_range(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
+    """The first task coordinate that is outside its range at a point given as joints or by the tip."""
+    task = task_from_joints(mechanism, phase.points)
+    for limit in problem.limits:
+        if not isinstance(limit, TaskRange):
+            continue
+        values = task[:, TASK.index(limit.coordinate)]
+        over = np.maximum(limit.low - values, values - limit.high)
+        if over.max() <= AT_POINTS:
+            continue
+        k = int(np.argmax(over))
+        value, bound = float(values[k]), limit.bound(float(values[k]))
+        unit, scale = shown(limit.unit)
+        where = _where(phase, k, len(values))
+        text = (
+            f"{limit.coordinate} would have to be {value * scale:.6g} {unit}, its range ends at "
+            f"{bound * scale:.6g} {unit} ({where})"
+        )
+        return Reason(limit, where, value, bound, text)
     return None
 
 

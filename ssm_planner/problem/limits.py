@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.value import Value
+from ssm_planner.problem.value import Value, unchecked
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
@@ -415,7 +415,15 @@ class TaskRange(Between):
         )
 
     def on(self, problem: P) -> P:
-        return _with_own(problem, self)
+        """The robot's own range makes room where it is the narrower one."""
+        whole: Any = problem
+        limits = (
+            replace(own, lower=min(own.lower, self.lower), upper=max(own.upper, self.upper))
+            if own.key == self.key
+            else own
+            for own in whole.robot.limits
+        )
+        return _with_own(_replaced(problem, robot=replace(whole.robot, limits=tuple(limits))), self)
 
 
 @dataclass(frozen=True)
@@ -724,7 +732,8 @@ def _with_motor(problem: P, name: str, **changes: Any) -> P:
     motor = _joint(problem, name).motor
     if motor is None:
         raise ProblemError(f"joint {name} has no motor")
-    return _with_joint(problem, name, motor=replace(motor, **changes))
+    # a motor tried with a largest torque below its nominal one is no mistake
+    return _with_joint(problem, name, motor=unchecked(motor, **changes))
 
 
 def _with_own(problem: P, limit: Limit) -> P:

@@ -48,6 +48,8 @@ class Motor(Value):
         return bool(self.placeholders)
 
     def _check(self) -> None:
+        if self.max_torque < self.nominal_torque:
+            raise self._wrong("max_torque", "smaller than nominal_torque", f"at least {self.nominal_torque:g} N*m")
         drift = self.torque_constant_per_kelvin
         if drift is not None and not LARGEST_DRIFT <= drift <= 0:
             reason = "magnets weaken as they warm" if drift > 0 else "too small"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Annotated, Any, Literal
@@ -10,9 +11,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
-from ssm_planner.problem.motion import Dwell, Free, Joints, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import Dwell, Free, Joints, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
 from ssm_planner.problem.value import Matrix, Names, NotNegative, Positive, Value, Vector
+from ssm_planner.typing import Range
+from ssm_planner.units import shown
+
+SLACK = 1e-9
+"""rad or m, so that a point may sit on a limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,18 +65,21 @@ class Eye(Value):
     def _check(self) -> None:
         if not self.clearance < self.radius:
             raise self._wrong("clearance", "nothing is left of the eye", f"less than the radius, {_mm(self.radius)}")
-        if self.lens is None:
-            return
-        for i, length in enumerate(self.lens.semi_axes.tolist()):
+        if self.lens is not None:
+            self._check_lens(self.lens)
+        self._check_port()
+
+    def _check_lens(self, lens: Lens) -> None:
+        for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
                 allowed = f"above 0 and below {_mm(self.radius)}"
                 raise self._wrong(f"lens.semi_axes[{i}]", "not the half of a lens", allowed, length)
-        if np.linalg.norm(self.lens.centre - self.centre) > self.radius:
+        if np.linalg.norm(lens.centre - self.centre) > self.radius:
             allowed = f"within {_mm(self.radius)} of the eye's centre"
-            raise self._wrong("lens.centre", "outside the eye", allowed, self.lens.centre.tolist())
+            raise self._wrong("lens.centre", "outside the eye", allowed, lens.centre.tolist())
 
-    def check_port(self) -> None:
-        """Raises ProblemError where a tool through the remote centre could not work in this eye."""
+    def _check_port(self) -> None:
+        """A tool through the remote centre can work in this eye."""
         distance = float(np.linalg.norm(self.centre))
         if abs(distance - self.radius) > self.port:
             raise self._wrong(
@@ -78,6 +87,7 @@ class Eye(Value):
                 f"the remote centre is {_mm(distance)} from the centre of an eye of radius {_mm(self.radius)}, "
                 f"so the port is not at its wall",
                 f"{_mm(self.radius - self.port)} to {_mm(self.radius + self.port)} from the remote centre",
+                self.centre.tolist(),
             )
         # without this the tip could not get from the port into the eye and keep the clearance all the way
         room = self.port - (distance - self.radius)
@@ -99,6 +109,16 @@ class Eye(Value):
 
 def _mm(length: float) -> str:
     return f"{1e3 * length:.5g} mm"
+
+
+def _text(name: str, value: float) -> str:
+    """A task coordinate or joint value as people read it."""
+    unit, scale = shown("m" if name in ("depth", "insertion") else "rad")
+    return f"{value * scale:.6g} {unit}"
+
+
+def _range(name: str, ends: Range) -> str:
+    return f"{_text(name, ends[0])} to {_text(name, ends[1])}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +151,7 @@ class Problem(Value, Limited):
     limits: tuple[Limit, ...] = ()
     """Of the task: ranges, rates and speeds; those of the joints are in robot.
 
-    Without a range among them the robot's own hold.
+    The robot's own ranges and the travel of joint 4 hold too: each range is what all of them leave.
     """
     objective: Objective = "time then heat"
     eye: Eye | None = None
@@ -169,8 +189,9 @@ class Problem(Value, Limited):
         return (*of_joints, *self.task_limits.all_limits)
 
     def _check(self) -> None:
-        if not any(isinstance(limit, TaskRange) for limit in task_limits(self.limits, "Problem.limits")):
-            object.__setattr__(self, "limits", (*self.robot.limits, *self.limits))
+        task_limits(self.limits, "Problem.limits")
+        others = (limit for limit in self.limits if not isinstance(limit, TaskRange))
+        object.__setattr__(self, "limits", (*self._narrowed(), *others))
         if isinstance(self.start, Task):
             whole = Task(**{**dict.fromkeys(TASK, 0.0), **self.start.given}, line=self.start.line)
             object.__setattr__(self, "start", whole)
@@ -179,9 +200,63 @@ class Problem(Value, Limited):
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Scan):
                 self._check_scan(entry, f"motion[{i}]")
+        for place, point in self._points():
+            self._check_point(place, point)
         self._check_durations()
         if self.planner == "toppra":
             self._check_for_toppra()
+
+    def _narrowed(self) -> list[TaskRange]:
+        """The ranges of the robot, of the travel of joint 4 and of the problem, each narrowed by the others."""
+        left = self.robot.ranges
+        for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
+            low, high = left.get(name, (-math.inf, math.inf))
+            lower, upper = max(low, lower), min(high, upper)
+            if not lower < upper:
+                reason, allowed = "nothing is left of the range that the robot allows", _range(name, (low, high))
+                raise self._wrong(f"limits.{name}", reason, allowed, _range(name, self.ranges[name]))
+            left[name] = lower, upper
+        return [TaskRange(name, *ends) for name, ends in left.items()]
+
+    def _points(self) -> Iterator[tuple[str, Point]]:
+        """The points that are given, with their places."""
+        yield "start", self.start
+        for i, entry in enumerate(self.motion):
+            if isinstance(entry, Straight):
+                yield f"motion[{i}]", entry.to
+            elif isinstance(entry, Scan):
+                yield f"motion[{i}].at", entry.at
+            elif isinstance(entry, Free):
+                yield f"motion[{i}].to", entry.to
+                yield from ((f"motion[{i}].through[{k}]", point) for k, point in enumerate(entry.through))
+
+    def _check_point(self, place: str, point: Point) -> None:
+        """What is given of a point is within its limits; what follows from it the planner looks at (feasibility)."""
+        if isinstance(point, Task):
+            for name, value in point.given.items():
+                self._check_within(f"{place}.{name}", name, value)
+        elif isinstance(point, Tip):
+            distance, (low, high) = math.hypot(*point.position), self.ranges["depth"]
+            if distance > max(abs(low), abs(high)) + SLACK:
+                reason = f"{distance * 1e3:.4g} mm from the remote centre, outside the limits of depth"
+                raise self._wrong(f"{place}.position", reason, _range("depth", (low, high)), list(point.position))
+            self._check_within(f"{place}.spin", "spin", point.spin)
+        else:
+            for i, (value, joint) in enumerate(zip(point.values, self.robot.joints, strict=True)):
+                reason = f"outside the position limits of joint {i + 1} ({joint.name})"
+                self._check_within(f"{place}.values[{i}]", joint.name, value, joint.position, reason)
+            depth = self.robot.geometry.insertion_sign * point.values[3]
+            reason = f"gives a depth of {depth * 1e3:g} mm, outside the limits"
+            self._check_within(f"{place}.values[3]", "depth", depth, None, reason)
+
+    def _check_within(
+        self, place: str, name: str, value: float, ends: Range | None = None, reason: str | None = None
+    ) -> None:
+        low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
+        if not low - SLACK <= value <= high + SLACK:
+            raise self._wrong(
+                place, reason or f"outside the limits of {name}", _range(name, (low, high)), _text(name, value)
+            )
 
     def _check_scan(self, scan: Scan, place: str) -> None:
         eye = self.eye

@@ -120,9 +120,15 @@ class Joint(Value):
 
     def _check(self) -> None:
         check_name(self.name, JOINTS, "Joint.name", "not a joint known here")
-        drive = self.drive
+        drive, motor = self.drive, self.motor
         if drive is None:
             return
+        if motor is not None and (motor.rotor_inertia or 0.0) > drive.input_inertia:
+            reason = (
+                f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia than the whole input "
+                f"side of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it"
+            )
+            raise self._wrong("motor", reason, "a drive whose input_inertia counts the rotor in", motor.name)
         revolute = self.kind == "revolute"
         if drive.friction is None:
             raise self._wrong("drive", "the friction of this drive is still to be identified", "friction", drive.name)

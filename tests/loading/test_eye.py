@@ -163,8 +163,9 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
 
 
 def test_a_plan_from_before_the_eye_limits_nothing_more(files: Any) -> None:
-    document = plain(files.load(NAME)) | {"limits": {"tilt": [-2.0, -1.0]}, "tip_speed": None}
+    document = plain(files.load(NAME)) | {"limits": {"tilt": [-2.4, -1.45]}, "tip_speed": None}
     del document["rates"], document["eye"]
-    limits = problem_from_plain(document).task_limits
-    assert limits.ranges == {"tilt": (-2.0, -1.0)}
+    problem = problem_from_plain(document)
+    limits = problem.task_limits
+    assert limits.ranges == {"tilt": (-2.4, -1.45), "depth": problem.robot.travel}
     assert (limits.tip_speed, limits.rates, limits.eye) == (None, {}, None)

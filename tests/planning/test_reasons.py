@@ -12,15 +12,18 @@ import pytest
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.inverse import inverse_task
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.relaxation import Cure, search
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import MotorTorque, TaskRange
-from ssm_planner.problem.motion import Free, Motion, Straight, Task
+from ssm_planner.problem.limits import MotorTorque
+from ssm_planner.problem.motion import Free, Joints, Motion, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.problem.value import unchecked
 
 Weaker = Callable[[Robot, float], Robot]
 
@@ -41,7 +44,7 @@ def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
 def weak(problem: Problem, i: int, factor: float) -> Problem:
     motor = problem.robot.joints[i].motor
     assert motor is not None
-    return with_joint(problem, i, motor=dataclasses.replace(motor, max_torque=factor * motor.max_torque))
+    return with_joint(problem, i, motor=unchecked(motor, max_torque=factor * motor.max_torque))
 
 
 def narrow(problem: Problem) -> Problem:
@@ -74,6 +77,14 @@ def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
         eye=dataclasses.replace(eye, lens=lens, clearance=1e-4),
         start=Task(**{**START, "depth": 0.002}),
     )
+
+
+def rolled(problem: Problem, _: Eye | None) -> Problem:
+    """To joints, each within its own range, that roll the tool further than the problem allows."""
+    mechanism, limits = Mechanism.from_geometry(problem.robot.geometry), [j.position for j in problem.robot.joints]
+    found = inverse_task(mechanism, [[0.55, -1.9, 0.0, 0.001]], limits=limits, reference=np.zeros(4))
+    first, second, third, fourth = found.joints[0, int(np.argmax(found.valid[0]))].tolist()
+    return tilt(problem, motion=(Free(Joints((first, second, third, fourth))),))
 
 
 @dataclass(frozen=True)
@@ -129,6 +140,7 @@ CASES = {
         lambda p, eye: in_eye(p, eye, {"depth": 0.0203}), "retina clearance", None, "straight, at its end"
     ),
     "too near to the lens": Case(lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "),
+    "a range of the task at joints": Case(rolled, "roll range", None, "free, at its end"),
     "against its way": Case(
         lambda p, _: insertion(p, motion=(Free(Task(**{"depth": 0.015})),), end_rate={"depth": -0.005}),
         "direction",
@@ -220,12 +232,15 @@ def test_a_direction_has_no_value_that_could_be_relaxed_and_says_what_to_do(unpl
     assert reason.required == -reason.available
 
 
-def test_what_no_limit_could_cure_is_refused_before_it_is_planned(tilt_insert: Problem) -> None:
+def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) -> None:
     timed = (dataclasses.replace(straight(depth=0.015), duration=2.0),)
+    timed_twice = insertion(tilt_insert, motion=timed, objective="effort", duration=3.0)
     with pytest.raises(ProblemError, match="every motion has a duration of its own already"):
-        insertion(tilt_insert, motion=timed, objective="effort", duration=3.0)
+        timed_twice.check_total()
+    drive = slippery(tilt_insert).robot.joints[0].drive
+    assert drive is not None
     with pytest.raises(ProblemError, match="the drive does not lock itself"):
-        slippery(insertion(tilt_insert))
+        drive.check_locking()
 
 
 def test_two_limits_in_the_way_are_both_named(tilt_insert: Problem) -> None:
@@ -241,9 +256,8 @@ def test_two_limits_in_the_way_are_both_named(tilt_insert: Problem) -> None:
 
 
 def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(tilt_insert: Problem) -> None:
-    problem = dataclasses.replace(
-        tilt_insert, limits=(TaskRange("depth", 0.0, 0.03),), motion=(straight(tilt=np.radians(-140)),)
-    )
+    robot = dataclasses.replace(tilt_insert.robot, limits=())
+    problem = dataclasses.replace(tilt_insert, robot=robot, limits=(), motion=(straight(tilt=np.radians(-140)),))
     with pytest.raises(ProblemError, match="the speed of joint tilt grows without bound") as caught:
         plan(problem)
     assert "-139.778 deg to -79.778 deg" in str(caught.value)

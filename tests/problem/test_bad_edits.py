@@ -90,7 +90,7 @@ def assert_refused(value: Any, **changes: Any) -> None:
 
 @pytest.mark.parametrize("seed", range(EDITS))
 def test_no_bad_edit_gets_past(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(7919 + seed)
     value = VALUES[seed % len(VALUES)]
     fields = [field.name for field in dataclasses.fields(value)]
     field = str(rng.choice(fields))
@@ -197,6 +197,16 @@ CONTRADICTIONS: list[tuple[Any, dict[str, Any]]] = [
         ROBOT, joints=(dataclasses.replace(JOINT, jerk=50.0), *ROBOT.joints[1:]))}),
     (PROBLEM, {"motion": ()}),
     (PROBLEM, {"motion": (BY_NAME["Scan"],)}),
+    (PROBLEM, {"limits": (TaskRange("tilt", -1.2, -0.8),)}),
+    (PROBLEM, {"limits": (TaskRange("depth", 0.04, 0.05),)}),
+    (PROBLEM, {"limits": (TaskRange("tilt", -2.0, -1.45),)}),
+    (PROBLEM, {"eye": dataclasses.replace(BY_NAME["Eye"], lens=None), "motion": (
+        dataclasses.replace(BY_NAME["Scan"], at=Task(tilt=-3.0)),)}),
+    (JOINT, {"motor": dataclasses.replace(BY_NAME["Motor"], rotor_inertia=1.0)}),
+    (BY_NAME["Motor"], {"max_torque": 0.9 * BY_NAME["Motor"].nominal_torque}),
+    (BY_NAME["Eye"], {"centre": 0.5 * BY_NAME["Eye"].centre}),
+    (BY_NAME["Eye"], {"port": 1e-4}),
+    (BY_NAME["Eye"], {"lens": dataclasses.replace(BY_NAME["Lens"], centre=np.array([0.0, 0.0, -1e-3]))}),
     (PROBLEM, {"limits": {"tilt": (-2.4, -1.4)}}),
     (PROBLEM, {"limits": (TaskRange("tilt", -2.4, -1.4), TaskRange("tilt", -2.3, -1.5))}),
     (PROBLEM, {"start_rate": {"tlt": 0.1}}),
@@ -209,6 +219,57 @@ CONTRADICTIONS: list[tuple[Any, dict[str, Any]]] = [
 )
 def test_contradictions(value: Any, changes: dict[str, Any]) -> None:
     assert_refused(value, **changes)
+
+
+def somewhere_outside(problem: Problem, rng: np.random.Generator) -> Task | Joints | Tip:
+    """A point with one figure beyond its range."""
+    beyond = float(10 ** rng.uniform(-6, 1)) * float(rng.choice([-1, 1]))
+    form = int(rng.integers(3))
+    if form == 0:
+        name = str(rng.choice(list(problem.ranges)))
+        low, high = problem.ranges[name]
+        return Task(**{name: high + beyond if beyond > 0 else low + beyond})
+    if form == 1:
+        k = int(rng.integers(4))
+        values = [sum(joint.position) / 2 for joint in problem.robot.joints]
+        low, high = problem.robot.joints[k].position
+        values[k] = high + beyond if beyond > 0 else low + beyond
+        return Joints((values[0], values[1], values[2], values[3]))
+    direction = rng.normal(size=3)
+    far = max(map(abs, problem.ranges["depth"])) + abs(beyond)
+    x, y, z = (direction * far / np.linalg.norm(direction)).tolist()
+    return Tip((x, y, z), 0.1)
+
+
+@pytest.mark.parametrize("seed", range(1000, 1000 + EDITS))
+def test_no_point_outside_its_range_gets_past(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem: Problem = [PROBLEM, BY_NAME["Problem"]][seed % 2]
+    point = somewhere_outside(problem, rng)
+    place = int(rng.integers(3))
+    if place == 0 and not isinstance(point, Task):
+        return assert_refused(problem, start=point)
+    inside = Task(tilt=-1.9)
+    if place == 1:
+        return assert_refused(problem, motion=(Free(inside, (inside, point)),))
+    if isinstance(point, Task) and rng.random() < 0.5:
+        return assert_refused(problem, motion=(Dwell(0.1), Straight(**point.given)))
+    return assert_refused(problem, motion=(Free(point),))
+
+
+def test_a_robot_whose_own_range_is_narrower_brings_its_range_along() -> None:
+    robot = dataclasses.replace(ROBOT, limits=(TaskRange("tilt", -2.0, -1.45),))
+    with pytest.raises(
+        ProblemError, match=r"motion\[0\].tilt = -135 deg: outside the limits of tilt .* -114.592 deg to"
+    ):
+        dataclasses.replace(PROBLEM, robot=robot)
+
+
+def test_a_point_on_the_end_of_its_range_passes() -> None:
+    for problem in (PROBLEM, BY_NAME["Problem"]):
+        for name, ends in problem.ranges.items():
+            for end in ends:
+                assert dataclasses.replace(problem, motion=(Straight(**{name: end}),))
 
 
 HEALTHY: list[Callable[[], Any]] = [

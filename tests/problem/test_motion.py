@@ -53,9 +53,18 @@ def test_the_same_problem_in_python_as_text_and_as_a_mapping() -> None:
     assert written.tip_speed == pytest.approx(data.tip_speed)
 
 
-def test_without_ranges_the_robots_hold() -> None:
+def test_the_ranges_of_the_robot_hold_whatever_the_problem_says() -> None:
     problem = load_problem("tilt_insert")
-    assert dataclasses.replace(problem, limits=(TipSpeed(0.02),)).ranges == problem.robot.ranges
+    robots = problem.robot.ranges | {"depth": problem.robot.travel}
+    assert dataclasses.replace(problem, limits=(TipSpeed(0.02),)).ranges == robots
+    roll = TaskRange("roll", -0.5, 0.5)
+    assert dataclasses.replace(problem, limits=(roll,)).ranges == robots | {"roll": (-0.5, 0.5)}
+    low, high = robots["tilt"]
+    wider = dataclasses.replace(problem, limits=(TaskRange("tilt", low - 1, high + 1), TaskRange("depth", -1.0, 1.0)))
+    assert wider.ranges == robots
+    narrower = dataclasses.replace(problem, limits=(TaskRange("tilt", low + 0.01, high + 1),))
+    assert narrower.ranges["tilt"] == (low + 0.01, high)
+    assert dataclasses.replace(narrower) == narrower
 
 
 def test_messages_name_the_key_or_the_line() -> None:

@@ -18,6 +18,7 @@ from ssm_planner.kinematics.tool_speeds import JACOBIANS
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque
 from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 UNLIMITED = 1e9
@@ -53,7 +54,7 @@ def with_margin(robot: Robot, share: float) -> Robot:
                 joint,
                 velocity=joint.velocity * (1 - share),
                 acceleration=joint.acceleration * (1 - share),
-                motor=None if motor is None else replace(motor, max_torque=motor.max_torque * (1 - share)),
+                motor=None if motor is None else unchecked(motor, max_torque=motor.max_torque * (1 - share)),
             )
         )
     first, second, third, fourth = joints
