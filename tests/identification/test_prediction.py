@@ -122,11 +122,11 @@ def test_shipped_figures_are_what_the_reader_computes(name):
 
 @pytest.mark.parametrize("name", FOLDERS)
 def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_path):
-    began = clock.perf_counter()
+    began = clock.process_time()
     found = identify(DRIVES / f"{name}.yaml")
     result = found.to_dict()
     found.save(tmp_path / "drive.yaml")
-    assert clock.perf_counter() - began < 3.0
+    assert clock.process_time() - began < 3.0
     json.dumps(result)
     drive = load_drive(tmp_path / "drive.yaml")
     assert drive.friction.law == result["law"]

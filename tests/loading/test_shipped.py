@@ -70,13 +70,13 @@ def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
 def test_a_problem_loads_quickly_and_without_the_heavy_libraries() -> None:
     code = f"""
 import sys, time
-start = time.perf_counter()
+start = time.process_time()
 from ssm_planner.loading.load import load_problem
 heavy = {{"scipy.optimize", "matplotlib", "toppra", "casadi"}}
 assert not ({{"pint"}} | heavy) & set(sys.modules)
 load_problem({str(SHIPPED / "tilt_insert.yaml")!r})
 assert not heavy & set(sys.modules)
-print(time.perf_counter() - start)
+print(time.process_time() - start)
 """
     times = []
     for _ in range(3):
