@@ -66,6 +66,10 @@ class Trajectory:
         """From the first break to the last, s."""
         return float(self.breaks[-1] - self.breaks[0])
 
+    def pieces(self, chosen: Indices | slice) -> Array:
+        """Coefficients (n, 6, 4) of some pieces: what goes through a long trajectory asks for them block by block."""
+        return self.coefficients[chosen]
+
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
         """Index (n,) of the piece that holds each t (n,); at a break the one to its right or left."""
         where = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
@@ -83,7 +87,7 @@ class Trajectory:
     def sample_pieces(self, piece: Indices, local: Array) -> Samples:
         """The motion at local time (n,) after the start of each piece (n,)."""
         derivatives = []
-        coefficients = self.coefficients[piece]
+        coefficients = self.pieces(piece)
         for order in range(4):
             value = coefficients[:, DEGREE - order].copy()
             for k in range(DEGREE - order - 1, -1, -1):

@@ -95,12 +95,14 @@ class Case:
     def task(self, factor: float) -> TaskLimits:
         """The limits of the task with this one."""
         kind, bounds = self.limit[0], self.bounds(factor)
-        return of_task(
+        limits = of_task(
             ranges={"tilt": bounds} if kind == "tilt range" else {},
             tip_speed=bounds[1] if kind == "tip speed" else None,
             rates={TASK_RATES[kind]: bounds[1]} if kind in TASK_RATES else {},
             eye=_eye(kind, bounds[1]) if kind.endswith("clearance") else None,
         )
+        # a stretch of a motion: neither starts nor ends at rest
+        return dataclasses.replace(limits, start_rate=None, end_rate=None)
 
 
 def _eye(kind: str, high: float) -> Eye:

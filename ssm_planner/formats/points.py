@@ -9,13 +9,14 @@ Signs that numbers are not what their column says: degrees as radians, millimetr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import DEGREE, Span, Trajectory, hermite
 from ssm_planner.typing import Array
@@ -52,6 +53,15 @@ class Reading:
     resolution: Array | None
     """For `check`: None where every piece is smooth."""
     notes: tuple[str, ...] = ()
+    start_rate: Mapping[str, float] = field(default_factory=dict)
+    """Rates of task coordinates that the file declares at the start, by name in TASK; 0 where not named."""
+    end_rate: Mapping[str, float] = field(default_factory=dict)
+
+    def ends_on(self, limits: TaskLimits) -> TaskLimits:
+        """The limits with the rates at both ends that the file declares, where these declare none themselves."""
+        start = limits.start_rate if limits.start_rate != {} else self.start_rate
+        end = limits.end_rate if limits.end_rate != {} else self.end_rate
+        return replace(limits, start_rate=start, end_rate=end)
 
 
 def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Reading:

@@ -26,6 +26,8 @@ SMOOTH = 1e-6
 """Largest jump of acceleration at a break, as a share of its limit, that quintics through the breaks do not mind."""
 LARGEST_STRETCH = 1e-3
 TRIALS = 4
+ROUNDED = 1e-9
+"""s; times are rounded to no coarser ticks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +79,13 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
 
 
 def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
-    """The plan run slower by a factor, at times t (n,) of the slower motion; beyond its end it rests there."""
+    """The plan run slower by a factor, at times t (n,) of the slower motion; beyond its end it rests there.
+
+    A time within ROUNDED of the end is the end.
+    """
     begin, end = plan.motion.breaks[0], plan.motion.breaks[-1]
     s = plan.motion.sample(np.minimum(begin + (t - begin) / stretch, end))
-    moving = (s.t < end)[:, None] | (t <= begin + plan.motion.duration * stretch)[:, None]
+    moving = (s.t < end)[:, None] | (t <= begin + plan.motion.duration * stretch + ROUNDED)[:, None]
     qd, qdd, qddd = (x * moving / stretch**k for k, x in enumerate((s.qd, s.qdd, s.qddd), start=1))
     return Samples(t, s.q, qd, qdd, qddd)
 
@@ -98,7 +103,9 @@ def _trial(plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0
     reading = join_points(Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot)
-    certificate = check(reading.trajectory, plan.robot, plan.limits, interpolation=reading.interpolation)
+    certificate = check(
+        reading.trajectory, plan.robot, plan.limits.slower(stretch), interpolation=reading.interpolation
+    )
     return SplinePoints(s, with_acceleration, stretch, certificate)
 
 

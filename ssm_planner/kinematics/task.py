@@ -154,3 +154,13 @@ def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> ca
 
     parts = (q[0], q[1], q[2], q[3]), (qd[0], qd[1], qd[2], qd[3])
     return casadi.vertcat(*task_rates_of_joints(casadi_namespace(), mechanism, *parts))
+
+
+def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
+    """q̇ (4,) at which the task coordinates change at `rate` (4,), at the joints q (4,); all 0 for a rate of 0."""
+    if not np.any(rate):
+        return np.zeros(4)
+    jacobian = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
+    qd = np.asarray(np.linalg.solve(jacobian, rate), dtype=float)
+    qd[np.abs(qd) < 1e-12 * np.abs(qd).max()] = 0.0
+    return qd

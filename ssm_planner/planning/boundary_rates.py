@@ -8,7 +8,7 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics.task import joint_rates
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import TASK, Direction, JointAcceleration, JointVelocity
@@ -51,7 +51,7 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
         raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
     if phase.path is not None:
         _refuse_off_line(problem, phase, key, rate)
-    qd = _joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
+    qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
     step = phase.points[1] - phase.points[0] if at_start else phase.points[-1] - phase.points[-2]
     reason = _too_fast(problem, phase, key, qd, step)
     return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
@@ -68,14 +68,6 @@ def _refuse_off_line(problem: Problem, phase: Phase, key: str, rate: Array) -> N
             key=key,
             allowed="rates of the coordinates that the motion changes, in their ratio, and in its direction",
         )
-
-
-def _joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
-    """q̇ (4,) at which the task coordinates change at `rate` (4,), at the joints q (4,)."""
-    jacobian = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
-    qd = np.asarray(np.linalg.solve(jacobian, rate), dtype=float)
-    qd[np.abs(qd) < 1e-12 * np.abs(qd).max()] = 0.0
-    return qd
 
 
 def _too_fast(problem: Problem, phase: Phase, key: str, qd: Array, step: Array) -> Reason | None:

@@ -624,8 +624,9 @@ class Direction(Limit):
     of: str
 
 
-JUMPS = tuple(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration))
-"""Names of the limits on jumps, which tables leave out while they are kept."""
+ENDS = ("start velocity", "end velocity")
+JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)), *ENDS)
+"""Names of the limits on jumps, also from and to rest, which tables leave out while they are kept."""
 
 
 @dataclass(frozen=True)
@@ -648,6 +649,24 @@ class Jump(JointLimit):
     @property
     def unit(self) -> str:
         return ("m" if self.prismatic else "rad") + ("", "/s", "/s²")[self.derivative]
+
+
+@dataclass(frozen=True)
+class EndVelocity(JointLimit):
+    """Largest difference of a joint's velocity, where the motion starts or ends, from what is declared there: rest."""
+
+    order = 1
+    at_end: bool = False
+
+    def tightened(self: S, worst: float, bound: float) -> S | None:
+        return None
+
+    def relaxed(self: S, value: float) -> S | None:
+        return None
+
+    @property
+    def name(self) -> str:
+        return ENDS[self.at_end]
 
 
 class Limited:

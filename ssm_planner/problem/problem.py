@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Annotated, Any, Literal
 
@@ -127,6 +127,19 @@ class TaskLimits(Limited):
 
     limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
+    start_rate: Mapping[str, float] | None = field(default_factory=dict)
+    """Rates of task coordinates at the start, by name in TASK, 0 where not named; None: whatever the motion has."""
+    end_rate: Mapping[str, float] | None = field(default_factory=dict)
+
+    def slower(self, stretch: float) -> TaskLimits:
+        """Those of the motion run slower by a factor: its rates at both ends are lower by as much."""
+        if stretch == 1:
+            return self
+        start, end = (
+            None if rate is None else {name: value / stretch for name, value in rate.items()}
+            for rate in (self.start_rate, self.end_rate)
+        )
+        return replace(self, start_rate=start, end_rate=end)
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
@@ -180,7 +193,7 @@ class Problem(Value, Limited):
     @property
     def task_limits(self) -> TaskLimits:
         """Limits on where the tool is and how fast it goes."""
-        return TaskLimits(self.limits, self.eye)
+        return TaskLimits(self.limits, self.eye, self.start_rate, self.end_rate)
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:

@@ -15,6 +15,7 @@ from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification.ends import end_checks
 from ssm_planner.verification.limits import Worst, quantities
 from ssm_planner.verification.pieces import Jumps, pieces_of
 from ssm_planner.verification.polylines import linear_limits
@@ -35,7 +36,7 @@ def check(
     interpolation: str = "quintic polynomial pieces",
     resolution: Array | None = None,
 ) -> Certificate:
-    """Certificate of a trajectory: every limit of the robot, and those of the task.
+    """Certificate of a trajectory: every limit of the robot, and those of the task; rest at both ends unless these say else.
 
     rate: of the first look in Hz, never fewer than four instants in a piece.
     resolution (4,): for a trajectory of straight pieces between points, which has no acceleration, the largest rounding
@@ -60,9 +61,10 @@ def check(
     ]
     found += sampled.rms.checks(robot, trajectory)
     if resolution is not None:
-        found, more = linear_limits(trajectory, robot, resolution, dict(zip(judged, found, strict=True)))
+        found, more = linear_limits(trajectory, robot, limits, resolution, dict(zip(judged, found, strict=True)))
         unchecked += more
     found += jumps.checks(straight)
+    found += end_checks(trajectory, robot, limits, straight)
     found += _locking(robot)
     return Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
 

@@ -91,13 +91,13 @@ def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
     for first in range(0, count, BLOCK):
         block = slice(first, min(first + BLOCK, count))
         start = trajectory.breaks[block]
-        yield _pieces(start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.coefficients[block])
+        yield _pieces(start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.pieces(block))
 
 
 def chosen_pieces(trajectory: Trajectory, chosen: Indices) -> Pieces:
     """Some pieces of a trajectory, by their indices (m,), together."""
     start = trajectory.breaks[chosen]
-    return _pieces(start, trajectory.breaks[chosen + 1] - start, trajectory.coefficients[chosen])
+    return _pieces(start, trajectory.breaks[chosen + 1] - start, trajectory.pieces(chosen))
 
 
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:

@@ -2,7 +2,8 @@
 
 Its velocity jumps at every point, so it has no acceleration, and torques are not defined. But whatever smooth motion
 passes through three points has somewhere an acceleration of at least the jump of the mean velocity by the mean length of
-the two intervals (mean value theorem; at the ends of the motion, which rests there, the interval outside has no length).
+the two intervals (mean value theorem; at the ends of the motion, which rests there or has a declared speed, the interval outside has
+no length).
 So a jump that the acceleration limit does not allow is a violation, however the points are joined.
 """
 
@@ -17,10 +18,12 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.problem.limits import Jump, SpeedLimit
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.ends import declared_velocities
 from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import BLOCK
 
@@ -29,7 +32,7 @@ FINEST = 1e-12
 
 
 def linear_limits(
-    trajectory: Trajectory, robot: Robot, resolution: Array, judged: Mapping[Quantity, LimitCheck]
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, judged: Mapping[Quantity, LimitCheck]
 ) -> tuple[list[LimitCheck], list[str]]:
     """The limits with speeds judged within the rounding of the points, velocity jumps, and what is not defined.
 
@@ -37,18 +40,13 @@ def linear_limits(
     not count.
     """
     resolution = np.maximum(resolution, FINEST)
-    length = np.diff(trajectory.breaks)
-    found = [_within_rounding(of, limit, trajectory, robot, resolution) for of, limit in judged.items()]
-    for i, joint in enumerate(robot.joints):
-        velocity = np.concatenate([[0.0], trajectory.coefficients[:, 1, i], [0.0]])
-        mean = (np.append(length, 0.0) + np.append(0.0, length)) / 2
-        slack = 2 * resolution[i] * (np.append(1 / length, 0.0) + np.append(0.0, 1 / length))
-        jump = np.maximum(np.abs(np.diff(velocity)) - slack, 0.0)
-        allowed = joint.acceleration * mean
-        k = int(np.argmax(jump / allowed))
-        limit = Jump(joint.name, float(allowed[k]), joint.kind == "prismatic", derivative=1)
-        worst, time = float(jump[k]), float(trajectory.breaks[k])
-        found.append(LimitCheck.of(limit, worst, time))
+    speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
+    for first in range(0, len(trajectory.breaks) - 1, BLOCK):
+        block = slice(first, min(first + BLOCK, len(trajectory.breaks) - 1))
+        speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
+    speeds.end(declared_velocities(trajectory, robot, limits)[1])
+    found = [_within_rounding(of, limit, trajectory, robot, speeds) for of, limit in judged.items()]
+    found += speeds.checks()
     undefined = "acceleration, jerk, motor torque and continuous torque: "
     undefined += "not defined on straight pieces (linear interpolation); "
     undefined += "velocity jumps are held against what the acceleration limit allows within one interval"
@@ -58,29 +56,78 @@ def linear_limits(
     return found, notes
 
 
+class _Speeds:
+    """Speeds of the joints on straight pieces and jumps between them, block after block, less what rounding explains."""
+
+    def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
+        self.robot, self.resolution = robot, resolution
+        self.allowed = np.array([joint.acceleration for joint in robot.joints])
+        self.fastest, self.fastest_time = np.zeros(4), np.zeros(4)
+        self.share = np.full(4, -np.inf)
+        """Worst jump over what is allowed there; (worst, allowed, time) of it."""
+        self.worst = np.zeros((3, 4))
+        self._before, self._length, self._time = start, 0.0, 0.0
+
+    def look(self, breaks: Array, coefficients: Array) -> None:
+        """Pieces between breaks (m + 1,), with coefficients (m, 6, 4)."""
+        length = np.diff(breaks)
+        speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
+        k = speed.argmax(axis=0)
+        largest = np.take_along_axis(speed, k[None], axis=0)[0]
+        self.fastest_time = np.where(largest > self.fastest, breaks[k], self.fastest_time)
+        self.fastest = np.maximum(largest, self.fastest)
+        orders = np.arange(1, DEGREE + 1)
+        ends = np.einsum("mk,mkj->mj", orders * length[:, None] ** (orders - 1), coefficients[:, 1:])
+        before = np.concatenate([self._before[None], ends[:-1]])
+        self._jumps(breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - before)
+        self._before, self._length, self._time = ends[-1], float(length[-1]), float(breaks[-1])
+
+    def end(self, velocity: Array) -> None:
+        """The motion is to end with q̇ (4,)."""
+        last, none = np.array([self._length]), np.zeros(1)
+        self._jumps(np.array([self._time]), last, none, (velocity - self._before)[None])
+
+    def _jumps(self, time: Array, before: Array, after: Array, jump: Array) -> None:
+        """Jumps (n, 4) at times (n,) between intervals of these lengths, 0 outside the motion."""
+        inverse = sum(np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after))
+        jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
+        allowed = self.allowed * ((before + after) / 2)[:, None]
+        share = jump / allowed
+        k = share.argmax(axis=0)
+        rows = [np.take_along_axis(x, k[None], axis=0)[0] for x in (share, jump, allowed)]
+        worse = rows[0] > self.share
+        self.worst = np.where(worse, np.array([rows[1], rows[2], time[k]]), self.worst)
+        self.share = np.where(worse, rows[0], self.share)
+
+    def checks(self) -> list[LimitCheck]:
+        """Velocity jumps, joint by joint."""
+        checks = []
+        for i, joint in enumerate(self.robot.joints):
+            worst, allowed, time = self.worst[:, i].tolist()
+            limit = Jump(joint.name, allowed, joint.kind == "prismatic", derivative=1)
+            checks.append(LimitCheck.of(limit, worst, time))
+        return checks
+
+
 def _within_rounding(
-    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
+    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: _Speeds
 ) -> LimitCheck:
     """Speed limits without the part of the speed that rounding of the points can explain."""
-    wrong = 2 * resolution / np.diff(trajectory.breaks)[:, None]
-    speeds = trajectory.coefficients[:, 1]
     if of.limit.order != 1:
         return limit
     if of.order is None:
-        return _of_tool(of, limit, trajectory=trajectory, robot=robot, speeds=speeds, wrong=wrong)
-    i, scale = of.index, abs(of.scale)
-    speed = scale * np.maximum(np.abs(speeds[:, i]) - wrong[:, i], 0.0)
-    k = int(np.argmax(speed))
-    return _replaced(limit, float(speed[k]), float(trajectory.breaks[k]))
+        return _of_tool(of, limit, trajectory, robot, resolution=speeds.resolution)
+    there = np.concatenate([trajectory.piece_of(np.array([limit.time]), side) for side in ("left", "right")])
+    if trajectory.pieces(there)[:, 2:].any():  # of points with velocities: nothing is explained by rounding
+        return limit
+    speed = abs(of.scale) * float(speeds.fastest[of.index])
+    return _replaced(limit, speed, float(speeds.fastest_time[of.index]))
 
 
 def _of_tool(
-    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: Array, wrong: Array
+    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
 ) -> LimitCheck:
-    """A speed of the tool, at the start of every piece and at the worst instant found.
-
-    speeds, wrong (pieces, 4): of the joints, and their errors.
-    """
+    """A speed of the tool, at the start of every piece and at the worst instant found."""
     if limit.passed:
         return limit
     mechanism = Mechanism.from_geometry(robot.geometry)
@@ -90,23 +137,26 @@ def _of_tool(
             return tool_speed(type(of.limit), mechanism, q, qd)
         return np.abs(task_rates(mechanism, q, qd)[:, of.index])
 
-    def unexplained(q: Array, piece: Indices) -> Array:
-        explained = sum(values(q, np.eye(4)[i] * wrong[piece]) for i in range(4))
-        return np.maximum(values(q, speeds[piece]) - explained, 0.0)
+    def unexplained(q: Array, speeds: Array, piece: Indices) -> Array:
+        wrong = 2 * resolution / (trajectory.breaks[piece + 1] - trajectory.breaks[piece])[:, None]
+        explained = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
+        return np.maximum(values(q, speeds) - explained, 0.0)
 
     # the two pieces that meet where the worst was found, if it is at a point
     there = np.array([limit.time])
     near = np.concatenate([trajectory.piece_of(there, side) for side in ("left", "right")])
-    found = unexplained(trajectory.sample_pieces(near, limit.time - trajectory.breaks[near]).q, near)
+    at = trajectory.sample_pieces(near, limit.time - trajectory.breaks[near]).q
+    found = unexplained(at, trajectory.pieces(near)[:, 1], near)
     worst, time = float(found.max()), limit.time
-    for first in range(0, len(speeds), BLOCK):
-        block = np.arange(first, min(first + BLOCK, len(speeds)))
-        q = trajectory.coefficients[block, 0]
+    for first in range(0, len(trajectory.breaks) - 1, BLOCK):
+        block = np.arange(first, min(first + BLOCK, len(trajectory.breaks) - 1))
+        coefficients = trajectory.pieces(slice(first, first + len(block)))
+        q, speeds = coefficients[:, 0], coefficients[:, 1]
         # what does not count without the rounding needs no second look
-        more = values(q, speeds[block]) > worst
+        more = values(q, speeds) > worst
         if not more.any():
             continue
-        found = unexplained(q[more], block[more])
+        found = unexplained(q[more], speeds[more], block[more])
         k = int(np.argmax(found))
         if found[k] > worst:
             worst, time = float(found[k]), float(trajectory.breaks[block[more][k]])

@@ -283,6 +283,8 @@ def test_no_motor_no_torque_limit_and_it_is_said(robot: Robot) -> None:
         "acceleration",
         "position jump",
         "velocity jump",
+        "start velocity",
+        "end velocity",
     }
     assert len(certificate.unchecked) == 4
 

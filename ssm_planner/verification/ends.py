@@ -1,0 +1,57 @@
+"""Speeds at which a motion starts and ends: at rest, unless end speeds are declared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import joint_rates
+from ssm_planner.problem.limits import TASK, EndVelocity
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.limits import JUMP
+
+
+
+def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
+    """q̇ at the start and at the end of a trajectory, (4,) each."""
+    first, last = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
+    length = trajectory.breaks[-1] - trajectory.breaks[-2]
+    orders = np.arange(1, len(last))
+    return first[1], (last[1:] * (orders * length ** (orders - 1))[:, None]).sum(axis=0)
+
+
+def declared_velocities(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> tuple[Array, Array]:
+    """q̇ that the motion shall have at both ends, (4,) each: that of the declared rates, or its own where any will do."""
+    found = []
+    own = end_velocities(trajectory)
+    for velocity, rate, t in zip(own, (limits.start_rate, limits.end_rate), trajectory.breaks[[0, -1]], strict=True):
+        found.append(velocity if rate is None else _joint_velocity(trajectory, robot, rate, t))
+    return found[0], found[1]
+
+
+def end_checks(trajectory: Trajectory, robot: Robot, limits: TaskLimits, straight: bool) -> list[LimitCheck]:
+    """Joint by joint, at both ends. straight: not where the piece there is straight, and says nothing of the speed."""
+    checks = []
+    declared = declared_velocities(trajectory, robot, limits)
+    bent = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))[:, 2:].any(axis=(1, 2))
+    for end, (velocity, wanted) in enumerate(zip(end_velocities(trajectory), declared, strict=True)):
+        if straight and not bent[end]:
+            continue
+        for i, joint in enumerate(robot.joints):
+            largest = JUMP * joint.velocity
+            limit = EndVelocity(joint.name, largest, joint.kind == "prismatic", at_end=bool(end))
+            worst = abs(float(velocity[i] - wanted[i]))
+            time = float(trajectory.breaks[-end])
+            checks.append(LimitCheck.of(limit, worst, time))
+    return checks
+
+
+def _joint_velocity(trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float) -> Array:
+    q = trajectory.sample(np.array([t]), "left" if t == trajectory.breaks[-1] else "right").q[0]
+    return joint_rates(Mechanism.from_geometry(robot.geometry), q, np.array([rate.get(name, 0.0) for name in TASK]))
