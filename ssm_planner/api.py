@@ -30,20 +30,25 @@ def check(
     """Certificate of a motion, found by code that did not plan it.
 
     motion: a plan, a trajectory, or a file that `ssm-planner check` reads. robot and limits: those of the plan unless given;
-    a motion that is no plan needs a robot, and has its limits. Raises TrajectoryError or ProblemError.
+    a motion that is no plan needs a robot, and has its limits. It is at rest at both ends, unless the plan, the file or
+    `limits` declare rates there. Raises TrajectoryError or ProblemError.
     """
     if isinstance(motion, (str, Path)) and Path(motion).suffix.lower() != ".json":
         robot = _given(robot, motion)
         reading = read_trajectory(Path(motion), robot)
-        limits = limits or TaskLimits(robot.limits)
-        return checking.check(
+        limits = reading.ends_on(limits or TaskLimits(robot.limits))
+        found = checking.check(
             reading.trajectory, robot, limits, interpolation=reading.interpolation, resolution=reading.resolution
         )
+        return found.with_more(reading.checks)
     if isinstance(motion, Trajectory):
         robot = _given(robot, "a trajectory")
-        return checking.check(motion, robot, limits or TaskLimits(robot.limits))
+        return checking.check(motion, robot, limits or TaskLimits(robot.limits), seal=True)
     plan = motion if isinstance(motion, Plan) else load_plan(motion)
-    return checking.check(plan.motion, robot or plan.robot, limits or plan.limits)
+    limits = limits or plan.limits
+    return checking.check(
+        plan.motion, robot or plan.robot, limits if robot is None else limits.within(robot), seal=True
+    )
 
 
 def size(

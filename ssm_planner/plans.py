@@ -10,10 +10,12 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ssm_planner.atomic import replacing
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
+from ssm_planner.loading.json_files import parse_json, read_bytes
+from ssm_planner.problem.limits import Limit
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import from_plain, plain, problem_from_plain
@@ -21,6 +23,7 @@ from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.seal import broken_seal
 
 if TYPE_CHECKING:  # the check reads plans, and never loads the planner
     from ssm_planner.planning.reason import Reason
@@ -28,6 +31,8 @@ if TYPE_CHECKING:  # the check reads plans, and never loads the planner
 FORMAT = "ssm_planner plan"
 VERSION = 1
 FILE = "plan.json"
+LARGEST_FILE = 2_000_000_000
+"""Bytes."""
 UNITS = {
     "time": "s",
     "q": ["rad", "rad", "rad", "m"],
@@ -82,7 +87,7 @@ class Plan:
     """None unless solved."""
     phases: tuple[PhaseSummary, ...] = ()
     certificate: Certificate | None = None
-    """Of the independent check; None unless solved."""
+    """Of the independent check; None unless solved, or where it is not that of this trajectory, robot and limits."""
     reason: Reason | None = None
     """Why there is no certified motion."""
     solve_time: float | None = None
@@ -93,6 +98,17 @@ class Plan:
     """plan.json that it was loaded from; None for a plan that was made or changed in Python."""
     file_sha256: str | None = field(default=None, init=False)
     """Of the bytes of that file."""
+    doubt: str | None = field(default=None, init=False)
+    """Why a certificate that was given is not shown; see verification/seal.py."""
+
+    def __post_init__(self) -> None:
+        if self.certificate is None or self.trajectory is None:
+            object.__setattr__(self, "certificate", None)
+            return
+        doubt = broken_seal(self.certificate, self.trajectory, self.robot, self.limits)
+        if doubt is not None:
+            object.__setattr__(self, "doubt", doubt)
+            object.__setattr__(self, "certificate", None)
 
     @property
     def robot(self) -> Robot:
@@ -156,7 +172,7 @@ class Plan:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the program does not know and the reader has to."""
-        notes = []
+        notes = [] if self.doubt is None else [f"not certified: {self.doubt}: plan it again"]
         for requirement in self.requirements:
             motor = requirement.motor
             if motor is None:
@@ -168,6 +184,20 @@ class Plan:
             notes += _extrapolation(self.robot, requirement)
         if self.certificate is not None:
             notes += [f"not checked: {what}" for what in self.certificate.unchecked]
+        return tuple(notes)
+
+    def limits_unlike(self, robot: Robot) -> tuple[str, ...]:
+        """In words: limits of joints, motors and robot that are not those of another robot."""
+        of_robot = {limit.key: limit for limit in _limits_of(robot)}
+        of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
+        notes = []
+        for key in {**of_plan, **of_robot}:
+            own, other = of_plan.get(key), of_robot.get(key)
+            if own == other:
+                continue
+            what = f"{key[0]} of joint {key[1]}" if key[1] else key[0]
+            shown = [f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none" for limit in (own, other)]
+            notes.append(f"the plan was made for another limit: {what}: {shown[0]}; the robot given has {shown[1]}")
         return tuple(notes)
 
     @property
@@ -290,30 +320,18 @@ def load_plan(path: str | Path) -> Plan:
     Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError.
     """
     path = Path(path)
-    file = path / FILE if path.is_dir() else path
     try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise TrajectoryError(f"{file}: cannot be read: {error.strerror or error}") from error
+        file = path / FILE if path.is_dir() else path
+    except (OSError, ValueError) as error:
+        raise TrajectoryError(f"{path}: cannot be read: {error}") from error
+    data = read_bytes(file, LARGEST_FILE)
     return Plan.from_json(data, file)
 
 
 def _document(data: bytes, path: Path) -> dict[str, Any]:
     """The mapping in a plan.json of this version. Raises TrajectoryError."""
 
-    def refuse(constant: str) -> NoReturn:
-        raise TrajectoryError(f"{path}: holds {constant}; a plan holds only finite numbers")
-
-    try:
-        document = json.loads(data.decode("utf-8"), parse_constant=refuse)
-    except UnicodeDecodeError as error:
-        raise TrajectoryError(f"{path}: not a text file: not a plan.json") from error
-    except json.JSONDecodeError as error:
-        cut = error.pos >= len(data.decode("utf-8").rstrip())
-        what = "ends in the middle: truncated" if cut and data.strip() else "not JSON"
-        raise TrajectoryError(f"{path}:{error.lineno}: {what} ({error.msg})") from error
-    except RecursionError as error:
-        raise TrajectoryError(f"{path}: nested too deeply for a plan.json") from error
+    document = parse_json(path, data)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
     if document.get("version") != VERSION:
@@ -338,6 +356,10 @@ def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
     except ProblemError as error:
         error.file = str(path)
         raise
+
+
+def _limits_of(robot: Robot) -> list[Limit]:
+    return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:

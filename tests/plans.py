@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -88,13 +89,22 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
 def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:
     """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
     first, last = (Joints(tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist())
-    problem = Problem(robot, first, (Free(last),), limits.limits, eye=limits.eye, name=path.stem)
+    problem = Problem(
+        robot,
+        first,
+        (Free(last),),
+        limits.limits,
+        eye=limits.eye,
+        name=path.stem,
+        start_rate=limits.start_rate or {},
+        end_rate=limits.end_rate or {},
+    )
     document = {
         "format": FORMAT,
         "version": VERSION,
         "status": "solved",
         "problem": plain(problem),
-        "certificate": check(trajectory, robot, limits).to_dict(),
+        "certificate": check(trajectory, robot, problem.task_limits, seal=True).to_dict(),
         "trajectory": trajectory.to_dict(),
         **changes,
     }
@@ -104,3 +114,8 @@ def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLim
 
 def read_back(path: Path, robot: Robot, trajectory: Trajectory, **more: Any) -> Plan:
     return load_plan(write_plan(path, robot, trajectory, **more))
+
+
+def certified(plan: Plan) -> Plan:
+    """A plan changed in Python, checked anew."""
+    return dataclasses.replace(plan, certificate=check(plan.motion, plan.robot, plan.limits, seal=True))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter, quantity_argument
+from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
     from ssm_planner.formats.points import Reading
@@ -26,6 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--problem", type=Path, help="problem file: its limits of the task, and its robot unless --robot is given"
     )
     parser.add_argument("--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed")
+    for end in ("start", "end"):
+        parser.add_argument(
+            f"--{end}-rate",
+            metavar="RATES",
+            help=f"speeds that the motion {end}s with, such as tilt=-10deg/s,depth=5mm/s, or any; default: as the plan, "
+            "the problem or the export declares, else at rest",
+        )
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
 
 
@@ -38,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
     if options.tip_speed:
         limits = TipSpeed(options.tip_speed).on(limits)
+    limits = reading.ends_on(_declared(options, limits))
     progress("checking")
     certificate = check(
         reading.trajectory,
@@ -45,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         limits,
         interpolation=reading.interpolation,
         resolution=reading.resolution,
-    )
+    ).with_more(reading.checks)
     progress("done")
     if options.json:
         document = {"trajectory": str(options.trajectory), "robot": robot.name, "notes": list(reading.notes)}
@@ -74,13 +84,52 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
         from ssm_planner.plans import load_plan
 
         plan = load_plan(path)
-        reading = Reading(plan.motion, "quintic polynomial pieces", None)
-        return reading, robot or plan.robot, limits or plan.limits
+        notes = [] if plan.doubt is None else [f"the certificate in the file does not hold: {plan.doubt}"]
+        if robot is None:
+            notes.append("robot and limits are the plan's own: give --robot or --problem to hold it against others")
+        else:
+            notes += plan.limits_unlike(robot)
+        reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
+        # the rates at both ends are the plan's to declare
+        start, end = plan.limits.start_rate, plan.limits.end_rate
+        limits = plan.limits if limits is None else replace(limits, start_rate=start, end_rate=end)
+        return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
     if robot is None:
         raise TrajectoryError(
             f"{path}: does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
         )
-    return read_trajectory(path, robot), robot, limits or TaskLimits(robot.limits)
+    limits = TaskLimits(robot.limits) if limits is None else limits.within(robot)
+    return read_trajectory(path, robot), robot, limits
+
+
+def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
+    """The limits with the rates at both ends that the caller declares. Raises ProblemError."""
+    if options.start_rate is not None:
+        limits = replace(limits, start_rate=_rates("--start-rate", options.start_rate))
+    if options.end_rate is not None:
+        limits = replace(limits, end_rate=_rates("--end-rate", options.end_rate))
+    return limits
+
+
+def _rates(option: str, text: str) -> dict[str, float] | None:
+    """Rates by task coordinate; None for any. Raises ProblemError."""
+    from ssm_planner.problem.limits import TASK
+    from ssm_planner.units import BadQuantity, quantity
+
+    if text.strip() == "any":
+        return None
+    rates = {}
+    for word in text.split(","):
+        name, _, value = (part.strip() for part in word.partition("="))
+        if name not in TASK:
+            raise ProblemError(
+                "no task coordinate", key=option, value=word.strip(), allowed=f"any, or {', '.join(TASK)}"
+            )
+        try:
+            rates[name] = quantity(value, "velocity" if name == "depth" else "angular_velocity")
+        except BadQuantity as error:
+            raise ProblemError(error.reason, key=option, value=word.strip(), allowed=error.allowed) from error
+    return rates
 
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:

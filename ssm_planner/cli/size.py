@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +103,8 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     from ssm_planner.plans import load_plan
 
     found = load_plan(path)
-    return DutyCycle.of_trajectory(found.motion, found.robot, str(path))
+    duty = DutyCycle.of_trajectory(found.motion, found.robot, str(path))
+    return duty if found.doubt is None else replace(duty, notes=(*duty.notes, f"not certified: {found.doubt}"))
 
 
 def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:

@@ -6,7 +6,9 @@ Streams of setpoints that the export for EPOS4 drives wrote, back as a joint tra
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +17,21 @@ import numpy as np
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
 from ssm_planner.formats.epos4_setup import INT16, INT32, MODES, Axis, axes_of, fits, setup_objects
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.ends import end_velocities
 
 LARGEST_PERIOD = 100
 """ms; object 0x60C2."""
 RPM = 60 / (2 * np.pi)
+REST = 1e-7
+"""rad/s or m/s: slower is at rest."""
 
 Stream = dict[str, Array]
 """Whole numbers by column name."""
@@ -52,7 +58,10 @@ def export_epos4(
     axes = axes_of(plan.robot, counts_per_turn)
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t: Array = np.arange(count, dtype=float) * (period / 1000)
-    motion = _motion(plan, t)
+    # what ends moving must end at a setpoint: the whole of it is slower by less than one period
+    moving = bool(np.abs(end_velocities(plan.motion)[1]).max() > REST)
+    stretch = float(t[-1]) / plan.motion.duration if moving else 1.0
+    motion = _motion(plan, t, stretch)
     listed: dict[str, Any] = {}
     rows: list[dict[str, str]] = []
     for i, joint in enumerate(plan.robot.joints):
@@ -76,7 +85,8 @@ def export_epos4(
         "interpolation_period_ms": period,
         "units": {"inc": "increments (quadcounts)", "mrpm": "1e-3 rpm at the motor", "permille": "of rated torque"},
         "axes": listed,
-        "notes": [*_notes(plan, axes, t), *_rounding_notes(plan, listed)],
+        "stretch": stretch,
+        "notes": [*_notes(plan, axes, t), *_moving_notes(plan, moving), *_rounding_notes(plan, listed)],
     }
 
 
@@ -101,11 +111,27 @@ def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict
     }
 
 
-def _motion(plan: Plan, t: Array) -> dict[str, Array]:
-    """q and the motors' speed and torque (n, 4) at times t after the start; at the end the drives hold."""
-    samples = at_times(plan, plan.motion.breaks[0] + t)
-    ended = (t >= plan.motion.duration * (1 - 1e-12))[:, None]
-    samples.qd[ended[:, 0]], samples.qdd[ended[:, 0]] = 0.0, 0.0
+def _moving_notes(plan: Plan, moving: bool) -> list[str]:
+    if not moving:
+        return []
+    velocities = end_velocities(plan.motion)[1]
+    speeds = [
+        f"{joint.name} at {velocity:.4g} {'rad/s' if joint.kind == 'revolute' else 'm/s'}"
+        for joint, velocity in zip(plan.robot.joints, velocities.tolist(), strict=True)
+        if abs(velocity) > REST
+    ]
+    return [
+        f"the motion ends moving ({', '.join(speeds)}): the setpoint after the last must carry it on, as no drive can stop "
+        "at once"
+    ]
+
+
+def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
+    """q and the motors' speed and torque (n, 4) at times t after the start; where the motion ends at rest they hold."""
+    samples = at_times(plan, plan.motion.breaks[0] + t, stretch)
+    moving = np.abs(end_velocities(plan.motion)[1]) > REST
+    ended = (t >= plan.motion.duration * stretch * (1 - 1e-12))[:, None] & ~moving
+    samples.qd[ended], samples.qdd[ended] = 0.0, 0.0
     direction, breakaway = directions(plan.robot, samples, 1)
     direction, starting = np.where(ended, 0.0, direction), breakaway.astype(bool) & ~ended
     motor = motor_motion(
@@ -171,45 +197,92 @@ def _rounding_notes(plan: Plan, listed: dict[str, Any]) -> list[str]:
     return notes
 
 
-POSITION = "target_position_inc"
+POSITION, VELOCITY, TORQUE = "target_position_inc", "velocity_offset_mrpm", "torque_offset_permille"
+SAME = 1e-9
+"""Relative: figures of the manifest and of the robot that are the same."""
 
 
-def read_epos4(folder: Path, manifest: dict[str, Any], robot: Robot) -> Reading:
-    """Target positions in increments as joint positions, joined by straight lines. Raises TrajectoryError.
+def read_epos4(folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot) -> Reading:
+    """Target positions in increments as joint positions, joined by straight lines, and what their offsets show.
 
-    Joints without a drive come from their reference file, in rad or m.
+    Joints without a drive come from their reference file, in rad or m. listed: files of the manifest whose content is
+    known to be as exported. Raises TrajectoryError.
     """
     axes = manifest.get("axes")
     if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:
         raise TrajectoryError(f"{folder}: the manifest does not list the joints of robot {robot.name}")
-    columns, resolution = [], np.zeros(4)
+    columns, resolution, offsets = [], np.zeros(4), {}
     time: Array | None = None
     for i, joint in enumerate(robot.joints):
         axis = axes[joint.name]
-        per_unit = axis.get("increments_per_unit")
-        name = "position_rad" if joint.kind == "revolute" else "position_m"
-        t, values = _read_stream(folder / str(axis.get("file")), name if per_unit is None else POSITION)
-        if per_unit is not None:
-            values = values / float(per_unit)
-            resolution[i] = 0.5 / abs(float(per_unit))
+        name = axis.get("file") if isinstance(axis, dict) else None
+        if not isinstance(name, str) or name not in listed:
+            raise TrajectoryError(f"{folder}: the manifest lists no file for joint {joint.name}")
+        if "increments_per_unit" in axis:
+            per_unit = _per_unit(folder, joint, axis)
+            t, (counts, speed, torque) = _read_stream(folder / name, (POSITION, VELOCITY, TORQUE))
+            values = counts / per_unit
+            resolution[i] = 0.5 / abs(per_unit)
+            offsets[i] = _offsets(joint, speed, torque)
+        else:
+            t, (values,) = _read_stream(folder / name, (f"position_{'rad' if joint.kind == 'revolute' else 'm'}",))
         if time is not None and not np.array_equal(time, t):
             raise TrajectoryError(f"{folder}: the streams of the axes do not have the same times")
         time = t
         columns.append(values)
     if time is None:
         raise TrajectoryError(f"{folder}: no streams")
-    return join_points(Points(time, np.stack(columns, axis=1), resolution=resolution), robot)
+    q = np.stack(columns, axis=1)
+    reading = join_points(Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot)
+    return replace(reading, checks=tuple(offset_checks(robot, time, q, resolution, offsets)))
 
 
-def _read_stream(path: Path, column: str) -> tuple[Array, Array]:
+def _per_unit(folder: Path, joint: Joint, axis: dict[str, Any]) -> float:
+    """Increments per rad or m of a joint, which follow from its drive. Raises TrajectoryError."""
+    stated, turn = axis["increments_per_unit"], axis.get("increments_per_motor_turn")
+    if joint.drive is None or joint.motor is None:
+        raise TrajectoryError(f"{folder}: joint {joint.name} of the robot has no drive or no motor, but a stream")
+    if type(turn) is not int or not 0 < turn <= INT32 or type(stated) not in (int, float):
+        raise TrajectoryError(f"{folder}: increments of joint {joint.name} are not given by the manifest")
+    expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
+    if not abs(stated - expected) <= SAME * abs(expected):
+        raise TrajectoryError(
+            f"{folder}: joint {joint.name}: {stated:.9g} increments per {'rad' if joint.kind == 'revolute' else 'm'} where "
+            f"the robot's drive and {turn} increments per motor turn make {expected:.9g}"
+        )
+    rated = axis.get("rated_torque_Nm")
+    if not isinstance(rated, (int, float)) or not abs(rated - joint.motor.nominal_torque) <= SAME * abs(rated):
+        raise TrajectoryError(f"{folder}: joint {joint.name}: the rated torque is not that of the robot's motor")
+    return float(stated)
+
+
+def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
+    """Offsets (n,) in mrpm and per mille on the joint's side."""
+    if joint.drive is None or joint.motor is None:
+        raise TrajectoryError(f"joint {joint.name} of the robot has no drive or no motor")
+    to_speed = joint.motor_direction / (1000 * RPM * joint.drive.ratio)
+    to_torque = joint.motor_direction * joint.motor.nominal_torque / 1000
+    return Offsets(speed * to_speed, torque * to_torque, 0.5 * abs(to_speed), 0.5 * abs(to_torque))
+
+
+def _read_stream(path: Path, columns: Sequence[str]) -> tuple[Array, list[Array]]:
+    """(times (n,), values (n,) of each of the columns). Raises TrajectoryError."""
     try:
         with path.open(encoding="utf-8") as file:
             names = file.readline().strip().split(",")
-        if column not in names:
-            raise TrajectoryError(f"{path}: no column {column} (streams of the modes csv and cst hold no positions)")
-        rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=[0, names.index(column)], ndmin=2)
+        for column in columns:
+            if column not in names:
+                raise TrajectoryError(
+                    f"{path}: no column {column} (streams of the modes csv and cst hold no positions)"
+                )
+        wanted = [0, *(names.index(column) for column in columns)]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which is said below
+            rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=wanted, ndmin=2, encoding="utf-8")
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    return rows[:, 0], rows[:, 1]
+    if len(rows) < 2 or not np.isfinite(rows).all():
+        raise TrajectoryError(f"{path}: fewer than two rows, or numbers that are not finite")
+    return rows[:, 0], list(rows[:, 1:].T)

@@ -55,8 +55,8 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
     if force:
         return found, False
     if found.passed:
-        what = "has no certificate" if stated is None else "has a certificate that did not pass"
-        raise ExportError(f"{plan.path}: the plan {what}: plan again, or give --force for files marked unverified")
+        what = "the plan has no certificate" if stated is None else "the plan has a certificate that did not pass"
+        raise ExportError(f"{plan.path}: {plan.doubt or what}: plan again, or give --force for files marked unverified")
     worst = found.worst
     raise ExportError(
         f"{plan.path}: the plan does not pass the check: {worst.name} of {worst.joint or 'the tool'} exceeds its limit "

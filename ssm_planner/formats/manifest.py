@@ -7,8 +7,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.formats.read import EXPORT, MANIFEST
+from ssm_planner.formats.read import EXPORT, MANIFEST, file_hash
 from ssm_planner.plans import Plan, software
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
 from ssm_planner.verification.certificate import Certificate
@@ -33,14 +34,20 @@ def write_manifest(
         "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.motion.duration},
         "robot": {"name": plan.robot.name, "sha256": robot_hash(plan.robot)},
         "software": software(),
+        **declared_rates(plan.limits.slower(details.get("stretch", 1.0))),
         **details,
         "certificate": certificate.to_dict(),
         "files": {
-            path.relative_to(folder).as_posix(): _hash(path) for path in sorted(folder.rglob("*")) if path.is_file()
+            path.relative_to(folder).as_posix(): file_hash(path) for path in sorted(folder.rglob("*")) if path.is_file()
         },
     }
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return manifest
+
+
+def declared_rates(limits: TaskLimits) -> dict[str, dict[str, float]]:
+    """Rates of task coordinates that the exported motion has at its ends, 0 where not named; rad/s, m/s."""
+    return {"start_rate": dict(limits.start_rate or {}), "end_rate": dict(limits.end_rate or {})}
 
 
 def robot_hash(robot: Robot) -> str:
@@ -52,7 +59,3 @@ def robot_hash(robot: Robot) -> str:
         return [values(item) for item in data] if isinstance(data, list) else data
 
     return hashlib.sha256(json.dumps(values(plain(robot)), sort_keys=True).encode()).hexdigest()
-
-
-def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -20,6 +20,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import DEGREE, Span, Trajectory, hermite
 from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import LimitCheck
 
 BLOCK = 65_536
 """Pieces made at a time: temporaries stay small."""
@@ -53,6 +54,8 @@ class Reading:
     resolution: Array | None
     """For `check`: None where every piece is smooth."""
     notes: tuple[str, ...] = ()
+    checks: tuple[LimitCheck, ...] = ()
+    """What the file says beside the trajectory, judged."""
     start_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates that the file declares at the start, by name in TASK; 0 where not named."""
     end_rate: Mapping[str, float] = field(default_factory=dict)

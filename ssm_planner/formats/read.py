@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
+import hashlib
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
@@ -12,21 +13,37 @@ from ssm_planner.formats.epos4 import read_epos4
 from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.rosbag import read_rosbag
+from ssm_planner.loading.json_files import read_json
+from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
 
 MANIFEST = "manifest.json"
 EXPORT = "ssm_planner export"
 ACCEPTED = "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or a folder that export wrote"
+LARGEST_MANIFEST = 20_000_000
+"""Bytes."""
+LARGEST_RATE = 1e3
+"""rad/s or m/s: of what a manifest may declare."""
 
 
 def read_trajectory(path: str | Path, robot: Robot) -> Reading:
     """The trajectory in a CSV, a YAML JointTrajectory, a rosbag2 or an export folder. Raises TrajectoryError."""
     path = Path(path)
-    if not path.exists():
+    try:
+        found, folder = path.exists(), path.is_dir()
+    except (OSError, ValueError) as error:
+        raise TrajectoryError(f"{path}: cannot be read: {error}") from error
+    if not found:
         raise TrajectoryError(f"{path}: no such file or folder")
-    if path.is_dir():
+    if folder:
         return _read_folder(path, robot)
+    return _read_file(path, robot)
+
+
+def _read_file(path: Path, robot: Robot) -> Reading:
     suffix = path.suffix.lower()
+    if not path.is_file():
+        raise TrajectoryError(f"{path}: not a regular file")
     if suffix in (".csv", ".txt"):
         return read_csv(path, robot)
     if suffix in (".yaml", ".yml"):
@@ -38,27 +55,79 @@ def read_trajectory(path: str | Path, robot: Robot) -> Reading:
 
 def _read_folder(folder: Path, robot: Robot) -> Reading:
     if (folder / "metadata.yaml").is_file():
+        _check_hashes(folder.parent, below=folder.name)
         return read_rosbag(folder, robot)
     manifest = read_manifest(folder)
-    trajectory = manifest.get("trajectory")
+    listed = _check_hashes(folder, manifest)
     if manifest.get("kind") == "epos4":
-        return read_epos4(folder, manifest, robot)
-    if not isinstance(trajectory, str):
-        raise TrajectoryError(f"{folder}: this export ({manifest.get('kind')}) holds no trajectory")
-    return read_trajectory(folder / trajectory, robot)
+        reading = read_epos4(folder, manifest, listed, robot)
+    else:
+        name = manifest.get("trajectory")
+        if not isinstance(name, str):
+            raise TrajectoryError(f"{folder}: this export ({manifest.get('kind')}) holds no trajectory")
+        if name not in listed:
+            raise TrajectoryError(f"{folder / MANIFEST}: its trajectory {name[:80]!r} is none of the files it lists")
+        reading = _read_file(folder / name, robot)
+    start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
+    return replace(reading, start_rate=start, end_rate=end)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest of an export folder. Raises TrajectoryError."""
     path = folder / MANIFEST
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise TrajectoryError(
-            f"{folder}: neither a rosbag2 nor an export (no {MANIFEST}; allowed: {ACCEPTED})"
-        ) from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise TrajectoryError(f"{path}: cannot be read: {error}") from error
+    if not path.exists():
+        raise TrajectoryError(f"{folder}: neither a rosbag2 nor an export (no {MANIFEST}; allowed: {ACCEPTED})")
+    manifest = read_json(path, LARGEST_MANIFEST)
     if not isinstance(manifest, dict) or manifest.get("format") != EXPORT:
         raise TrajectoryError(f"{path}: not the manifest of an export")
     return manifest
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file."""
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            found.update(block)
+    return found.hexdigest()
+
+
+def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: str = "") -> frozenset[str]:
+    """Names of the files that the manifest lists, all of which are as the export wrote them. Raises TrajectoryError.
+
+    below: only those in this folder; without a manifest that lists some, there is nothing to compare.
+    """
+    path = folder / MANIFEST
+    if manifest is None:
+        if not path.is_file():
+            return frozenset()
+        manifest = read_json(path, LARGEST_MANIFEST)
+    files = manifest.get("files") if isinstance(manifest, dict) else None
+    if not isinstance(files, dict):
+        raise TrajectoryError(f"{path}: lists no files with their SHA-256")
+    for name, stated in files.items():
+        parts = PurePosixPath(name).parts
+        if not parts or "\0" in name or name.startswith("/") or ".." in parts or "\\" in name:
+            raise TrajectoryError(f"{path}: {name[:80]!r} is no name of a file in this folder")
+        if below and parts[0] != below:
+            continue
+        try:
+            found = file_hash(folder / name) if (folder / name).is_file() else None
+        except (OSError, ValueError) as error:
+            raise TrajectoryError(f"{folder / name}: cannot be read: {error}") from error
+        if found is None:
+            raise TrajectoryError(f"{folder / name}: is missing, though {MANIFEST} lists it")
+        if found != stated:
+            raise TrajectoryError(f"{folder / name}: changed since the export: its SHA-256 is not that in {MANIFEST}")
+    return frozenset(files)
+
+
+def _declared(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, float]:
+    """Rates of task coordinates that a manifest declares at one end. Raises TrajectoryError."""
+    rates = manifest.get(key, {})
+    if not isinstance(rates, dict) or not set(rates) <= set(TASK):
+        raise TrajectoryError(f"{folder / MANIFEST}: {key} is no mapping of rates (allowed: {', '.join(TASK)})")
+    for name, rate in rates.items():
+        if type(rate) not in (int, float) or not abs(rate) < LARGEST_RATE:
+            raise TrajectoryError(f"{folder / MANIFEST}: {key}.{name} is not a rate: {str(rate)[:40]}")
+    return {name: float(rate) for name, rate in rates.items()}

@@ -79,7 +79,7 @@ def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory],
             return _blamed(first, (planned, None, planned.reason))
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
-        certificate = check(planned.trajectory, problem.robot, problem.task_limits)
+        certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
         strict = strict.more(certificate)
         outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
         if certificate.passed:

@@ -669,6 +669,34 @@ class EndVelocity(JointLimit):
         return ENDS[self.at_end]
 
 
+OFFSETS = ("velocity offset", "torque offset")
+
+
+@dataclass(frozen=True)
+class FeedForward(JointLimit):
+    """Largest difference of a drive's velocity or torque offset from what its target positions ask for."""
+
+    of_torque: bool = False
+
+    def tightened(self: S, worst: float, bound: float) -> S | None:
+        """None: it judges a stream of setpoints, not a motion."""
+        return None
+
+    def relaxed(self: S, value: float) -> S | None:
+        """None: no problem has such a bound."""
+        return None
+
+    @property
+    def name(self) -> str:
+        """One of OFFSETS."""
+        return OFFSETS[self.of_torque]
+
+    @property
+    def unit(self) -> str:
+        """SI."""
+        return "N·m" if self.of_torque else ("m" if self.prismatic else "rad") + "/s"
+
+
 class Limited:
     """What a value with `limits` says of them."""
 

@@ -131,6 +131,18 @@ class TaskLimits(Limited):
     """Rates of task coordinates at the start, by name in TASK, 0 where not named; None: whatever the motion has."""
     end_rate: Mapping[str, float] | None = field(default_factory=dict)
 
+    def within(self, robot: Robot) -> TaskLimits:
+        """With the ranges of a robot: of two for a coordinate what both allow, or the robot's where that is nothing."""
+        limits = list(self.limits)
+        for own in robot.limits:
+            if not isinstance(own, TaskRange):
+                continue
+            same = next((limit for limit in limits if limit.key == own.key), own)
+            low, high = max(own.low, same.low), min(own.high, same.high)
+            both = replace(own, lower=low, upper=high) if low < high else own
+            limits = [*(limit for limit in limits if limit.key != own.key), both]
+        return replace(self, limits=tuple(limits))
+
     def slower(self, stretch: float) -> TaskLimits:
         """Those of the motion run slower by a factor: its rates at both ends are lower by as much."""
         if stretch == 1:

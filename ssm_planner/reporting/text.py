@@ -86,6 +86,8 @@ def verdicts(plan: Plan) -> list[str]:
             lines.append(
                 f"             exceeded: {violation.name} {violation.joint or ''} at t = {violation.time:.4f} s"
             )
+    if plan.doubt is not None:
+        lines.append(f"check        NOT CERTIFIED: {plan.doubt}")
     for requirement in plan.requirements:
         motor = requirement.motor
         if motor is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
@@ -59,7 +59,7 @@ class LimitCheck:
             worst, limit, margin, time = (float(data[key]) for key in ("worst", "limit", "margin", "time"))
             unit = str(data["unit"])
             return cls(str(data["name"]), joint, worst=worst, limit=limit, margin=margin, time=time, unit=unit)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
 
 
@@ -71,11 +71,17 @@ class Certificate:
     interpolation: str
     instants: int
     unchecked: tuple[str, ...] = ()
+    sha256: str | None = None
+    """Seal of what was checked and found (verification/seal.py); None where nobody asked for it."""
+
+    def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
+        """With further limits."""
+        return replace(self, limits=(*self.limits, *checks)) if checks else self
 
     @property
     def passed(self) -> bool:
-        """Every limit is kept."""
-        return all(limit.passed for limit in self.limits)
+        """Every limit is kept, and there are some."""
+        return bool(self.limits) and all(limit.passed for limit in self.limits)
 
     @property
     def worst(self) -> LimitCheck:
@@ -95,6 +101,7 @@ class Certificate:
             "instants": self.instants,
             "limits": [limit.to_dict() for limit in self.limits],
             "unchecked": list(self.unchecked),
+            "sha256": self.sha256,
         }
 
     @classmethod
@@ -103,6 +110,8 @@ class Certificate:
         try:
             limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])
             unchecked = tuple(str(what) for what in data["unchecked"])
-            return cls(limits, str(data["interpolation"]), int(data["instants"]), unchecked)
-        except (KeyError, TypeError, ValueError) as error:
+            seal = data.get("sha256")
+            seal = None if seal is None else str(seal)
+            return cls(limits, str(data["interpolation"]), int(data["instants"]), unchecked, sha256=seal)
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error

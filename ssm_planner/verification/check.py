@@ -21,6 +21,7 @@ from ssm_planner.verification.pieces import Jumps, pieces_of
 from ssm_planner.verification.polylines import linear_limits
 from ssm_planner.verification.polynomial_extremes import find_extremes
 from ssm_planner.verification.sampled_extremes import SampledExtremes
+from ssm_planner.verification.seal import sealed
 
 RATE = 10_000.0
 INSTANTS = 3_000_000
@@ -35,12 +36,14 @@ def check(
     rate: float = RATE,
     interpolation: str = "quintic polynomial pieces",
     resolution: Array | None = None,
+    seal: bool = False,
 ) -> Certificate:
     """Certificate of a trajectory: every limit of the robot, and those of the task; rest at both ends unless these say else.
 
     rate: of the first look in Hz, never fewer than four instants in a piece.
     resolution (4,): for a trajectory of straight pieces between points, which has no acceleration, the largest rounding
     error of the points (rad, m); None where the pieces are smooth.
+    seal: the certificate says by a hash what it was found for, as a plan needs it.
     """
     straight = resolution is not None
     # on straight pieces what depends on the acceleration is not defined
@@ -66,7 +69,8 @@ def check(
     found += jumps.checks(straight)
     found += end_checks(trajectory, robot, limits, straight)
     found += _locking(robot)
-    return Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
+    certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
+    return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
 
 def _lacking(joint: Joint) -> str:

@@ -17,7 +17,6 @@ from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP
 
 
-
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
     """q̇ at the start and at the end of a trajectory, (4,) each."""
     first, last = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
@@ -39,7 +38,8 @@ def end_checks(trajectory: Trajectory, robot: Robot, limits: TaskLimits, straigh
     """Joint by joint, at both ends. straight: not where the piece there is straight, and says nothing of the speed."""
     checks = []
     declared = declared_velocities(trajectory, robot, limits)
-    bent = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))[:, 2:].any(axis=(1, 2))
+    outer = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
+    bent = [bool(piece[2:].any()) for piece in outer]
     for end, (velocity, wanted) in enumerate(zip(end_velocities(trajectory), declared, strict=True)):
         if straight and not bent[end]:
             continue

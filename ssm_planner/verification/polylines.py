@@ -2,8 +2,8 @@
 
 Its velocity jumps at every point, so it has no acceleration, and torques are not defined. But whatever smooth motion
 passes through three points has somewhere an acceleration of at least the jump of the mean velocity by the mean length of
-the two intervals (mean value theorem; at the ends of the motion, which rests there or has a declared speed, the interval outside has
-no length).
+the two intervals (mean value theorem; at the ends of the motion, which rests there or has a declared speed, the interval
+outside has no length).
 So a jump that the acceleration limit does not allow is a violation, however the points are joined.
 """
 
@@ -89,7 +89,8 @@ class _Speeds:
 
     def _jumps(self, time: Array, before: Array, after: Array, jump: Array) -> None:
         """Jumps (n, 4) at times (n,) between intervals of these lengths, 0 outside the motion."""
-        inverse = sum(np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after))
+        first, second = (np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after))
+        inverse: Array = first + second
         jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
         allowed = self.allowed * ((before + after) / 2)[:, None]
         share = jump / allowed
@@ -124,9 +125,7 @@ def _within_rounding(
     return _replaced(limit, speed, float(speeds.fastest_time[of.index]))
 
 
-def _of_tool(
-    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
-) -> LimitCheck:
+def _of_tool(of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array) -> LimitCheck:
     """A speed of the tool, at the start of every piece and at the worst instant found."""
     if limit.passed:
         return limit

@@ -23,7 +23,7 @@ from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import read_back, trapezoids
+from plans import certified, read_back, trapezoids
 
 COUNTS = 4096
 DRIVEN = ("roll", "tilt", "insertion")
@@ -101,6 +101,7 @@ def test_the_direction_of_the_motor(plan: Plan, tmp_path: Path) -> None:
     reversed_plan = dataclasses.replace(
         plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
     )
+    reversed_plan = certified(reversed_plan)
     export(plan, "epos4", tmp_path / "a", counts_per_turn=COUNTS)
     export(reversed_plan, "epos4", tmp_path / "b", counts_per_turn=COUNTS)
     for name in DRIVEN:
@@ -130,7 +131,7 @@ def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
     equipped = dataclasses.replace(
         plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
     )
-    _, manifest = export(equipped, "epos4", tmp_path)
+    _, manifest = export(certified(equipped), "epos4", tmp_path)
     assert manifest["axes"]["roll"]["increments_per_motor_turn"] == COUNTS
 
 

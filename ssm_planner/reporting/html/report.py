@@ -95,12 +95,16 @@ def _feasible(plan: Plan) -> Mark:
 def _certified(plan: Plan) -> Mark:
     certificate = plan.certificate
     if certificate is None:
-        return "bad", "Not certified", "the plan holds no certificate"
+        return "bad", "Not certified", plan.doubt or "the plan holds no certificate"
     if not certificate.passed:
         worst = certificate.worst
         of = f" of joint {worst.joint}" if worst.joint else ""
         return "bad", "Not certified", f"{worst.name}{of} exceeded at {worst.time:.3f} s"
-    return "good", "Certified", f"{len(certificate.limits)} limits kept at {certificate.instants:,} instants"
+    return (
+        "good",
+        "Certified",
+        f"{len(certificate.limits)} limits of the plan's own robot and task kept at {certificate.instants:,} instants",
+    )
 
 
 def _figures(plan: Plan) -> list[tuple[str, str, str]]:

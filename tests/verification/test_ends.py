@@ -1,0 +1,129 @@
+"""Rest at both ends is a limit of every trajectory, unless speeds are declared there."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner import api
+from ssm_planner.cli import main
+from ssm_planner.formats.export import export
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import joint_rates, task_rates
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.verification.check import check
+from ssm_planner.verification.ends import end_velocities
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import read_back, trapezoids
+
+ROOT = Path(__file__).parent.parent.parent
+ROBOT = str(ROOT / "problems/robots/vitreoretinal.yaml")
+SHIPPED = ROOT / "results/tilt_insert/trajectory.csv"
+ENDS = {"start velocity", "end velocity"}
+
+
+def part(trajectory: Trajectory, first: int, last: int) -> Trajectory:
+    """Some of the pieces of a trajectory."""
+    breaks = trajectory.breaks[first : last + 1].copy()
+    return Trajectory(breaks, trajectory.coefficients[first:last].copy(), (Span("part", breaks[0], breaks[-1]),))
+
+
+def rates_at(trajectory: Trajectory, robot: Robot, end: int) -> dict[str, float]:
+    velocity = end_velocities(trajectory)[end]
+    q = trajectory.sample(trajectory.breaks[[0, -1]]).q[end]
+    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], velocity[None])[0]
+    return dict(zip(("roll", "tilt", "spin", "depth"), rates.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("columns", [13, 5], ids=["with velocities", "positions alone"])
+@pytest.mark.parametrize("rows", [slice(0, 141), slice(141, None)], ids=["head", "tail"])
+def test_a_cut_of_the_shipped_motion_fails(
+    tmp_path: Path, rows: slice, columns: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header, *lines = SHIPPED.read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "cut.csv"
+    kept = [",".join(line.split(",")[:columns]) for line in (header, *lines[rows])]
+    path.write_text("\n".join(kept) + "\n", encoding="utf-8")
+    end = "--end-rate" if rows.start == 0 else "--start-rate"
+    judged = ENDS if columns == 13 else {"velocity jump"}
+
+    def exceeded(*options: str) -> set[str]:
+        assert main(["check", str(path), "--robot", ROBOT, "--json", *options]) in (0, 1)
+        found = json.loads(capsys.readouterr().out)
+        assert found["passed"] == all(limit["margin"] >= -1e-6 for limit in found["limits"])
+        return judged & {limit["name"] for limit in found["limits"] if limit["margin"] < -1e-6}
+
+    assert exceeded()
+    assert not exceeded(end, "any")
+    assert exceeded(end, "tilt=12deg/s")
+
+
+@pytest.mark.parametrize("word", ["tilt", "tilt=3mm/s", "tlt=3deg/s", "", "tilt=1deg/s;roll=2deg/s"])
+def test_rates_that_are_none_are_refused(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(SHIPPED), "--robot", ROBOT, "--end-rate", word]) == 2
+    assert "--end-rate" in capsys.readouterr().err
+
+
+def test_every_cut_fails_and_every_declared_cut_passes(robot: Robot) -> None:
+    whole = trapezoids(robot)
+    assert check(whole, robot).passed
+    count = len(whole.breaks) - 1
+    for k in range(1, count):
+        for piece, end in ((part(whole, 0, k), 1), (part(whole, k, count), 0)):
+            found = ENDS & {limit.name for limit in check(piece, robot).violations}
+            moving = np.abs(end_velocities(piece)[end]).max() > 1e-9
+            assert found == ({("start velocity", "end velocity")[end]} if moving else set())
+            declared = {("start_rate", "end_rate")[end]: rates_at(piece, robot, end)}
+            assert not ENDS & {limit.name for limit in check(piece, robot, TaskLimits(**declared)).violations}
+            wrong = {name: value * (1 + 1e-4) + 1e-4 for name, value in rates_at(piece, robot, end).items()}
+            missed = check(piece, robot, TaskLimits(**{("start_rate", "end_rate")[end]: wrong})).violations
+            assert {limit.name for limit in missed} & ENDS == {("start velocity", "end velocity")[end]}
+
+
+def test_joint_rates_are_those_of_the_task(robot: Robot) -> None:
+    mechanism, rng = Mechanism.from_geometry(robot.geometry), np.random.default_rng(0)
+    for _ in range(20):
+        q, rate = np.array([0.2, 1.0, 0.1, -0.01]) + 0.1 * rng.normal(size=4), rng.normal(size=4)
+        qd = joint_rates(mechanism, q, rate)
+        assert task_rates(mechanism, q[None], qd[None])[0] == pytest.approx(rate, abs=1e-12)
+
+
+def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_path: Path) -> None:
+    whole = trapezoids(robot)
+    moving = part(whole, 0, 1)
+    limits = TaskLimits(end_rate=rates_at(moving, robot, 1))
+    plan = read_back(tmp_path / "plan.json", robot, moving, limits=limits)
+    assert plan.limits.end_rate == limits.end_rate
+    assert api.check(plan).passed
+    pytest.importorskip("rosbags")
+    files, manifest = export(plan, "ros2", tmp_path / "ros2")
+    assert api.check(tmp_path / "ros2", robot).passed
+    assert not check(read_trajectory(files["joint_trajectory.yaml"], robot).trajectory, robot).passed
+    files, manifest = export(plan, "csv", tmp_path / "csv")
+    assert api.check(tmp_path / "csv", robot).passed
+    files, manifest = export(plan, "epos4", tmp_path / "epos4", counts_per_turn=4096)
+    assert api.check(tmp_path / "epos4", robot).passed
+    rows = np.loadtxt(files["roll.csv"], delimiter=",", skiprows=1)
+    # no drop to zero: the last speed is that of the plan, and the last position its end
+    speed = np.diff(rows[-2:, 1])[0] / np.diff(rows[-2:, 0])[0] / manifest["axes"]["roll"]["increments_per_unit"]
+    assert speed == pytest.approx(end_velocities(moving)[1][0], rel=0.02)
+    assert abs(rows[-1, 2]) == pytest.approx(abs(rows[-2, 2]), rel=0.05)
+    at_end = moving.sample(moving.breaks[-1:], "left").q[0, 0]
+    assert rows[-1, 1] == pytest.approx(at_end * manifest["axes"]["roll"]["increments_per_unit"], abs=0.6)
+    assert any("ends moving" in note for note in manifest["notes"])
+
+
+def test_limits_of_a_slower_motion_ask_for_slower_ends() -> None:
+    limits = TaskLimits(end_rate={"tilt": 0.2})
+    assert limits.slower(2.0).end_rate == {"tilt": 0.1}
+    assert limits.slower(2.0).start_rate == {}
+    assert dataclasses.replace(limits, end_rate=None).slower(2.0).end_rate is None
