@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from ssm_planner.identification.prediction import Prediction
     from ssm_planner.identification.recordings import Recording
     from ssm_planner.identification.torque_map import TorqueMap
-    from ssm_planner.kinematics.design import DesignRegion, design_region
     from ssm_planner.kinematics.of_robot import JointSolutions, ToolPose, Workspace, fk, ik, workspace
-    from ssm_planner.kinematics.workspace import Extreme
+    from ssm_planner.kinematics.workspace import DesignRegion, Extreme, design_region
     from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
     from ssm_planner.pipeline.folder import Plan, load_plan
     from ssm_planner.pipeline.run import Progress, plan
@@ -86,9 +85,8 @@ _HOMES = {
         "ssm_planner.identification.prediction": "Prediction",
         "ssm_planner.identification.recordings": "Recording",
         "ssm_planner.identification.torque_map": "TorqueMap",
-        "ssm_planner.kinematics.design": "DesignRegion design_region",
         "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",
-        "ssm_planner.kinematics.workspace": "Extreme",
+        "ssm_planner.kinematics.workspace": "DesignRegion Extreme design_region",
         "ssm_planner.loading.load": "load_drive load_motor load_problem load_robot",
         "ssm_planner.pipeline.folder": "Plan load_plan",
         "ssm_planner.pipeline.run": "Progress plan",

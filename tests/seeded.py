@@ -12,7 +12,7 @@ from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import lens_ratio
-from ssm_planner.kinematics.forward import tip_position, tip_velocity
+from ssm_planner.kinematics.forward import space_jacobian, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
 from ssm_planner.problem.limits import TASK
@@ -233,3 +233,9 @@ def _motor(s: Samples, robot: Robot, kind: str, joint: int) -> np.ndarray:
     direction, breakaway = directions(robot, s, 1)
     motor = motor_motion(robot, RigidBody.from_robot(robot), s, direction, breakaway)
     return np.abs((motor.speed if kind == "motor speed" else motor.torque)[:, joint])
+
+
+def tip_velocity(mechanism: Mechanism, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """Velocity of the tool tip, m/s, (n, 3): v + ω × p of the spatial velocity (v, ω) = J_s(q) qd; q, qd (n, 4)."""
+    twist = np.einsum("nij,nj->ni", space_jacobian(mechanism, q), qd)
+    return twist[:, :3] + np.cross(twist[:, 3:], tip_position(mechanism, q))

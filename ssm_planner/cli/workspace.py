@@ -61,8 +61,8 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
 
 def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | None) -> dict[str, Any]:
     """{alpha, beta, region, margin, reachable} of the designs that reach a range, and what a robot has to spare."""
-    from ssm_planner.kinematics.design import design_margin, design_region
     from ssm_planner.kinematics.of_robot import workspace
+    from ssm_planner.kinematics.workspace import design_margin, design_region
 
     region = design_region(*reach, margin)
     alpha, beta = region.smallest_alpha

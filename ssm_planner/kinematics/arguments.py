@@ -30,7 +30,7 @@ def matrices(name: str, value: ArrayLike) -> Array:
     if array.shape == (3, 3):
         array = array[np.newaxis]
     if array.ndim != 3 or array.shape[1:] != (3, 3):
-        hint = "; split homogeneous matrices with split_homogeneous" if array.shape[-2:] == (4, 4) else ""
+        hint = "; of homogeneous matrices pass [:, :3, :3] and [:, :3, 3]" if array.shape[-2:] == (4, 4) else ""
         raise GeometryError(f"{name} has shape {array.shape}: must be (n, 3, 3){hint}")
     return np.ascontiguousarray(array)
 
@@ -47,24 +47,6 @@ def rotations(name: str, value: ArrayLike) -> Array:
         what = "its determinant is -1 (a reflection)" if mirrored[i] else f"RᵀR differs from 1 by {fault[i]:.2g}"
         raise GeometryError(f"{name}[{i}] of shape {array.shape} is not a rotation: {what}")
     return array
-
-
-def split_homogeneous(name: str, value: ArrayLike) -> tuple[Array, Array]:
-    """(R (n, 3, 3), p (n, 3)) of homogeneous matrices (n, 4, 4), or (4, 4) as a batch of one."""
-    array = _floats(name, value)
-    if array.shape == (4, 4):
-        array = array[np.newaxis]
-    if array.ndim != 3 or array.shape[1:] != (4, 4):
-        raise GeometryError(f"{name} has shape {array.shape}: must be (n, 4, 4)")
-    finite(name, array)
-    last = np.array([0.0, 0.0, 0.0, 1.0])
-    bad = np.flatnonzero(np.abs(array[:, 3] - last).max(axis=1) > 1e-12)
-    if bad.size:
-        columns = np.abs(array[:, :, 3] - last).max() <= 1e-12
-        hint = "; it looks transposed" if columns else ""
-        row = array[bad[0], 3].tolist()
-        raise GeometryError(f"{name}[{bad[0]}] of shape {array.shape}: last row {row}, must be [0, 0, 0, 1]{hint}")
-    return rotations(name, array[:, :3, :3]), array[:, :3, 3]
 
 
 def finite(name: str, array: Array) -> None:

@@ -64,21 +64,6 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     return jacobians.reshape(-1, 6, 4)
 
 
-def body_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Columns Ad(g⁻¹) ξ'_i: the same motions seen in the tool frame, as (v, omega); q (n, 4) to (n, 6, 4)."""
-    q = batch("q", q, 4)
-    jacobians = np.empty((len(q), 24))
-    body = _body_terms(mechanism)
-    for block in blocks(len(q)):
-        turned = _products(_terms(q[block, 2]), _terms(q[block, 1]))
-        np.matmul(turned.T, body, out=jacobians[block])
-    out = jacobians.reshape(-1, 6, 4)
-    # the tip is at θ4 e_z of the tool frame, so it moves with θ4 (ω × e_z)
-    np.multiply(out[:, 4, :3], q[:, 3:], out=out[:, 0, :3])
-    np.multiply(out[:, 3, :3], -q[:, 3:], out=out[:, 1, :3])
-    return out
-
-
 def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
     """Consecutive slices that cover range(count)."""
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
@@ -118,28 +103,6 @@ def _space_terms(mechanism: Mechanism) -> Array:
     terms[:, :, 3:, 2] = tool
     terms[:, :, :3, 3] = tool
     return terms.reshape(9, 24)
-
-
-def _body_terms(mechanism: Mechanism) -> Array:
-    """Body Jacobian at θ4 = 0 as a constant (9, 24) times the products of joints 3 and 2.
-
-    The axes of joints 1 and 2 in the tool frame are R_0ᵀ e^{−ω̂3θ3} e^{−ω̂2θ2} ω1 and R_0ᵀ e^{−ω̂3θ3} ω2.
-    """
-    _, two, three = np.swapaxes(mechanism.exponentials, -1, -2)
-    home = mechanism.tool_home.T
-    terms = np.zeros((3, 3, 6, 4))
-    terms[:, :, 3:, 0] = np.einsum("il,alj,bjk,k->abi", home, three, two, mechanism.omega1)
-    terms[:, 0, 3:, 1] = np.einsum("il,alj,j->ai", home, three, mechanism.omega2)
-    terms[0, 0, 5, 2] = 1.0
-    terms[0, 0, 2, 3] = 1.0
-    return terms.reshape(9, 24)
-
-
-def tip_velocity(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Velocity of the tool tip, m/s, (n, 3): v + ω × p of the spatial velocity (v, ω) = J_s(q) qd; q, qd (n, 4)."""
-    twist = np.einsum("nij,nj->ni", space_jacobian(mechanism, q), batch("qd", qd, 4))
-    velocity: Array = twist[:, :3] + np.cross(twist[:, 3:], tip_position(mechanism, q))
-    return velocity
 
 
 def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, casadi.SX]:

@@ -1,7 +1,7 @@
 """Inverse kinematics in closed form, every branch, in batch (paper, §II-C).
 
-Subproblem 3′ gives θ4, Subproblem 2 gives θ1 and θ2, Subproblem 1 gives θ3. subproblems.py has them for any axes;
-_solve_block writes them out in the frame (ω1, t, n), where most of their terms are constants of the mechanism.
+Paden–Kahan Subproblem 3′ gives θ4, Subproblem 2 gives θ1 and θ2, Subproblem 1 gives θ3. _solve_block writes them out in
+the frame (ω1, t, n), where most of their terms are constants of the mechanism.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics import arguments
 from ssm_planner.kinematics.arguments import ROTATION_TOLERANCE, batch
 from ssm_planner.kinematics.forward import blocks
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, elbow_squares
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import Solutions, select
-from ssm_planner.kinematics.subproblems import elbow_squares, subproblem_3_prime
 from ssm_planner.kinematics.task import joints_of_task, task_batch, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_magnitudes
 from ssm_planner.typing import Array
@@ -120,11 +119,10 @@ def inverse_tip(
     if spins.shape not in ((), (len(tip),)):
         raise GeometryError(f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip")
     spins = np.broadcast_to(spins, len(tip))
-    zero = np.zeros(3)
-    theta4, _ = subproblem_3_prime(mechanism.omega3, zero, zero, np.linalg.norm(tip, axis=1))
-    at_rcm = np.abs(theta4[:, 0]) <= TOLERANCE
+    distance = np.linalg.norm(tip, axis=1)
+    at_rcm = distance <= TOLERANCE
     pair = []
-    for depth in np.sort(mechanism.insertion_sign * theta4, axis=1)[:, ::-1].T:
+    for depth in (distance, -distance):
         task = np.column_stack((*_pointing(mechanism, tip, depth, at_rcm, reference), spins, depth))
         pair.append(inverse_task(mechanism, task))
     pair[1].reaches[at_rcm] = False

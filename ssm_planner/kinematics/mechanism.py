@@ -1,19 +1,30 @@
-"""The serial spherical mechanism: three revolute axes through the RCM and a translation along the third."""
+"""The serial spherical mechanism: three revolute axes through the RCM and a translation along the third.
+
+Its axes ω1, ω2 and the tool form a spherical triangle with the sides α (ω1 to ω2), β (ω2 to tool) and |φ| (ω1 to tool);
+its angle at ω2 is |x|, x = θ2 − δ. With c = cos(x/2) and s = sin(x/2):
+    cos φ = cos(α − β) c² + cos(α + β) s²,     the paper's f(θ2), eq. 4
+    e^{ω̂2 θ2} ω3 = cos φ ω1 + P t + Q n,        P = sin(α − β) c² + sin(α + β) s²,   Q = −2 sin β s c
+Seen from the tool, ω1 lies at the angle η = atan2(F, E) about the tool axis, counted from its place at θ2 = δ:
+    E = sin(α − β) c² − sin(α + β) s²,   F = −2 sin α s c
+so roll = θ1 + ζ ± 90° with ζ = atan2(Q, P), and spin = θ3 − η + constant: tilt depends on θ2 alone, roll and spin
+are θ1 and θ3 plus functions of θ2. The functions of the triangle serve NumPy arrays and CasADi expressions (`xp`); they
+are half-angle forms, atan2 of products, no acos, so that they are exact where the triangle degenerates.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen.namespace import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.arguments import rotations
 from ssm_planner.kinematics.rotations import exponential_terms, rotation
-from ssm_planner.kinematics.subproblems import azimuths, elbow_squares
 from ssm_planner.problem.robot import Geometry, frozen
 from ssm_planner.typing import Array
 
@@ -25,8 +36,7 @@ PARALLEL = 1e-9
 class Mechanism:
     """Axes at q = 0 in the base frame and all angles that follow from them; SI, radians.
 
-    Build it with `from_geometry` or `from_angles`. The mechanism is one spherical triangle with the sides α (ω1 to ω2),
-    β (ω2 to the tool) and |φ| (ω1 to the tool); the angle at ω2 is |x| with x = θ2 − δ.
+    Build it with `from_geometry` or `from_angles`.
     """
 
     omega1: Array
@@ -168,7 +178,7 @@ class Mechanism:
 
     @cached_property
     def spin_offset(self) -> float:
-        """The constant of spin = θ3 − η + constant (subproblems.py), such that spin is 0 at home."""
+        """The constant of spin = θ3 − η + constant (above), such that spin is 0 at home."""
         on_omega1 = self.frame.T @ self.tool_on_omega1[:, 0]
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0
@@ -201,10 +211,40 @@ def _side(along_t: float, along_n: float) -> int:
 
 
 def _omega3(alpha: float, beta: float, tilt: float) -> Array:
-    """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 of subproblems.py."""
+    """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 above."""
     half = abs(tilt) / 2.0
     cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
     x = math.copysign(2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt)
     on_omega1 = math.cos(alpha) * math.cos(beta) + math.sin(alpha) * math.sin(beta) * math.cos(x)
     on_t = math.sin(alpha) * math.cos(beta) - math.cos(alpha) * math.sin(beta) * math.cos(x)
     return np.array([on_omega1, on_t, -math.sin(beta) * math.sin(x)])
+
+
+def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
+    """|φ| of x = θ2 − δ, in [0, π] (paper, eq. 4), to full accuracy at both ends."""
+    c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
+    less, more = (alpha - beta) / 2.0, (alpha + beta) / 2.0
+    sine2 = xp.sin(less) ** 2 * (c * c) + xp.sin(more) ** 2 * (s * s)
+    cosine2 = xp.cos(less) ** 2 * (c * c) + xp.cos(more) ** 2 * (s * s)
+    return 2.0 * xp.arctan2(xp.sqrt(sine2), xp.sqrt(cosine2))
+
+
+def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
+    """(C², S²), proportional to cos²(x/2) and sin²(x/2), of the cosine and sine of φ/2.
+
+    C² = sin((α + β + φ)/2) sin((α + β − φ)/2) and S² = sin((φ + α − β)/2) sin((φ − α + β)/2): each vanishes at its end
+    of the workspace and is negative beyond it. Their sum is sin α sin β times the scale of (cosine, sine) squared.
+    """
+    less, more = (alpha - beta) / 2.0, (alpha + beta) / 2.0
+    far_a, far_b = xp.sin(more) * cosine, xp.cos(more) * sine
+    near_a, near_b = xp.cos(less) * sine, xp.sin(less) * cosine
+    return (far_a + far_b) * (far_a - far_b), (near_a + near_b) * (near_a - near_b)
+
+
+def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
+    """(ζ, η) of c and s, which may carry a common positive factor; continuous on a branch."""
+    minus, plus = xp.sin(alpha - beta) * (c * c), xp.sin(alpha + beta) * (s * s)
+    cross = -2.0 * (s * c)
+    zeta = xp.arctan2(xp.sin(beta) * cross, minus + plus)
+    eta = xp.arctan2(xp.sin(alpha) * cross, minus - plus)
+    return zeta, eta

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.arguments import batch
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.mechanism import Mechanism, azimuths, elbow_squares, tilt_magnitude
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import nearest_turn
-from ssm_planner.kinematics.subproblems import azimuths, elbow_squares, tilt_magnitude
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ def task_rates_of_joints(
     """Time derivative of task_of_joints.
 
     It grows without bound towards a tilt of 0 or 180°, where roll and spin are one; there itself it is that of θ2 at rest.
-    With x, P, E of subproblems.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
+    With x, P, E of mechanism.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
     dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ.
     """
     mech, (speed1, speed2, speed3, speed4) = mechanism, qd

@@ -1,7 +1,10 @@
-"""Workspace in closed form (paper, §II-B): f(θ2), its extremes, tilt intervals, and how fast the tool can tilt there.
+"""Workspace in closed form (paper, §II-B): extremes of f(θ2), tilt intervals, which (α, β) reach them, tilt rates.
 
 Tilt is the angle φ between ω1 and the tool, signed; it depends on θ2 alone. For each tilt inside the workspace there
 are two θ2, one on each branch; the branches meet at the extremes of φ, where dφ/dθ2 = 0.
+
+|φ| runs from |α − β| to α + β, folded at π (eq. 9). So a range with a = min |φ| and b = max |φ| is reached by all (α, β)
+with |α − β| ≤ a and b ≤ α + β ≤ 2π − b: a rectangle whose sides are at 45° to the α and β axes.
 """
 
 from __future__ import annotations
@@ -15,8 +18,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
-from ssm_planner.kinematics.subproblems import elbow_squares, tilt_magnitude
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, elbow_squares, tilt_magnitude
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.typing import Array
 
@@ -51,15 +53,6 @@ def tilt_interval(mechanism: Mechanism) -> tuple[float, float]:
     """(lo, hi) of the signed tilt on the home side; the vitreoretinal robot: (−139.778°, −79.778°)."""
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     return (low, high) if mechanism.side > 0 else (-high, -low)
-
-
-def tilt_cosine(mechanism: Mechanism, theta2: ArrayLike) -> tuple[Array, Array, Array]:
-    """f(θ2) = ω1ᵀ e^{ω̂2θ2} v4 = cos φ and its first two derivatives (paper, eqs. 4 and 5), any shape."""
-    angle = np.asarray(theta2, dtype=float)[..., np.newaxis]
-    still, cosine, sine = mechanism.exponentials[1] @ mechanism.omega3 @ mechanism.omega1
-    f = still + cosine * np.cos(angle) + sine * np.sin(angle)
-    first = sine * np.cos(angle) - cosine * np.sin(angle)
-    return f[..., 0], first[..., 0], (still - f)[..., 0]
 
 
 def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
@@ -137,7 +130,7 @@ def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
 def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
     """(dθ1/dφ, dθ2/dφ, dθ3/dφ) at constant roll and spin; tilts (...) to (..., 3).
 
-    With x = θ2 − δ and P, E of subproblems.py:
+    With x = θ2 − δ and P, E of mechanism.py:
     dθ2/dφ = sin φ / (sin α sin β sin x),  dθ1/dφ = E / (sin α sin x sin φ),  dθ3/dφ = −P / (sin β sin x sin φ),
     for the |φ| of the home side. Infinite at the workspace boundary, NaN outside.
     """
@@ -204,3 +197,60 @@ def _travel(mechanism: Mechanism, tilt: Array) -> tuple[Array, Array]:
     slope = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
     step = (slope[1:] + slope[:-1]) / 2 * np.abs(np.diff(tilt))[:, None]
     return slope, np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
+
+
+ROUNDING = 1e-12
+"""rad by which a corner of a region may fall outside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignRegion:
+    """All (α, β) whose workspace holds a tilt range with a margin; rad."""
+
+    tilt_range: tuple[float, float]
+    margin: float
+    vertices: Array
+    """(4, 2): corners (α, β) in order, the smallest α first; (0, 2) where nothing reaches the range."""
+
+    @property
+    def empty(self) -> bool:
+        """Nothing reaches the range with the margin."""
+        return len(self.vertices) == 0
+
+    @property
+    def smallest_alpha(self) -> tuple[float, float]:
+        """The (α, β) of smallest α, the most compact; (nan, nan) if the region is empty."""
+        return (math.nan, math.nan) if self.empty else (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
+
+    def contains(self, alpha: float, beta: float) -> bool:
+        """Does (α, β) reach the range with the margin?"""
+        return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
+
+
+def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> DesignRegion:
+    """All (α, β) that reach the signed tilts [tilt_low, tilt_high], rad, with `margin` rad beyond either end.
+
+    The corner of smallest α is ((b − a)/2 + margin, (a + b)/2): (30°, 110°) for (−140°, −80°). A range that passes
+    through φ = 0 needs α = β. Without margin that corner has the ends of the range on the workspace boundary, where
+    joint speed is unbounded: a design to be built needs a margin.
+    """
+    low, high = magnitude_range("tilt range", (tilt_low, tilt_high))
+    if not 0.0 <= margin <= math.pi:
+        raise GeometryError(f"margin = {margin!r}: must be in [0, pi] rad")
+    difference, least = low - margin, high + margin
+    if difference < 0.0 or least > math.pi:
+        return DesignRegion((tilt_low, tilt_high), margin, np.empty((0, 2)))
+    most = 2.0 * math.pi - least
+    corners = ((least, -difference), (least, difference), (most, difference), (most, -difference))
+    vertices = np.array([((total + gap) / 2.0, (total - gap) / 2.0) for total, gap in corners])
+    return DesignRegion((tilt_low, tilt_high), margin, vertices)
+
+
+def design_margin(alpha: float, beta: float, tilt_range: tuple[float, float]) -> float:
+    """Tilt, rad, by which the workspace of (α, β) goes beyond both ends of a range; negative: not reached."""
+    for name, angle in (("alpha", alpha), ("beta", beta)):
+        if not 0.0 <= angle <= math.pi:
+            raise GeometryError(f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant")
+    low, high = magnitude_range("tilt_range", tilt_range)
+    nearest, farthest = tilt_magnitudes(alpha, beta)
+    return min(low - nearest, farthest - high)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.kinematics.design import DesignRegion, design_region
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_interval
+from ssm_planner.kinematics.workspace import DesignRegion, design_region, joint_speed_per_tilt_speed, tilt_interval
 from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section

@@ -6,16 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from paden_kahan import subproblem_1, subproblem_2, subproblem_3_prime
 from scipy.spatial.transform import Rotation
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.arguments import split_homogeneous
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import LEVER, inverse, inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import Solutions
-from ssm_planner.kinematics.subproblems import subproblem_1, subproblem_2, subproblem_3_prime
 from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 
@@ -229,7 +228,11 @@ EYE = np.eye(3)[np.newaxis]
         (np.full((1, 3, 3), math.nan), np.zeros(3), r"rotations of shape \(1, 3, 3\) is not finite"),
         (EYE, np.array([0.0, math.nan, 0.0]), r"positions of shape \(1, 3\) is not finite at \[0, 1\]"),
         (np.zeros((2, 9)), np.zeros((2, 3)), r"rotations has shape \(2, 9\)"),
-        (np.zeros((2, 4, 4)), np.zeros((2, 3)), r"rotations has shape \(2, 4, 4\).*split_homogeneous"),
+        (
+            np.zeros((2, 4, 4)),
+            np.zeros((2, 3)),
+            r"rotations has shape \(2, 4, 4\).*of homogeneous matrices pass \[:, :3, :3\]",
+        ),
     ],
 )
 def test_bad_poses_name_the_argument(vitreoretinal, rotations, positions, message):
@@ -242,19 +245,6 @@ def test_one_bad_pose_in_a_batch_is_named(vitreoretinal):
     rotations[4321, 0, 0] += 1e-3
     with pytest.raises(GeometryError, match=r"rotations\[4321\] of shape \(5000, 3, 3\)"):
         inverse(vitreoretinal, rotations, positions)
-
-
-def test_homogeneous_matrices_are_split_and_checked():
-    rng = np.random.default_rng(18)
-    poses = np.tile(np.eye(4), (4, 1, 1))
-    poses[:, :3, 3] = rng.standard_normal((4, 3))
-    rotations, positions = split_homogeneous("poses", poses)
-    assert np.array_equal(positions, poses[:, :3, 3])
-    assert np.array_equal(rotations, poses[:, :3, :3])
-    with pytest.raises(GeometryError, match=r"poses\[0\] of shape \(4, 4, 4\): last row .* it looks transposed"):
-        split_homogeneous("poses", np.swapaxes(poses, 1, 2))
-    with pytest.raises(GeometryError, match=r"poses has shape \(4, 3, 4\)"):
-        split_homogeneous("poses", poses[:, :3])
 
 
 def test_parallel_axes_have_no_inverse():

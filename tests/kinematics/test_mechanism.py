@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from ssm_planner.errors import GeometryError, ProblemError
 from ssm_planner.kinematics.forward import (
-    body_jacobian,
     forward,
     forward_symbolic,
     forward_with_jacobian,
@@ -91,16 +90,13 @@ def test_forward_and_jacobians_agree_with_pinocchio(random_mechanism):
         data = model.createData()
         q = rng.uniform(-3.0, 3.0, (10, 4))
         rotations, positions, jacobians = forward_with_jacobian(mech, q)
-        body = body_jacobian(mech, q)
         for i, each in enumerate(q):
             pin.computeJointJacobians(model, data, each)
             placed = pin.updateFramePlacement(model, data, frame)
             assert np.abs(placed.rotation - rotations[i]).max() < 1e-14
             assert np.abs(placed.translation - positions[i]).max() < 1e-14
             world = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.WORLD)
-            local = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
             assert np.abs(world - jacobians[i]).max() < 1e-14
-            assert np.abs(local - body[i]).max() < 1e-14
 
 
 def test_forward_is_the_product_of_exponentials(random_mechanism):
@@ -113,17 +109,6 @@ def test_forward_is_the_product_of_exponentials(random_mechanism):
     assert np.abs(positions - (elbow @ mech.omega3) * q[:, 3:]).max() < 1e-14
     assert np.array_equal(tip_position(mech, q), positions)
     assert np.array_equal(space_jacobian(mech, q), forward_with_jacobian(mech, q)[2])
-
-
-def test_body_jacobian_is_the_space_jacobian_in_the_tool_frame(random_mechanism):
-    rng = np.random.default_rng(RNG_SEED)
-    mech = random_mechanism(rng)
-    q = rng.uniform(-3.0, 3.0, (500, 4))
-    rotations, positions, space = forward_with_jacobian(mech, q)
-    body = body_jacobian(mech, q)
-    angular = rotations @ body[:, 3:]
-    assert np.abs(angular - space[:, 3:]).max() < 1e-14
-    assert np.abs(rotations @ body[:, :3] + hat(positions) @ angular - space[:, :3]).max() < 1e-14
 
 
 def test_symbolic_forward_equals_numeric(random_mechanism):
@@ -206,7 +191,7 @@ def test_angles_in_degrees_are_refused(alpha, beta, tilt):
     ],
 )
 def test_bad_joints_name_the_argument(vitreoretinal, q, message):
-    for function in (forward, forward_with_jacobian, space_jacobian, body_jacobian):
+    for function in (forward, forward_with_jacobian, space_jacobian):
         with pytest.raises(GeometryError, match=message):
             function(vitreoretinal, q)
 

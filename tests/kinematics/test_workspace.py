@@ -10,19 +10,28 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.design import design_margin, design_region
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.workspace import (
+    design_margin,
+    design_region,
     extremes,
     theta2_from_tilt,
-    tilt_cosine,
     tilt_from_theta2,
     tilt_interval,
     tilt_magnitudes,
 )
 
 axis_angles = st.floats(0.0, math.pi)
+
+
+def tilt_cosine(mechanism: Mechanism, theta2: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """f(θ2) = ω1ᵀ e^{ω̂2θ2} v4 = cos φ and its first two derivatives (paper, eqs. 4 and 5), any shape."""
+    angle = np.asarray(theta2, dtype=float)[..., np.newaxis]
+    still, cosine, sine = mechanism.exponentials[1] @ mechanism.omega3 @ mechanism.omega1
+    f = still + cosine * np.cos(angle) + sine * np.sin(angle)
+    first = sine * np.cos(angle) - cosine * np.sin(angle)
+    return f[..., 0], first[..., 0], (still - f)[..., 0]
 
 
 def swept_tilt(alpha: np.ndarray, beta: np.ndarray, theta2: np.ndarray) -> np.ndarray:

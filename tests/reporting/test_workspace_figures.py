@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.kinematics.design import design_region
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import tilt_from_theta2, tilt_interval
+from ssm_planner.kinematics.workspace import design_region, tilt_from_theta2, tilt_interval
 from ssm_planner.paper.workspace import tilt_table
 from ssm_planner.reporting.figures.workspace import (
     design_region_figure,

@@ -11,7 +11,7 @@ import pytest
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque, nut_contact
-from ssm_planner.kinematics.forward import tip_position, tip_velocity
+from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.task import task_from_joints
@@ -25,6 +25,7 @@ from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import SHARE, of_task, smooth, trapezoids, write_plan
+from seeded import tip_velocity
 
 ROOT = Path(__file__).parent.parent.parent
 

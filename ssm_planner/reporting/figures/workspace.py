@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.kinematics.design import DesignRegion, design_region
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import (
+    DesignRegion,
+    design_region,
     joint_speed_per_tilt_speed,
     smallest_singular_value,
     theta2_from_tilt,
