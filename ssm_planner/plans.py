@@ -72,6 +72,29 @@ class PhaseSummary:
     iterations: int
     """Of the solver."""
 
+    @property
+    def disagreement(self) -> str | None:
+        """Why the cross-check by TOPP-RA failed; None where it passed or there is none."""
+        if self.toppra_duration is None:
+            return None
+        allowed = AGREES_FREE if self.branch is None else AGREES_STRAIGHT
+        ratio = self.duration / self.toppra_duration
+        if 1 / (1 + allowed) <= ratio <= 1 + allowed:
+            return None
+        what = (
+            "the motion is slower than it need be"
+            if ratio > 1
+            else "TOPP-RA's grid is too coarse, or a limit is missed"
+        )
+        return (
+            f"{self.name}: {self.duration:.4f} s, and {self.toppra_duration:.4f} s by TOPP-RA along the same path "
+            f"({100 * (ratio - 1):+.2f} %, {100 * allowed:g} % are allowed): {what}"
+        )
+
+
+AGREES_STRAIGHT, AGREES_FREE = 3e-3, 1e-2
+"""Share by which a phase's duration may differ from TOPP-RA's along its path, straight and free (docs/planning.md)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -182,6 +205,7 @@ class Plan:
                     f"joint {requirement.joint}: motor {motor.name} has placeholder figures ({', '.join(motor.placeholders)})"
                 )
             notes += _extrapolation(self.robot, requirement)
+        notes += [f"cross-check failed: {text}" for text in self.disagreements]
         if self.certificate is not None:
             notes += [f"not checked: {what}" for what in self.certificate.unchecked]
         return tuple(notes)
@@ -199,6 +223,14 @@ class Plan:
             shown = [f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none" for limit in (own, other)]
             notes.append(f"the plan was made for another limit: {what}: {shown[0]}; the robot given has {shown[1]}")
         return tuple(notes)
+
+    @property
+    def disagreements(self) -> tuple[str, ...]:
+        """Of every phase whose cross-check by TOPP-RA failed; none where jerk is limited, of which TOPP-RA knows nothing."""
+        if any(joint.jerk is not None for joint in self.robot.joints):
+            return ()
+        found = (phase.disagreement for phase in self.phases)
+        return tuple(text for text in found if text is not None)
 
     @property
     def path(self) -> Path:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 Expression = Any
 """A float, an array or a CasADi expression."""
 Range = tuple[float, float]

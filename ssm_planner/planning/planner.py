@@ -17,8 +17,8 @@ from ssm_planner.planning.ocp.free import FreeResult, solve_free
 from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
-from ssm_planner.planning.retiming.retime import Retiming, retime
+from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, StraightPath
+from ssm_planner.planning.retiming.retime import Retiming, retime, retime_motion
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -27,6 +27,8 @@ from ssm_planner.typing import Array
 
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
+FAR = 1.001
+"""TOPP-RA's duration in that of the motion beyond which it is worked out along the motion too."""
 SAME = 1e-5
 """Share by which durations may differ that are meant to be the same."""
 LONGER = 1e-6
@@ -42,12 +44,12 @@ class PlannedPhase:
     phase: Phase
     duration: float
     toppra_duration: float | None
-    """None where TOPP-RA finds no motion along the path that was taken, or where a duration was asked for."""
+    """None where TOPP-RA finds no motion along the path that was taken, or does not converge, or a duration was asked for."""
     lower_bound: float
     """A duration that no motion within the same limits can beat."""
     iterations: int
     borders: Array = field(default_factory=lambda: np.zeros(0))
-    """Instants at which a free motion passes its points, (k + 1,), s."""
+    """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,14 +161,20 @@ class _PhasePlanner:
         return self._straight(phase, phase.path)
 
     def cross_checked(self, motion: PhaseMotion) -> PhaseMotion:
-        """With TOPP-RA's duration along the path that a free motion took; a straight one has it from its guess."""
-        phase = motion.planned.phase
-        if phase.motion.kind != "free" or phase.motion.duration is not None:
+        """With TOPP-RA's duration along the path that a free motion took; a straight one has it from its guess.
+
+        Where that is too far off, for its first interval is a long time to a motor that barely starts, it gets one too.
+        """
+        phase, guess = motion.planned.phase, motion.planned.toppra_duration
+        if phase.motion.kind == "dwell" or phase.motion.duration is not None:
+            return motion
+        if phase.path is not None and (guess is None or guess <= FAR * motion.planned.duration):
             return motion
         trajectory = Trajectory(motion.breaks, motion.coefficients, ())
-        path = SplinePath.of(self.mechanism, trajectory, motion.planned.borders, np.diff(phase.points, axis=0))
-        again = self._retime(path, self.problem.robot, (path.speed(phase.qd_start), path.speed(phase.qd_end)))
-        planned = replace(motion.planned, toppra_duration=again.duration if again.solved else None)
+        signs = np.sign(np.diff(phase.points, axis=0)) if phase.path is None else phase.path.directions[1]
+        path = MotionPath(self.mechanism, trajectory, motion.planned.borders / trajectory.duration, signs)
+        again = retime_motion(path, self.problem.robot, self.problem.task_limits)
+        planned = replace(motion.planned, toppra_duration=again.duration if again.converged else None)
         return replace(motion, planned=planned)
 
     def _dwell(self, phase: Phase) -> PhaseMotion:
@@ -217,6 +225,7 @@ class _PhasePlanner:
             toppra_duration=None if asked else retiming.duration,
             lower_bound=asked or bound,
             iterations=motion.iterations,
+            borders=motion.instants(path.directions[0]),
         )
         return PhaseMotion(planned, *joint_pieces(path, motion, end_speed=speeds[1]))
 

@@ -74,6 +74,7 @@ def verdicts(plan: Plan) -> list[str]:
         lines.append(
             f"planned      {plan.duration:.4f} s, {100 * (ratio - 1):+.3f} % of TOPP-RA's time on the same path"
         )
+    lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:
         worst = plan.certificate.worst
         word = "PASSED" if plan.certificate.passed else "FAILED"

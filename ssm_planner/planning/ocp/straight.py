@@ -61,6 +61,11 @@ class PathMotion:
         """s."""
         return float(self.elements[:, 4].sum())
 
+    def instants(self, s: Array) -> Array:
+        """Times (k,), s, at which the ends of elements s (k,) are passed."""
+        ends = np.concatenate([[0.0], np.cumsum(self.elements[:, 4])])
+        return np.asarray(np.interp(s, np.append(self.elements[:, 0], 1.0), ends))
+
 
 def solve_straight(
     robot: Robot,

@@ -28,7 +28,7 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Mask
 
 ACTIVE = 0.998
 """A row counts as binding from this share of its limit on."""
@@ -132,6 +132,8 @@ class PathLimits:
     """σ: sign of q'(s), 0 for a joint that stands, (n, 4)."""
     ceiling: Array
     """Largest ṡ² that the speed limits allow, (n,)."""
+    starts: Mask
+    """Where joints start from rest, (n, 4)."""
 
     @classmethod
     def along(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
@@ -140,13 +142,15 @@ class PathLimits:
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
         load = PathLoad.along(RigidBody.from_robot(robot), samples)
-        return cls(robot, samples, load, signs[interval], _speed_ceiling(path, samples, robot, limits))
+        return cls(
+            robot, samples, load, signs[interval], _speed_ceiling(path, samples, robot, limits), path.starts(samples)
+        )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
         """Rows for the joints' accelerations and the motors' torques.
 
         speed_squared (n,): ṡ² at which the friction coefficient is taken, that of the previous pass. static_start: friction
-        at s = 0 is static.
+        is static where joints start.
 
         Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. Torque: see `_torque_rows`.
         """
@@ -164,7 +168,7 @@ class PathLimits:
         """μ (n,) of the drive of joint i at the given ṡ²; at a start from rest at least the static one."""
         friction = friction_of(drive)
         w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
-        starts = (self.samples.s == 0.0) & static_start
+        starts = self.starts[:, i] if static_start else np.zeros_like(self.starts[:, i])
         return np.where(starts, np.asarray(breakaway_coefficient(friction, w)), friction_coefficient(friction, w))
 
     def _torque_rows(self, drive: Drive, i: int, mu: Array, speed_squared: Array) -> list[PathTerm]:

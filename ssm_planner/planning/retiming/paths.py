@@ -15,18 +15,14 @@ from ssm_planner.codegen.functions import call
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Mask
 
 STILL = 1e-9
 """A joint whose q'(s) stays below this (rad or m per whole path) does not move along the path."""
 LOOKS = 401
 """Points among which turning points of a straight path are looked for."""
-POINTS = 600
-"""Intervals of the spline through a motion."""
-DENSE = 20 * POINTS
-"""Instants at which the motion is measured for it."""
-APART = 1e-9
-"""Smallest distance in s of two points of the spline."""
+BESIDE = 1e-4
+"""Distance of a grid point from the break beside it, as a share of the piece."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +51,10 @@ class JointPath(ABC):
     @abstractmethod
     def directions(self) -> tuple[Array, Array]:
         """Where joints turn back: knots s_k (m + 1,) from 0 to 1, and the sign of q'(s) between them, (m, 4); 0: stands."""
+
+    def starts(self, samples: PathSamples) -> Mask:
+        """At which of the samples (n,) joints start from rest if the motion along the path does, (n, 4): at s = 0."""
+        return np.tile((samples.s == 0.0)[:, None], 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,57 +135,53 @@ def _line(mechanism: bytes, branch: int, order: int) -> ca.Function:
 
 
 @dataclass(frozen=True, eq=False)
-class SplinePath(JointPath):
-    """The path that a motion took: a cubic spline through points of it, so that its re-timing is accurate to about 1e-3.
+class MotionPath(JointPath):
+    """The path that a motion took, q(s) with s = t / duration: its polynomials, so the motion itself is ṡ = 1 / duration.
 
-    s is the mean share of their ways that the joints have gone: s(t) = ∫₀ᵗ Σ_j |q̇_j| / unit_j dt. It grows while any joint
-    moves, so dq/ds is bounded.
+    Where joints rest, q' is zero and ṡ is not: the speed at the ends is that of the motion.
     """
 
     mechanism: Mechanism
-    spline: Any
-    """q(s), a scipy CubicSpline."""
+    trajectory: Trajectory
     knots: Array
     """Values of s between which no joint turns back, (k + 1,)."""
     signs: Array
     """Directions of the joints between the knots, (k, 4)."""
-    unit: Array
-    """By joint, (4,); infinite for one that stands."""
-
-    @classmethod
-    def of(cls, mechanism: Mechanism, trajectory: Trajectory, borders: Array, way: Array) -> SplinePath:
-        """borders (k + 1,): instants between which no joint turns back, s; way (k, 4): what each joint goes between them."""
-        from scipy.interpolate import CubicSpline
-
-        longest = np.abs(way).max(axis=0)
-        moving = longest > 0
-        t = np.union1d(np.linspace(0.0, trajectory.duration, DENSE), borders)
-        shares = trajectory.sample(t, side="left").q[:, moving] / longest[moving]
-        gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shares, axis=0)).sum(axis=1))])
-        s = gone / gone[-1]
-
-        knots = np.interp(borders, t, s)
-        knots[0], knots[-1] = 0.0, 1.0
-        grid = np.union1d(np.linspace(0.0, 1.0, POINTS + 1), knots)
-        distinct = np.concatenate([[True], np.diff(grid[:-1]) > APART, [True]])
-        grid = grid[distinct]
-        spline = CubicSpline(grid, trajectory.sample(np.interp(grid, s, t), side="left").q)
-        return cls(mechanism, spline, knots, np.sign(way), np.where(moving, longest, np.inf) * gone[-1])
 
     @property
     def directions(self) -> tuple[Array, Array]:
         return self.knots, self.signs
 
+    def grid(self, points: int) -> Array:
+        """About so many values of s from 0 to 1: one close to each side of every break, where q'' jumps, others between."""
+        breaks = self.trajectory.breaks / self.trajectory.duration
+        shares = np.diff(breaks)
+        between = np.maximum(np.round(shares * max(points - 2 * len(shares), 0)).astype(int), 1)
+        pieces = [
+            np.linspace(start + BESIDE * share, end - BESIDE * share, n + 1)
+            for start, end, share, n in zip(breaks[:-1], breaks[1:], shares, between, strict=True)
+        ]
+        return np.concatenate([[0.0], *pieces, [1.0]])
+
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)
-        q, dq, ddq = (self.spline(s, order) for order in range(3))
-        still = np.isinf(self.unit)
+        duration = self.trajectory.duration
+        found = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
+        dq, ddq = found.qd * duration, found.qdd * duration**2
+        _, signs = self.directions
+        still = ~signs.any(axis=0)
         dq[:, still] = ddq[:, still] = 0.0
-        return PathSamples(s, q, dq, ddq)
+        return PathSamples(s, found.q, dq, ddq)
 
-    def speed(self, qd: Array) -> float:
-        """ṡ at which the joints move at qd (4,)."""
-        return float((np.abs(qd) / self.unit).sum())
+    def starts(self, samples: PathSamples) -> Mask:
+        """Where the motion starts a joint: at s = 0, and behind a knot at which it turns back."""
+        found = np.zeros((len(samples.s), 4), dtype=bool)
+        before = np.zeros(4)
+        for knot, signs in zip(self.knots[:-1], self.signs, strict=True):
+            k = int(np.searchsorted(samples.s, knot))
+            found[k] = (signs != before) & ((knot > 0) | (samples.dq[k] == 0.0))
+            before = signs
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ T-RO 34(3), 2018, and its interpolation scheme.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
-from ssm_planner.planning.retiming.paths import JointPath
+from ssm_planner.planning.retiming.paths import JointPath, MotionPath
 from ssm_planner.planning.retiming.toppra_import import load_toppra
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -25,9 +25,12 @@ COARSE = 200
 """Grid intervals of the rough motion that tells where to put the points of the grid."""
 UNIFORM = 0.1
 """Share of the points that is uniform in s."""
-PASSES = 12
+PASSES, TRIES = 40, 12
+"""Most passes in all, and most until the first motion."""
 CONVERGED = 1e-5
 """Relative change of the duration at which the tangents have settled: a further pass would change about its square."""
+FASTER = 10.0
+"""Times the speed of a motion that its re-timing may have."""
 SLOWER = 1 / 16
 """Factor on ṡ² of the tangents after a pass without a motion."""
 
@@ -44,6 +47,8 @@ class Retiming:
     passes: int
     active: Array
     """Index of the row that binds on each grid interval, (n,); −1 the speed ceiling, −2 none."""
+    converged: bool = False
+    """The tangents have settled: another pass would not change the duration by more than about CONVERGED."""
 
     @property
     def solved(self) -> bool:
@@ -75,6 +80,23 @@ def retime(
     tangent = (
         path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
     )
+    return _retimed(grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0)
+
+
+def retime_motion(path: MotionPath, robot: Robot, limits: TaskLimits, points: int = POINTS) -> Retiming:
+    """Time-optimal motion along the path that a motion took: about as fast as that, or faster where it was no optimum."""
+    grid = path.grid(points)
+    speed = 1 / path.trajectory.duration
+    path_limits = PathLimits.along(path, grid, robot, limits)
+    # where all joints rest nothing limits ṡ
+    path_limits = replace(path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2))
+    return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
+
+
+def _retimed(
+    grid: Array, path_limits: PathLimits, tangent: Array, speeds: tuple[float, float], *, static: bool
+) -> Retiming:
+    """TOPP-RA on the grid, pass after pass until the tangents, first those at ṡ² = tangent (n,), have settled."""
     message = "TOPP-RA finds no motion along the path within the limits"
     best = Retiming(
         "infeasible",
@@ -83,26 +105,40 @@ def retime(
         s=grid,
         speed_squared=np.zeros_like(grid),
         passes=0,
-        active=np.full(points, -2),
+        active=np.full(len(grid) - 1, -2),
     )
     for count in range(1, PASSES + 1):
-        rows = path_limits.constraints(tangent, static_start=static and speeds[0] == 0.0)
+        rows = path_limits.constraints(tangent, static_start=static)
         found = _solve(grid, rows, tangent, speeds)
         if found is None:
-            if best.solved:
+            if best.solved or count == TRIES:
                 break
             # a tangent at high speed over-estimates viscous friction at low speed: try nearer to rest
             tangent = tangent * SLOWER
             continue
         duration = float(_times(grid, found)[-1])
-        active = rows.active(grid, found)
-        # the tangents only over-estimate: where no row that has one binds, they do not matter
-        settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k[:, active[active >= 0]].any()
-        best = Retiming("solved", "", duration=duration, s=grid, speed_squared=found, passes=count, active=active)
+        # the tangents only over-estimate: where no row that has one binds with it, they do not matter
+        binding = rows.tangent(_lifted(tangent)).active(grid, found)
+        settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k[:, binding[binding >= 0]].any()
+        best = Retiming(
+            "solved",
+            "",
+            duration=duration,
+            s=grid,
+            speed_squared=found,
+            passes=count,
+            active=rows.active(grid, found),
+            converged=settled,
+        )
         if settled:
             break
         tangent = found
     return best
+
+
+def _lifted(speed_squared: Array) -> Array:
+    """ṡ² (n,) at which tangents are taken: a root has none at 0."""
+    return np.maximum(speed_squared, 1e-12 * speed_squared.max())
 
 
 def _times(grid: Array, speed_squared: Array) -> Array:
@@ -140,8 +176,7 @@ def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[f
 
     # TOPP-RA has absolute tolerances: choose the unit of time in which ṡ² is of order one
     unit = 1 / max(float(np.abs(rows.a).max()), 1 / float(rows.ceiling.max()))
-    at = tangent / unit
-    scaled = rows.in_time_unit(unit).tangent(np.maximum(at, 1e-12 * at.max()))
+    scaled = rows.in_time_unit(unit).tangent(_lifted(tangent / unit))
     count = scaled.a.shape[1]
 
     class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
