@@ -27,6 +27,7 @@ from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import frozen
+from ssm_planner.problem.value import unchecked
 
 APPROACH = Path(__file__).parents[2] / "problems/eye_approach.yaml"
 SHARES = np.linspace(0.0, 1.0, 4001)
@@ -109,7 +110,7 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
         if size <= 0.05:
             continue
         grown = dataclasses.replace(eye.lens, semi_axes=frozen(eye.lens.semi_axes * size, (3,)))
-        at_limit = dataclasses.replace(eye, lens=grown, radius=10 * eye.radius)  # room for a lens of any size
+        at_limit = unchecked(eye, lens=grown)  # a lens of any size, also one that the eye has no room for
         value, least = eye_limits(NUMPY, at_limit, tip)["lens clearance"]
         assert value == pytest.approx(least, rel=1e-12)
         nearest = to_segment(surface(grown, 1.0), tip).min()
