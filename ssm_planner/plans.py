@@ -12,13 +12,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ssm_planner.atomic import replacing
+from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.loading.json_files import parse_json, read_bytes
 from ssm_planner.problem.limits import Limit
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import from_plain, plain, problem_from_plain
+from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.trajectory import Trajectory
@@ -235,7 +236,7 @@ class Plan:
     @property
     def path(self) -> Path:
         """plan.json that it was loaded from, else where the command would write it."""
-        return self.file or Path("results") / self.problem.name / FILE
+        return self.file or Path("results") / file_name(self.problem.name) / FILE
 
     @cached_property
     def sha256(self) -> str:
@@ -349,14 +350,17 @@ def use_folder_writer(write: Writer) -> Writer:
 def load_plan(path: str | Path) -> Plan:
     """The plan in a plan.json, or in the result folder that holds one.
 
-    Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError.
+    Raises TrajectoryError (not a plan of a known version, no trajectory in it, or the files of its folder are not of one
+    plan) or ProblemError.
     """
     path = Path(path)
     try:
         file = path / FILE if path.is_dir() else path
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
-    data = read_bytes(file, LARGEST_FILE)
+    with locked(file.parent):  # nobody puts other results in place meanwhile
+        data = read_bytes(file, LARGEST_FILE)
+        check_generation(file.parent)
     return Plan.from_json(data, file)
 
 

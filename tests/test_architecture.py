@@ -9,7 +9,20 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "ssm_planner"
 ROOMS = (
-    *("errors", "typing", "units", "atomic", "trajectory", "problem", "codegen", "kinematics", "dynamics", "loading"),
+    *(
+        "errors",
+        "typing",
+        "units",
+        "atomic",
+        "publishing",
+        "children",
+        "trajectory",
+        "problem",
+        "codegen",
+        "kinematics",
+        "dynamics",
+        "loading",
+    ),
     *("planning", "verification", "simulation", "sizing", "identification", "plans", "formats", "comparison"),
     *("reporting", "pipeline", "api", "view", "paper", "cli", "__main__"),
 )

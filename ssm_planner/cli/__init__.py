@@ -6,13 +6,20 @@ import argparse
 import importlib
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from importlib import metadata
+from types import FrameType
+from typing import Any
 
 from ssm_planner.errors import SsmPlannerError
 
-BAD_INPUT, INTERRUPTED, CLOSED_PIPE = 2, 130, 141
+BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
+DEBUG = "SSM_PLANNER_DEBUG"
+"""With this environment variable set, an internal fault shows its traceback."""
+ISSUES = "the issue list of ssm_planner"
 
 COMMANDS = {
     "plan": ("plan", "plan, cross-check, verify, size, report"),
@@ -40,11 +47,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Before NumPy loads: on vectors as short as these, threads of its linear algebra wait for each other more than they work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
-    options = _parser(words).parse_args(words)
+    signals = _Signals(for_good=arguments is None)
     try:
-        status = int(options.run(options))
-        sys.stdout.flush()
-        return status
+        with signals:
+            options = _parser(words).parse_args(words)
+            status = int(options.run(options))
+            sys.stdout.flush()
+        return status if signals.arrived is None else _interrupted(signals)
     except SsmPlannerError as error:
         print(f"ssm-planner: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -52,15 +61,72 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt:
-        print("\nssm-planner: interrupted; earlier results are untouched", file=sys.stderr)
-        return INTERRUPTED
+        return _interrupted(signals)
+    except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line and a status of its own
+        return _interrupted(signals) if signals.arrived is not None else _fault(error)
+
+
+class _Signals:
+    """A request to end (SIGTERM, SIGHUP) ends the program as Ctrl-C does; which of them arrived."""
+
+    def __init__(self, for_good: bool) -> None:
+        """for_good: the program ends afterwards, and its last steps need no interruption."""
+        self.arrived: int | None = None
+        self.for_good = for_good
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+                number = getattr(signal, name, None)
+                # what was ignored from outside, such as by nohup, stays ignored
+                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                    self._before[number] = signal.signal(number, self._arrive)
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_IGN if self.for_good else handler)
+
+    def _arrive(self, number: int, _: FrameType | None) -> None:
+        self.arrived = number
+        raise KeyboardInterrupt
+
+
+def _interrupted(signals: _Signals) -> int:
+    """Say what an interruption leaves; its exit status."""
+    atomic = sys.modules.get("ssm_planner.atomic")
+    written = [str(path) for path in atomic.written] if atomic is not None else []
+    left = f"written whole before that: {', '.join(written)}" if written else "earlier results are untouched"
+    term = signals.arrived is not None and signals.arrived != signal.SIGINT
+    print(f"\nssm-planner: {'ended from outside' if term else 'interrupted'}; {left}", file=sys.stderr)
+    return TERMINATED if term else INTERRUPTED
+
+
+def _fault(error: Exception) -> int:
+    """Say that the program itself is at fault, in one line; its exit status."""
+    if os.environ.get(DEBUG):
+        import traceback
+
+        traceback.print_exception(type(error), error, error.__traceback__)
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    where = "" if place is None else f" at {os.path.basename(place.tb_frame.f_code.co_filename)}:{place.tb_lineno}"
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    print(
+        f"ssm-planner: internal fault{where}: {text[:200]}; nothing of what you gave says so: please report it in {ISSUES}, "
+        f"with the command and its files ({DEBUG}=1 shows where it arose)",
+        file=sys.stderr,
+    )
+    return FAULT
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="ssm-planner",
         description="Plan, verify and export motions of serial spherical mechanisms with self-locking drives.",
-        epilog="Exit status: 0 done and every check passed; 1 infeasible, or a check failed; 2 bad input.",
+        epilog="Exit status: 0 done and every check passed; 1 infeasible, or a check failed; 2 bad input; "
+        "3 a fault of this program; 130 interrupted; 143 ended by SIGTERM.",
     )
     parser.add_argument("--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)

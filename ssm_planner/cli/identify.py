@@ -55,15 +55,18 @@ def run(options: argparse.Namespace) -> int:
 
 def _write(found: Identification, drive: Path, output: Path | None) -> dict[str, str]:
     """Write the identified drive file and its map; their paths by name. Raises ExportError."""
+    from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.drive import map_figure
     from ssm_planner.reporting.figures.style import save_figure
 
     path = output or Path("results") / drive.stem / f"{drive.stem}.yaml"
     if path.is_dir():
         path = path / f"{drive.stem}.yaml"
-    written = str(found.save(path))
-    figures = save_figure(map_figure(found.fit, found.data, found.load), path.with_name(f"{path.stem}_map"))
-    return {"drive": written, **dict(zip(("map", "map_pdf"), map(str, figures.values()), strict=True))}
+    with publishing(path.parent) as temporary:
+        found.save(temporary / path.name)
+        figures = save_figure(map_figure(found.fit, found.data, found.load), temporary / f"{path.stem}_map")
+    names = (str(path.with_name(figure.name)) for figure in figures.values())
+    return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
 
 
 def _known(text: str) -> tuple[str, float]:

@@ -24,10 +24,11 @@ def run(options: argparse.Namespace) -> int:
     with FigureProcess() as drawer:  # first of all, so that it is ready when the plan is
         from ssm_planner.loading.load import load_problem
         from ssm_planner.pipeline.run import plan_to_folder
+        from ssm_planner.publishing import file_name
         from ssm_planner.reporting.text import summary_lines
 
         problem = load_problem(options.problem)
-        folder = options.output or Path("results") / problem.name
+        folder = options.output or Path("results") / file_name(problem.name)
         result, files = plan_to_folder(problem, folder, progress, drawer)
     progress("done")
     if options.json:

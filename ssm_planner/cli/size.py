@@ -143,12 +143,13 @@ def write_results(sizing: Sizing, document: dict[str, Any], folder: Path) -> dic
     """sizing.json and the figures; their paths by name. Raises ExportError."""
     import json
 
-    from ssm_planner.atomic import replacing
+    from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.sizing import write_sizing_figures
 
-    files = {name: str(path) for name, path in write_sizing_figures(sizing, folder).items()}
-    with replacing(folder / "sizing.json") as temporary:
-        temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with publishing(folder) as temporary:
+        written = write_sizing_figures(sizing, temporary)
+        files = {name: str(folder / path.name) for name, path in written.items()}
+        (temporary / "sizing.json").write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return {"sizing": str(folder / "sizing.json"), **files}
 
 

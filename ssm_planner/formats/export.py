@@ -8,11 +8,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.atomic import staging
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.manifest import write_manifest
-from ssm_planner.formats.read import MANIFEST
 from ssm_planner.plans import Plan, load_plan
+from ssm_planner.publishing import MANIFEST, publishing
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
@@ -39,7 +38,7 @@ def export(
     suffix = "" if passed else UNVERIFIED
     write = _writer(to, options)
     folder = Path(path) if path is not None else source.path.parent / to
-    with staging(folder, MANIFEST) as temporary:
+    with publishing(folder) as temporary:
         details = write(source, certificate, temporary, suffix, **options)
         manifest = write_manifest(temporary, to, plan=source, certificate=certificate, verified=passed, details=details)
     files = {name: folder / name for name in manifest["files"]}

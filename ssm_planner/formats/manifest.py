@@ -7,11 +7,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.formats.read import EXPORT, MANIFEST, file_hash
 from ssm_planner.plans import Plan, software
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
+from ssm_planner.publishing import EXPORT, MANIFEST, hashes
 from ssm_planner.verification.certificate import Certificate
 
 VERSION = 1
@@ -37,9 +37,7 @@ def write_manifest(
         **declared_rates(plan.limits.slower(details.get("stretch", 1.0))),
         **details,
         "certificate": certificate.to_dict(),
-        "files": {
-            path.relative_to(folder).as_posix(): file_hash(path) for path in sorted(folder.rglob("*")) if path.is_file()
-        },
+        "files": hashes(folder),
     }
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return manifest

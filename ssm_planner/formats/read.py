@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -16,9 +15,8 @@ from ssm_planner.formats.rosbag import read_rosbag
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
+from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, sha256
 
-MANIFEST = "manifest.json"
-EXPORT = "ssm_planner export"
 ACCEPTED = "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or a folder that export wrote"
 LARGEST_MANIFEST = 20_000_000
 """Bytes."""
@@ -83,15 +81,6 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    found = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            found.update(block)
-    return found.hexdigest()
-
-
 def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: str = "") -> frozenset[str]:
     """Names of the files that the manifest lists, all of which are as the export wrote them. Raises TrajectoryError.
 
@@ -103,6 +92,8 @@ def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: s
             return frozenset()
         manifest = read_json(path, LARGEST_MANIFEST)
     files = manifest.get("files") if isinstance(manifest, dict) else None
+    if isinstance(manifest, dict) and manifest.get(INCOMPLETE):
+        raise TrajectoryError(f"{folder}: the export was interrupted while its files were put in place: export again")
     if not isinstance(files, dict):
         raise TrajectoryError(f"{path}: lists no files with their SHA-256")
     for name, stated in files.items():
@@ -112,7 +103,7 @@ def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: s
         if below and parts[0] != below:
             continue
         try:
-            found = file_hash(folder / name) if (folder / name).is_file() else None
+            found = sha256(folder / name) if (folder / name).is_file() else None
         except (OSError, ValueError) as error:
             raise TrajectoryError(f"{folder / name}: cannot be read: {error}") from error
         if found is None:

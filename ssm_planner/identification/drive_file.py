@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.atomic import replacing
 from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.errors import ProblemError
 from ssm_planner.identification.estimation import Estimate
 from ssm_planner.identification.fit import MapFit
 from ssm_planner.problem.drive import Drive
@@ -37,7 +36,7 @@ def write_drive(
     """Write `drive` to path: the YAML of `template` (the drive file identified) with its friction replaced.
 
     evidence: the recordings, in words; it becomes the source of the friction. Every figure states its 95 % interval.
-    Written to a temporary file and renamed. Raises ProblemError where path cannot be written.
+    Written whole or not at all. Raises ExportError.
     """
     import yaml
 
@@ -47,13 +46,8 @@ def write_drive(
         content["preload"] = _figure(drive, "preload", drive.preload, fit.estimates["preload"])
     text = _heading(fit, evidence) + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
     path = Path(path)
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        raise ProblemError(f"cannot be written ({error.strerror or error})", file=path) from error
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     return str(path)
 
 

@@ -49,7 +49,7 @@ class Identification:
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:
-        """Write a drive file like the one identified, with the identified friction. Raises ProblemError."""
+        """Write a drive file like the one identified, with the identified friction. Raises ExportError."""
         write_drive(path, self.file, self.drive, fit=self.fit, dynamic=self.dynamic_estimates, evidence=self.evidence)
         return Path(path)
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ssm_planner.atomic import staging
 from ssm_planner.paper.departures import departures_section
 from ssm_planner.paper.friction import RigResult, friction_section, rig_result, rigs_section
 from ssm_planner.paper.motions import SpeedRun, motions_section, payload_section, payloads, speed_runs
 from ssm_planner.paper.published import RIGS, Inputs
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
+from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import save_figure
 
 FILE = "README.md"
@@ -67,7 +67,7 @@ def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) ->
 
 def write(document: Document, folder: Path) -> dict[str, Path]:
     """README.md and every picture as PNG and PDF, whole or not at all; paths by name. Raises ExportError."""
-    with staging(folder, last=FILE) as temporary:
+    with publishing(folder) as temporary:
         for section in document.sections:
             for name, figure in section.figures.items():
                 save_figure(figure, temporary / name)

@@ -16,11 +16,12 @@ __all__ = ["Plan", "load_plan", "write_folder"]
 
 @use_folder_writer
 def write_folder(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
-    """Write plan.json, report.html, trajectory.csv and the figures; returns their paths by name. Raises ExportError.
+    """Write plan.json, report.html, trajectory.csv, the figures and their manifest; their paths by name. Raises ExportError.
 
     drawer: has begun to draw the motion, and draws the rest while the files are written; None: all is drawn here.
     """
     from ssm_planner.formats.csv import write_csv
+    from ssm_planner.publishing import publishing_results
     from ssm_planner.reporting.figures.process import write_figures
     from ssm_planner.reporting.html.report import write_report
 
@@ -28,9 +29,11 @@ def write_folder(plan: Plan, folder: Path, drawer: FigureProcess | None = None) 
         return {}
     if drawer is not None and plan.requirements:
         drawer.draw("motors", plan.trajectory, plan.robot, plan.requirements)
-    return {
-        "plan": plan.write(folder / FILE),
-        "report": write_report(plan, folder / "report.html"),
-        "trajectory": write_csv(folder / "trajectory.csv", plan.trajectory, plan.robot),
-        **write_figures(plan, folder, drawer),
-    }
+    with publishing_results(folder, plan.sha256) as temporary:
+        paths = {
+            "plan": plan.write(temporary / FILE),
+            "report": write_report(plan, temporary / "report.html"),
+            "trajectory": write_csv(temporary / "trajectory.csv", plan.trajectory, plan.robot),
+            **write_figures(plan, temporary, drawer),
+        }
+    return {name: folder / path.name for name, path in paths.items()}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -187,3 +189,103 @@ def test_help_names_every_command_without_loading_anything_heavy() -> None:
     assert out.rstrip().endswith("[]")
     for command in ("plan", "workspace", "ik"):
         assert command in out
+
+
+def test_a_fault_of_the_program_has_its_own_status_and_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def faulty(*_: object) -> None:
+        raise TypeError("first line\nsecond line")
+
+    monkeypatch.setattr("ssm_planner.loading.load.load_robot", faulty)
+    words = ["workspace", str(ROOT / "problems/robots/vitreoretinal.yaml")]
+    assert main(words) == 3
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "internal fault at test_main.py:" in said
+    assert "TypeError: first line second line" in said
+    assert "report" in said
+    monkeypatch.setenv("SSM_PLANNER_DEBUG", "1")
+    assert main(words) == 3
+    assert "Traceback" in capsys.readouterr().err
+
+
+SLOW = """
+import sys, time
+import ssm_planner.formats.csv as csv
+def slow(*a):
+    print("writing", flush=True)
+    time.sleep(30)
+csv.write_csv = slow
+from ssm_planner.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "word"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "from outside")]
+)
+def test_requests_to_end(number: str, status: int, word: str, tmp_path: Path) -> None:
+    words = ["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "out")]
+    with subprocess.Popen(
+        [sys.executable, "-c", SLOW, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "writing\n"
+        process.send_signal(getattr(signal, number))
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode == status
+    assert f"{word}; earlier results are untouched" in errors
+    assert "Traceback" not in errors
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_in_the_working_directory_is_run(tmp_path: Path) -> None:
+    """Neither by the program nor by the processes that it starts, also as `python -m ssm_planner`."""
+    here = tmp_path / "here"
+    here.mkdir()
+    for name in ("shutil", "numpy", "casadi", "matplotlib", "pickle", "hashlib", "sitecustomize"):
+        (here / f"{name}.py").write_text(f"open({str(tmp_path / name)!r}, 'w')\nraise SystemExit(9)\n")
+    (here / "matplotlibrc").write_text("lines.linewidth: 40\n")
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "SSM_PLANNER_COMPILE": "1",
+        "XDG_CACHE_HOME": str(tmp_path / "c"),
+    }
+    start = "import runpy, sys; sys.path[:0] = ['']; sys.argv[0] = 'x'; runpy.run_module('ssm_planner', run_name='__main__')"
+    words = ["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "out")]
+    command = [sys.executable, "-c", "import sys; sys.path.remove('')\n" + start, *words]
+    done = subprocess.run(command, cwd=here, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} - {"c"} == {"here", "out"}
+    assert (tmp_path / "out/motion.png").stat().st_size < 3 * (ROOT / "results/tilt_insert/motion.png").stat().st_size
+
+
+def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = files / "problems/tilt_insert.yaml"
+    problem.write_text(problem.read_text() + 'name: "../../x"\n')
+    (files / "a/b").mkdir(parents=True)
+    monkeypatch.chdir(files / "a/b")
+    assert main(["plan", str(problem), "--json"]) == 0
+    assert [path.name for path in (files / "a/b/results").iterdir()] == ["_.._x"]
+    assert not (files / "x").exists()
+    assert not (files / "a/x").exists()
+
+
+def test_joint_names_of_a_plan_are_no_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = (ROOT / "results/tilt_insert/plan.json").read_text().replace('"name": "roll"', '"name": "../../roll"')
+    (tmp_path / "plan.json").write_text(plan)
+    words = [
+        "export",
+        str(tmp_path / "plan.json"),
+        "--to",
+        "epos4",
+        "--counts-per-turn",
+        "4096",
+        "-o",
+        str(tmp_path / "a/b"),
+    ]
+    assert main(words) == 2
+    assert "roll" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.json"]

@@ -5,7 +5,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
-from collections.abc import Iterator
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +21,7 @@ from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 
+ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
 
 
@@ -84,15 +90,37 @@ def test_only_the_libraries_used_last_are_kept(
     assert not (folder / "old0.so").exists()
 
 
-def test_a_library_that_is_none_is_left_alone(
-    tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def spoil(library: Path, share: float) -> None:
+    """Another file: this process may have the first one mapped."""
+    content = library.read_bytes()
+    library.unlink()
+    library.write_bytes(content[: int(share * len(content))])
+    library.chmod(0o600)
+
+
+def spoil_by_name(library: Path) -> None:
+    library.rename(library.with_name("other-" + library.stem.partition("-")[2] + ".so"))
+
+
+SPOILT: dict[str, Callable[[Path], object]] = {
+    "cut off": lambda library: spoil(library, 0.5),
+    "empty": lambda library: spoil(library, 0.0),
+    "others can write it": lambda library: library.chmod(0o666),
+    "of something else": spoil_by_name,
+}
+
+
+@pytest.mark.parametrize("fault", SPOILT)
+def test_a_library_that_is_not_whole_or_not_the_users_is_not_loaded(
+    fault: str, tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "LONG", np.inf)
     plan_motion(tilt_insert)
-    folder = tmp_path / "ssm_planner"
-    folder.mkdir(mode=0o700)
-    for entry in store._entries.values():
-        compiled.Source.of(entry.functions, folder).library.write_bytes(b"not a library")
+    store.compile_all()
+    libraries = list((tmp_path / "ssm_planner").glob("*.so"))
+    assert libraries
+    for library in libraries:
+        SPOILT[fault](library)
     later = compiled.FunctionStore()
     monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", later)
     forget_solutions()
@@ -126,6 +154,64 @@ def test_a_compiler_that_fails_is_asked_once(
     store.compile_all()
     assert len(calls.read_text(encoding="utf-8").splitlines()) == len(store._entries)
     assert not any(entry.compiled for entry in store._entries.values())
+
+
+def children(pid: int) -> set[int]:
+    """Living processes below one."""
+    found = set()
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            name, _, rest = status.read_text().rpartition(")")
+            state, parent = rest.split()[:2]
+            if int(parent) == pid and state != "Z":
+                found |= {int(name.split()[0])} | children(int(name.split()[0]))
+    return found
+
+
+HANGING = """
+    import sys, time
+    from ssm_planner.loading.load import load_problem
+    from ssm_planner.planning.ocp import compiled
+    from ssm_planner.planning.planner import plan_motion
+    compiled.LONG, compiled.PATIENCE = 0.0, float(sys.argv[2])
+    plan_motion(load_problem(sys.argv[1]))
+    print("planned", flush=True)
+    compiled.function_store.wait()
+    print("waited", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_compiler_that_hangs_is_ended(killed: bool, tmp_path: Path) -> None:
+    """After some patience, or with the program; a module that lies in the working directory is not run on the way."""
+    compiler = tmp_path / "bin/cc"
+    compiler.parent.mkdir()
+    compiler.write_text("#!/bin/sh\nsleep 100\n", encoding="utf-8")
+    compiler.chmod(0o755)
+    here = tmp_path / "here"
+    here.mkdir()
+    for name in ("shutil", "hashlib", "threading", "numpy", "sitecustomize"):
+        (here / f"{name}.py").write_text(f"open({str(tmp_path / name)!r}, 'w')\n", encoding="utf-8")
+    words = [str(ROOT / "problems/tilt_insert.yaml"), "60" if killed else "0.5"]
+    path = f"{compiler.parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {"SSM_PLANNER_COMPILE": "1", "XDG_CACHE_HOME": str(tmp_path), "PATH": path, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", "import sys; sys.path.remove('')" + textwrap.dedent(HANGING), *words]
+    with subprocess.Popen(command, cwd=here, env={**os.environ, **environment}, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"planned\n"
+        running = children(process.pid)
+        if killed:
+            assert running
+        else:
+            assert process.stdout.readline() == b"waited\n"
+        process.kill()
+    end = time.monotonic() + 2
+    while any(Path(f"/proc/{pid}").exists() for pid in running) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not [pid for pid in running if Path(f"/proc/{pid}").exists()]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bin", "here", "ssm_planner"]
 
 
 def test_a_folder_that_others_can_write_is_not_used(

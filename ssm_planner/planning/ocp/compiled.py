@@ -1,7 +1,8 @@
 """Element functions in C, where there is a compiler: the same numbers about ten times faster than interpreted.
 
 Compiling takes from half a second to some five, so it is done in the background, for an element model that has taken long,
-and kept in the user's cache by content. Without a compiler, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
+and kept in the user's cache by content, with the library's own hash in its name: one that was cut off is not loaded. The
+compiler ends with the program, or after PATIENCE. Without one, or with SSM_PLANNER_COMPILE=0, everything is interpreted.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import os
 import platform
 import shutil
 import subprocess
-import sys
 import tempfile
 from contextlib import suppress
 from dataclasses import dataclass, fields
@@ -19,23 +19,27 @@ from pathlib import Path
 
 import casadi as ca
 
+from ssm_planner.children import python_command
 from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
 
 FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC")
 """No optimisation that changes rounding: the result is the interpreter's to the last bit."""
 LONG = 0.15
 """Time spent evaluating the functions of a model from which on they are compiled, s."""
+PATIENCE = 120.0
+"""Time after which a compiler is ended, s."""
 KEPT, KEPT_FILES = 24, 200
 """Models in memory, and libraries on disk: those used last."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Element functions as C, and where the library made of them is kept."""
+    """Element functions as C, and where libraries made of them are kept, each as <of the source>-<of the library>.so."""
 
     names: tuple[str, ...]
     text: str
-    library: Path
+    folder: Path
+    sha256: str
 
     @classmethod
     def of(cls, element: ElementFunctions, folder: Path) -> Source:
@@ -50,34 +54,39 @@ class Source:
         # a home folder may be shared between machines of several kinds
         machine = platform.system(), platform.machine()
         content = hashlib.sha256("\n".join([text, ca.CasadiMeta.version(), *machine, *FLAGS]).encode()).hexdigest()
-        return cls(tuple(names), text, folder / f"{content[:32]}.so")
+        return cls(tuple(names), text, folder, content[:32])
 
-    @property
-    def ready(self) -> bool:
-        return self.library.is_file()
+    def library(self) -> Path | None:
+        """A whole library that the user alone could have written; None where there is none."""
+        for path in self.folder.glob(f"{self.sha256}-*.so"):
+            with suppress(OSError):
+                if _safe(path) and path.stem.rpartition("-")[2] == hashlib.sha256(path.read_bytes()).hexdigest()[:32]:
+                    return path
+                path.unlink()
+        return None
 
-    def load(self, element: ElementFunctions) -> ElementFunctions:
+    def load(self, element: ElementFunctions, library: Path) -> ElementFunctions:
         """The same functions from the library. Raises OSError or RuntimeError where it cannot be used."""
-        os.utime(self.library)  # of the libraries, the last used are kept
-        loaded = {name: ca.external(getattr(element, name).name(), str(self.library)) for name in self.names}
+        os.utime(library)  # of the libraries, the last used are kept
+        loaded = {name: ca.external(getattr(element, name).name(), str(library)) for name in self.names}
         return ElementFunctions(**{field.name: loaded.get(field.name) for field in fields(element)})  # type: ignore[arg-type]
 
     def compile(self) -> subprocess.Popen[bytes] | None:
-        """Begin to make the library, in a process of low priority that goes on by itself; whole or not at all.
+        """Begin to make the library, in a process of low priority; whole or not at all.
 
         Raises OSError where the folder cannot be written.
         """
         compiler = _compiler()
         if compiler is None:
             return None
-        libraries = sorted(self.library.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
+        libraries = sorted(self.folder.glob("*.so"), key=lambda path: path.stat().st_mtime)
         for old in libraries[: max(0, len(libraries) - KEPT_FILES + 1)]:
             old.unlink(missing_ok=True)
-        work = Path(tempfile.mkdtemp(dir=self.library.parent))
+        work = Path(tempfile.mkdtemp(dir=self.folder))
         (work / "element.c").write_text(self.text, encoding="utf-8")
-        command = [sys.executable, "-c", _MAKE, compiler, str(work), str(self.library), *FLAGS]
+        command = python_command(_MAKE, (str(PATIENCE), compiler, str(work), self.sha256, *FLAGS), watch=False)
         quiet = subprocess.DEVNULL
-        return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
+        return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, cwd=work, start_new_session=True)
 
 
 class FunctionStore:
@@ -141,19 +150,33 @@ class _Entry:
         if folder is None or self.compiled:
             return
         self.source = self.source or Source.of(self.functions, folder)
-        if self.source.ready:
-            with suppress(OSError, RuntimeError):  # taken away meanwhile, or no library: it stays interpreted
-                self.functions, self.compiled = self.source.load(self.functions), True
+        library = self.source.library()
+        if library is not None:
+            with suppress(OSError, RuntimeError):  # taken away meanwhile: it stays interpreted
+                self.functions, self.compiled = self.source.load(self.functions, library), True
 
 
 _MAKE = """
-import os, shutil, subprocess, sys
-compiler, work, library, *flags = sys.argv[1:]
+import hashlib, shutil, signal, subprocess, sys
+patience, compiler, work, source, *flags = sys.argv[1:]
 os.nice(10)
+quiet = subprocess.DEVNULL
 try:
     made = os.path.join(work, "element.so")
-    if subprocess.call([compiler, *flags, "-o", made, os.path.join(work, "element.c")]) == 0:
-        os.replace(made, library)
+    command = [compiler, *flags, "-o", made, os.path.join(work, "element.c")]
+    end = time.monotonic() + float(patience)
+    with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True) as process:
+        while process.poll() is None and time.monotonic() < end and os.getppid() == parent:
+            time.sleep(0.02)
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    if process.returncode == 0:
+        with open(made, "rb") as file:
+            content = file.read()
+            os.fsync(file.fileno())
+        name = source + "-" + hashlib.sha256(content).hexdigest()[:32] + ".so"
+        os.chmod(made, 0o600)
+        os.replace(made, os.path.join(os.path.dirname(work), name))
 finally:
     shutil.rmtree(work, ignore_errors=True)
 """
@@ -164,7 +187,8 @@ def _compiler() -> str | None:
     tools = ["xcode-select", "-p"]
     if platform.system() == "Darwin" and subprocess.run(tools, capture_output=True, check=False).returncode != 0:
         return None
-    return shutil.which("cc")
+    found = shutil.which("cc")
+    return found if found is None or os.path.isabs(found) else None  # none of the working directory
 
 
 def cache() -> Path | None:
@@ -191,10 +215,10 @@ def _folder() -> Path | None:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ssm_planner"
 
 
-def _safe(folder: Path) -> bool:
-    """What lies there is executed."""
+def _safe(path: Path) -> bool:
+    """Whether only the user can have written what lies there: it is executed."""
     try:
-        state = folder.stat()
+        state = path.stat()
     except OSError:
         return False
     return state.st_uid == os.getuid() and not state.st_mode & 0o022

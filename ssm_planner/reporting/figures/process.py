@@ -16,7 +16,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
+from ssm_planner.publishing import publishing_results
 from ssm_planner.reporting.figures.style import (
     drawn,
     new_panels,
@@ -31,7 +33,7 @@ from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figu
 
 PATIENCE = 60.0
 """Seconds after which figures that do not come are drawn by the caller."""
-_START = "import sys; sys.path[:] = {path!r}; from ssm_planner.reporting.figures.process import serve; serve()"
+_START = "from ssm_planner.reporting.figures.process import serve; serve()"
 
 Files = dict[str, dict[str, bytes]]
 """Content by figure and ending."""
@@ -84,7 +86,8 @@ def _started() -> subprocess.Popen[bytes] | None:
         return None
     try:
         return subprocess.Popen(
-            [sys.executable, "-c", _START.format(path=sys.path)],
+            python_command(_START),
+            cwd=Path(__file__).parent,  # matplotlib reads settings from the working directory
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -132,15 +135,17 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     paths: dict[str, Path] = {}
     for name, values in arguments.items():
         endings = files.get(name) or drawn(DRAWN[name](*values), pdf=False)
-        paths |= save_drawn(endings, folder / name)
+        paths |= save_drawn(endings, folder / name, f"plan {plan.sha256}")
     return paths
 
 
 def write_figures_of_file(plan: Plan, folder: Path) -> dict[str, Path]:
     """The same figures from a plan.json that has been read, as PNG and PDF. Raises ExportError."""
     trajectory, robot = plan.motion, plan.robot
-    paths = save_figure(motion_figure(trajectory, robot), folder / "motion")
     requirements = motor_requirements(trajectory, robot)
-    if requirements:
-        paths |= save_figure(motors_figure(trajectory, robot, requirements), folder / "motors")
-    return paths
+    with publishing_results(folder, plan.sha256) as temporary:
+        about = f"plan {plan.sha256}"
+        paths = save_figure(motion_figure(trajectory, robot), temporary / "motion", about=about)
+        if requirements:
+            paths |= save_figure(motors_figure(trajectory, robot, requirements), temporary / "motors", about=about)
+    return {name: folder / path.name for name, path in paths.items()}

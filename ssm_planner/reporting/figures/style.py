@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 from ssm_planner.atomic import replacing
 from ssm_planner.units import shown
@@ -26,6 +27,8 @@ AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """A line at zero."""
 SIZE = 9.0
 DPI = 110
+PNG_HEADER = 33
+"""Bytes of a PNG file up to the end of its first chunk."""
 
 
 def unit_of(unit: str) -> tuple[str, float]:
@@ -86,8 +89,8 @@ def finish(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def drawn(figure: Figure, pdf: bool = True) -> dict[str, bytes]:
-    """The figure as "png" and, if wanted, "pdf" (TrueType fonts embedded), the same bytes each time.
+def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
+    """The figure as "png" and, if wanted, "pdf" (TrueType fonts embedded, `about` as its subject), the same bytes each time.
 
     The layout is found once, and the canvases print by themselves: Figure.savefig draws everything twice.
     """
@@ -104,23 +107,33 @@ def drawn(figure: Figure, pdf: bool = True) -> dict[str, bytes]:
             figure.set_layout_engine("none")
             file.seek(0)
             file.truncate()
-            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})  # type: ignore[no-untyped-call]
+            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None, "Subject": about})  # type: ignore[no-untyped-call]
             files["pdf"] = file.getvalue()
     return files
 
 
-def save_figure(figure: Figure, path: Path, pdf: bool = True) -> dict[str, Path]:
+def save_figure(figure: Figure, path: Path, pdf: bool = True, about: str | None = None) -> dict[str, Path]:
     """Write path.png and, if wanted, path.pdf, as `drawn` gives them; paths by name. Raises ExportError."""
-    return save_drawn(drawn(figure, pdf), path)
+    return save_drawn(drawn(figure, pdf, about), path, about)
 
 
-def save_drawn(files: Mapping[str, bytes], path: Path) -> dict[str, Path]:
-    """Write what `drawn` returned, each file whole or not at all; paths by name. Raises ExportError."""
+def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None) -> dict[str, Path]:
+    """Write what `drawn` returned, each file whole or not at all; paths by name. Raises ExportError.
+
+    about: what is shown, such as the hash of a plan; PNG files carry it too.
+    """
     paths = {}
     for ending, data in files.items():
         paths[f"{path.name}_{'figure' if ending == 'png' else ending}"] = target = path.with_name(
             f"{path.name}.{ending}"
         )
         with replacing(target) as temporary:
-            temporary.write_bytes(data)
+            temporary.write_bytes(png_with_text(data, "Source", about) if about and ending == "png" else data)
     return paths
+
+
+def png_with_text(png: bytes, key: str, text: str) -> bytes:
+    """A PNG image with a text chunk behind its header."""
+    content = b"tEXt" + key.encode("ascii") + b"\0" + text.encode("latin-1")
+    chunk = (len(content) - 4).to_bytes(4, "big") + content + crc32(content).to_bytes(4, "big")
+    return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]

@@ -18,6 +18,7 @@ from ssm_planner.kinematics.workspace import (
     theta2_from_tilt,
     tilt_interval,
 )
+from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import COLOURS, DASHES, SIZE, finish, new_figure, save_figure, signed
 from ssm_planner.typing import Array
 
@@ -36,10 +37,12 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
 
 def save_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
     """Write each figure as PNG and PDF; the paths by name, `_pdf` added to those of PDFs. Raises ExportError."""
+    folder = Path(directory)
     paths: dict[str, str] = {}
-    for name, figure in figures.items():
-        png, pdf = save_figure(figure, Path(directory) / name).values()
-        paths |= {name: str(png), f"{name}_pdf": str(pdf)}
+    with publishing(folder) as temporary:
+        for name, figure in figures.items():
+            png, pdf = save_figure(figure, temporary / name).values()
+            paths |= {name: str(folder / png.name), f"{name}_pdf": str(folder / pdf.name)}
     return paths
 
 

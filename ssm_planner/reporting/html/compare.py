@@ -22,7 +22,7 @@ NAMES = ("A", "B")
 
 def write_comparison(first: Plan, second: Plan, out: Path) -> Path:
     """Write the comparison of two plans. Raises ExportError."""
-    return write_page(out, comparison_page(first, second))
+    return write_page(out, comparison_page(first, second), first.sha256)
 
 
 def comparison_page(first: Plan, second: Plan) -> str:

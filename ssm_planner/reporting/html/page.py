@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.atomic import replacing
+from ssm_planner.publishing import replacing_result
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -38,9 +38,9 @@ def render(template: str, data: Any, **content: Any) -> str:
     return environment().get_template(template).render(data=Markup(safe_json(data)), **content) + "\n"
 
 
-def write_page(out: Path, text: str) -> Path:
-    """Write a page whole or not at all. Raises ExportError."""
-    with replacing(out) as temporary:
+def write_page(out: Path, text: str, plan: str) -> Path:
+    """Write a page of the plan with a SHA-256, whole or not at all. Raises ExportError."""
+    with replacing_result(out, plan) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return out
 

@@ -26,7 +26,7 @@ Mark = tuple[str, str, str]
 
 def write_report(plan: Plan, out: Path) -> Path:
     """Write the report of a plan. Raises ExportError."""
-    return write_page(out, report_page(plan))
+    return write_page(out, report_page(plan), plan.sha256)
 
 
 def report_page(plan: Plan) -> str:

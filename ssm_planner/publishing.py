@@ -1,0 +1,213 @@
+"""One generation of results: the files of one plan come into their folder together, and readers notice where they did not.
+
+Files are written into a folder aside. Then manifest.json, which holds the hash of every file, is put in place marked as
+incomplete, the files follow, and the manifest without the mark comes last. Whatever ends the program in between, the
+folder either holds one generation or says that it does not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ssm_planner.atomic import destination, held_signals, locked, replacing, staging, sync, written
+from ssm_planner.errors import ExportError, TrajectoryError
+
+MANIFEST, PLAN = "manifest.json", "plan.json"
+EXPORT, RESULTS = "ssm_planner export", "ssm_planner results"
+"""Format keys of the manifests of an export folder and of a result folder."""
+VERSION = 1
+INCOMPLETE = "incomplete"
+LARGEST_MANIFEST = 64 * 2**20
+LONGEST_NAME = 100
+
+
+def file_name(text: str) -> str:
+    """A name as one part of a path: data never names a place. Letters, digits, `-`, `_` and `.` stay."""
+    kept = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in text)
+    return kept.lstrip(".")[:LONGEST_NAME] or "unnamed"
+
+
+@contextmanager
+def publishing(folder: Path) -> Iterator[Path]:
+    """A temporary folder whose content moves into `folder`, as one generation, when the block ends without an exception.
+
+    A manifest.json in it lists the files (`files`: name → SHA-256). Files that the manifest of an earlier generation lists
+    and this one does not go away, unless they were changed; other files stay. Raises ExportError, and then nothing has
+    changed: the folder cannot be written, holds something else, or has a file or folder in the way that an export did not
+    write.
+    """
+    with staging(folder) as temporary:
+        yield temporary
+        _publish(temporary, destination(folder, kind=stat.S_IFDIR), folder)
+
+
+@contextmanager
+def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
+    """`publishing` for files made from the plan whose SHA-256 is `plan`; with a plan.json among them a new generation.
+
+    Without one they join those of the same plan. Raises ExportError where the folder holds another plan.
+    """
+    with publishing(folder) as temporary:
+        yield temporary
+        manifest = {"format": RESULTS, "version": VERSION, "plan": plan, "files": hashes(temporary)}
+        (temporary / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def replacing_result(path: Path, plan: str) -> Iterator[Path]:
+    """`replacing` for a file made from a plan; in the folder of that plan's results its manifest follows."""
+    if read_manifest(path.parent).get("format") != RESULTS:
+        with replacing(path) as temporary:
+            yield temporary
+        return
+    with publishing_results(path.parent, plan) as folder:
+        yield folder / path.name
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder by its path in it, but not of the manifest."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST)
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in files}
+
+
+def sha256(path: Path) -> str:
+    """Of a file's bytes, hexadecimal."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(2**20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of results or of an export in a folder; empty where there is none that this program wrote."""
+    path = folder / MANIFEST
+    try:
+        if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST:
+            return {}
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) and document.get("format") in (EXPORT, RESULTS) else {}
+
+
+def listed(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """SHA-256 by name of the files that a manifest lists; names that lead out of its folder are left out."""
+    files = manifest.get("files")
+    if not isinstance(files, dict):
+        return {}
+    return {name: str(sha) for name, sha in files.items() if _inside(name)}
+
+
+def check_generation(folder: Path) -> None:
+    """Raise TrajectoryError where the files in a folder are not those that its manifest lists together.
+
+    A folder without a manifest says nothing; files that are missing were taken away by somebody.
+    """
+    manifest = read_manifest(folder)
+    if manifest.get(INCOMPLETE):
+        raise TrajectoryError(
+            f"{folder}: these results were interrupted while they were put in place, so they may be of two plans: "
+            "make them again"
+        )
+    for name, sha in listed(manifest).items():
+        if (folder / name).exists() and not _is(folder / name, sha):
+            raise TrajectoryError(
+                f"{folder / name}: is not the file that {MANIFEST} lists: changed since it was written, or of another "
+                f"plan; make the results again, or take {MANIFEST} away if you changed it yourself"
+            )
+
+
+def _publish(source: Path, folder: Path, shown: Path) -> None:
+    sync(source)
+    with held_signals():
+        if not folder.exists():
+            with suppress(OSError):  # somebody else was faster
+                source.rename(folder)
+                sync(folder.parent, content=False)
+                written.append(shown)
+                return
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder):
+            _exchange(source, folder, shown)
+        written.append(shown)
+
+
+def _exchange(source: Path, folder: Path, shown: Path) -> None:
+    """Move the content of source into a folder, and what it replaces away."""
+    manifest, old = read_manifest(source), read_manifest(folder)
+    kind = manifest.get("format")
+    if kind and old and old["format"] != kind:
+        what = "an export" if old["format"] == EXPORT else "the results of a plan"
+        raise ExportError(f"{shown}: holds {what}: choose another folder; nothing is written")
+    ours = listed(old)
+    if kind == RESULTS and old and PLAN not in listed(manifest):
+        if old.get("plan") != manifest["plan"]:
+            raise ExportError(f"{shown}: holds results of another plan: choose another folder; nothing is written")
+        kept = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
+        manifest["files"] = dict(sorted({**kept, **manifest["files"]}.items()))
+        (source / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+        sync(source / MANIFEST)
+    entries = sorted(path for path in source.iterdir() if path.name != MANIFEST)
+    for entry in entries:
+        _check_way(folder / entry.name, shown / entry.name, entry.is_dir(), ours, strict=kind == EXPORT)
+    replaced = source / ".replaced"
+    replaced.mkdir()
+    if kind:
+        marked = {**manifest, INCOMPLETE: True, "files": {**ours, **listed(manifest)}}
+        begun = source / ".begun"
+        begun.write_text(json.dumps(marked, indent=1) + "\n", encoding="utf-8")
+        sync(begun)
+        begun.replace(folder / MANIFEST)
+        sync(folder, content=False)
+    for entry in entries:
+        if entry.is_dir() and (folder / entry.name).exists():
+            (folder / entry.name).rename(replaced / entry.name)
+        entry.replace(folder / entry.name)
+    if kind:
+        _remove_stale(folder, {name: sha for name, sha in ours.items() if name not in listed(manifest)})
+        sync(folder, content=False)
+        (source / MANIFEST).replace(folder / MANIFEST)
+    sync(folder, content=False)
+
+
+def _check_way(target: Path, shown: Path, is_folder: bool, ours: Mapping[str, str], strict: bool) -> None:
+    """Raise ExportError where something stands in the way of a file or folder that is not ours to replace."""
+    if not os.path.lexists(target):
+        return
+    destination(target, kind=stat.S_IFDIR if is_folder else stat.S_IFREG)
+    inside = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
+    for path in inside:
+        name = path.relative_to(target.parent).as_posix()
+        if (strict or is_folder) and name not in ours:
+            raise ExportError(
+                f"{shown}: is in the way, and no export wrote {name}: choose another folder, or move it away; "
+                "nothing is written"
+            )
+
+
+def _remove_stale(folder: Path, stale: Mapping[str, str]) -> None:
+    """Remove files of an earlier generation, unless somebody changed them, and folders that they leave empty."""
+    for name, sha in stale.items():
+        with suppress(OSError):
+            if _is(folder / name, sha):
+                (folder / name).unlink()
+                for parent in PurePosixPath(name).parents:
+                    if parent != PurePosixPath("."):
+                        (folder / parent).rmdir()
+
+
+def _is(path: Path, sha: str) -> bool:
+    return path.is_file() and sha256(path) == sha
+
+
+def _inside(name: str) -> bool:
+    path = PurePosixPath(name)
+    return bool(name) and "\0" not in name and "\\" not in name and not path.is_absolute() and ".." not in path.parts
