@@ -8,28 +8,28 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.loading.faults import located
-from ssm_planner.loading.schema.problem import EyeModel, LensModel
+from ssm_planner.loading.schema.common import Axis, model_of
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.problem import Eye, Lens
-from ssm_planner.problem.robot import frozen
 from ssm_planner.typing import Array
+
+LensModel = model_of(
+    Lens, {"centre": "length", "semi_axes": "length", "axis": (Axis, ...), "first_axis": (Axis | None, None)}
+)
+"""An ellipsoid. axis: direction of the third semi-axis; first_axis: of the first, where it differs from the second."""
+_LENGTHS = dict.fromkeys(("centre", "radius", "clearance", "port", "shaft_radius"), "length")
+EyeModel = model_of(Eye, {**_LENGTHS, "lens": (LensModel | None, None)})
+"""What a problem file may say of an eye."""
 
 SQUARE = math.radians(0.5)
 """How far the axes of a lens may be from a right angle; the first is then turned into it."""
 
 
-def eye_from(section: Section, model: EyeModel) -> Eye:
-    """The eye that a section describes, already validated. Raises ProblemError."""
+def eye_from(section: Section, model: Any) -> Eye:
+    """The eye that a section describes, validated by EyeModel. Raises ProblemError."""
     with located(section):
         lens = None if model.lens is None else _lens(section.sub("lens"), model.lens)
-        return Eye(
-            centre=frozen(model.centre, (3,)),
-            radius=model.radius,
-            clearance=model.clearance,
-            port=model.port,
-            shaft_radius=model.shaft_radius,
-            lens=lens,
-        )
+        return Eye(**{**dict(model), "lens": lens})
 
 
 def as_written(eye: Eye) -> dict[str, Any]:
@@ -52,12 +52,12 @@ def _lengths(vector: Array) -> list[str]:
     return [f"{length!r} m" for length in vector.tolist()]
 
 
-def _lens(section: Section, model: LensModel) -> Lens:
+def _lens(section: Section, model: Any) -> Lens:
     with located(section):
-        return Lens(frozen(model.centre, (3,)), frozen(model.semi_axes, (3,)), frozen(_frame(section, model), (3, 3)))
+        return Lens(model.centre, model.semi_axes, _frame(section, model))
 
 
-def _frame(section: Section, model: LensModel) -> Array:
+def _frame(section: Section, model: Any) -> Array:
     """Columns: the directions of the semi-axes, right-handed."""
     third = _direction(section, model.axis, "axis")
     if model.first_axis is None:

@@ -3,13 +3,47 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.robots import robot_from
-from ssm_planner.loading.schema.motor import MotorisationModel
+from ssm_planner.loading.schema.common import Model, Part, Text, model_of, quantity
+from ssm_planner.loading.schema.problem import Joints
+from ssm_planner.loading.schema.robot import Reference
 from ssm_planner.loading.shipped import find
 from ssm_planner.loading.yaml_nodes import Section, follow, read
 from ssm_planner.problem.motorisation import Motorisation, Stroke
+
+
+def _run(kind: str, velocity: str, acceleration: str) -> Any:
+    """Centre ± reach, at the speed and acceleration of a trapezoid."""
+    centre = Annotated[float, quantity(kind)], 0.0
+    return model_of(Stroke, {"reach": kind, "centre": centre, "velocity": velocity, "acceleration": acceleration})
+
+
+RevoluteRun = _run("angle", "angular_velocity", "angular_acceleration")
+PrismaticRun = _run("length", "velocity", "acceleration")
+
+
+class RunModel(Model):
+    """One of the joints."""
+
+    roll: Annotated[Any, Part(RevoluteRun)] | None = None
+    tilt: Annotated[Any, Part(RevoluteRun)] | None = None
+    spin: Annotated[Any, Part(RevoluteRun)] | None = None
+    insertion: Annotated[Any, Part(PrismaticRun)] | None = None
+
+
+class MotorisationModel(Model):
+    """What a motorisation file may say; held: where the joints stand that do not move."""
+
+    name: Text | None = None
+    source: Text | None = None
+    robot: Reference
+    held: Joints = (0.0, 0.0, 0.0, 0.0)
+    back_and_forth: Annotated[list[RunModel], Field(min_length=1, max_length=100)]
 
 
 def load_motorisation(name: str | Path) -> Motorisation:
@@ -30,17 +64,7 @@ def motorisation_from(section: Section) -> Motorisation:
         if len(given) != 1:
             raise here.error(f"{len(given)} joints in one run", allowed="one joint per run: roll, tilt or insertion")
         (joint,) = given
-        stroke = getattr(run, joint)
-        strokes.append(
-            Stroke(
-                joint,
-                stroke.centre,
-                reach=stroke.reach,
-                velocity=stroke.velocity,
-                acceleration=stroke.acceleration,
-                home=model.held,
-            )
-        )
+        strokes.append(Stroke(joint, home=model.held, **dict(getattr(run, joint))))
     keys = {f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint) for i, stroke in enumerate(strokes)}
     with located(section, keys):
         return Motorisation(model.name or section.name, robot, tuple(strokes), str(section.file))

@@ -2,13 +2,42 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from typing import Annotated
 
 from ssm_planner.loading.faults import located, validated
-from ssm_planner.loading.schema.motor import MotorModel
+from ssm_planner.loading.schema.common import Figure, Text, Truth, figure, model_of
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.motor import Motor
+from ssm_planner.units import rpm
+
+MotorModel = model_of(
+    Motor,
+    {
+        "name": (Text, ...),
+        "source": (Text | None, None),  # of every figure that names none of its own
+        "placeholder": (Truth, False),  # every figure stands in for an unknown one
+        "nominal_torque": "torque",
+        "max_torque": "torque",
+        "max_speed": "motor_speed",
+        "nominal_voltage": "voltage",
+        "nominal_current": "current",
+        "torque_constant": "torque_constant",
+        # only checks the torque constant
+        "speed_constant": (Annotated[Figure, figure("speed_constant", above=0)] | None, None),
+        "terminal_resistance": "resistance",
+        "rotor_inertia": "inertia",
+        "resistance_winding_housing": "thermal_resistance",
+        "resistance_housing_ambient": "thermal_resistance",
+        "time_constant_winding": "time",
+        "time_constant_motor": "time",
+        "max_winding_temperature": "temperature",
+        "torque_constant_per_kelvin": "number",
+        "encoder_counts": "number",
+    },
+    figures=True,
+)
+"""What a motor file may say: the figures of a datasheet, each with its source."""
 
 LARGEST_POWER = 2e3
 """W, nominal torque times largest speed, of a motor that moves a surgical tool."""
@@ -56,7 +85,7 @@ def _check_voltage(section: Section, values: Mapping[str, float]) -> None:
     speed = voltage / constant
     if not NO_LOAD_SPEED[0] <= speed <= NO_LOAD_SPEED[1]:
         raise section.error(
-            f"implausible beside nominal_voltage: the motor would idle at {speed * 30 / math.pi:.3g} rpm: "
+            f"implausible beside nominal_voltage: the motor would idle at {speed / rpm:.3g} rpm: "
             "is the unit right, mN*m/A?",
             "torque_constant",
             allowed=f"{voltage / NO_LOAD_SPEED[1]:.3g} to {voltage / NO_LOAD_SPEED[0]:.3g} N*m/A",
@@ -98,22 +127,23 @@ def motor_from(section: Section) -> Motor:
     """The motor that a section describes. Raises ProblemError."""
     model = validated(section, MotorModel)
     figures = dict(model.figures())
-    values = {name: figure.value for name, figure in figures.items()}
-    for name, figure in figures.items():
-        if figure.source is None and model.source is None:
+    values = {name: each.value for name, each in figures.items()}
+    for name, each in figures.items():
+        if each.source is None and model.source is None:
             raise section.error(
                 "no source", name, allowed="{value: …, source: …}, or one source: for the whole file", show=False
             )
     _check(section, values)
     check_plausible(section, values)
-    sources = {name: figure.source or model.source or "" for name, figure in figures.items()}
-    placeholders = tuple(name for name, figure in figures.items() if model.placeholder or figure.placeholder)
+    sources = {name: each.source or model.source or "" for name, each in figures.items()}
+    placeholders = tuple(name for name, each in figures.items() if model.placeholder or each.placeholder)
     values.pop("speed_constant", None)
-    counts = values.pop("encoder_counts", None)
+    counts = values.get("encoder_counts")
+    if counts is not None and counts.is_integer():
+        values["encoder_counts"] = int(counts)
     with located(section):
         return Motor(
             name=model.name,
-            encoder_counts=None if counts is None else round(counts),
             sources=sources,
             placeholders=placeholders,
             file=None if section.file is None else str(section.file),
@@ -134,9 +164,6 @@ def _check(section: Section, values: dict[str, float]) -> None:
         raise section.error(
             "more than 100 times nominal_torque: is the unit right?", "max_torque", allowed=f"{nominal:g} N*m upwards"
         )
-    counts = values.get("encoder_counts")
-    if counts is not None and counts != round(counts):
-        raise section.error("not a whole number", "encoder_counts")
     constant, current = values.get("torque_constant"), values.get("nominal_current")
     if constant is not None and current is not None and abs(constant * current / nominal - 1) > TORQUE_AGREEMENT:
         raise section.error(
@@ -147,7 +174,7 @@ def _check(section: Section, values: dict[str, float]) -> None:
     speed = values.get("speed_constant")
     if constant is not None and speed is not None and abs(constant * speed - 1) > CONSTANT_AGREEMENT:
         raise section.error(
-            f"contradicts torque_constant, which gives {1 / constant * 60 / 6.283185307179586:.4g} rpm/V",
+            f"contradicts torque_constant, which gives {1 / constant / rpm:.4g} rpm/V",
             "speed_constant",
             allowed="speed constant = 1 / torque constant in SI",
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ssm_planner.loading.eye import eye_from
 from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.robots import robot_from, task_limits
@@ -11,7 +13,6 @@ from ssm_planner.loading.schema.problem import (
     PointModel,
     ProblemModel,
     RateModel,
-    ScanModel,
     TaskModel,
 )
 from ssm_planner.loading.yaml_nodes import Section, follow
@@ -107,7 +108,7 @@ def _motion(section: Section, entry: EntryModel) -> Motion:
     return Straight(**{coordinate: model.to}, duration=model.duration, name=name, line=line)
 
 
-def _scan(section: Section, model: ScanModel) -> Scan:
+def _scan(section: Section, model: Any) -> Scan:
     diameters: tuple[float, ...] = ()
     if model.pattern != "raster":
         diameters = (model.diameter or 0.0,) if model.pattern == "ring" else model.diameters

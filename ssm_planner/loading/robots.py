@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.mechanism import bodies_from, geometry_from
 from ssm_planner.loading.motors import motor_from
-from ssm_planner.loading.schema.robot import PrismaticModel, RevoluteModel, RobotModel, TaskLimitsModel
+from ssm_planner.loading.schema.robot import RobotModel, TaskLimitsModel
 from ssm_planner.loading.yaml_nodes import Section, follow
 from ssm_planner.problem.limits import TASK, TaskRange
 from ssm_planner.problem.robot import JOINTS, Joint, Robot, frozen
@@ -39,18 +41,9 @@ def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
     return {name: range_ for name, range_ in ranges if range_ is not None}
 
 
-def _joint(section: Section, name: str, model: RevoluteModel | PrismaticModel) -> Joint:
+def _joint(section: Section, name: str, model: Any) -> Joint:
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
+    kind = "prismatic" if name == "insertion" else "revolute"
     with located(section):
-        return Joint(
-            name=name,
-            kind="revolute" if isinstance(model, RevoluteModel) else "prismatic",
-            position=model.position,
-            velocity=model.velocity,
-            acceleration=model.acceleration,
-            jerk=model.jerk,
-            drive=drive,
-            motor=motor,
-            motor_direction=model.motor_direction,
-        )
+        return Joint(**{**dict(model), "name": name, "kind": kind, "drive": drive, "motor": motor})

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.value import Value, unchecked
+from ssm_planner.problem.value import Positive, Value, unchecked
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
@@ -131,9 +131,6 @@ class Symmetric(Limit):
 
     largest: float
 
-    def _check(self) -> None:
-        _positive(self, "largest", self.largest)
-
     @property
     def low(self) -> float:
         return -self.largest
@@ -186,7 +183,7 @@ class JointLimit(Symmetric):
 
     of: str
     """Name of the joint."""
-    largest: float
+    largest: Positive
     prismatic: bool = False
     """The joint slides: m instead of rad."""
 
@@ -334,12 +331,8 @@ class SelfLocking(Limit):
 
     name = "self-locking"
     of: str
-    friction: float
+    friction: Positive
     """Lowest plausible coefficient; what it has to be at least follows from the geometry (dynamics/transmission.py)."""
-
-    def _check(self) -> None:
-        _positive(self, "friction", self.friction)
-
     unit = "μ"
 
     def bound(self, value: float) -> float:
@@ -437,7 +430,7 @@ class SpeedLimit(Symmetric):
     name: ClassVar[str]
     field: ClassVar[str]
     """Its key in a problem file and in plan.json."""
-    largest: float
+    largest: Positive
     unit = "m/s"
 
     def trials(self) -> tuple[float, ...]:
@@ -454,10 +447,9 @@ class TaskRate(Symmetric):
     order = 1
     coordinate: str
     """One of TASK."""
-    largest: float
+    largest: Positive
 
     def _check(self) -> None:
-        super()._check()
         _coordinate(self, self.coordinate)
 
     @property
@@ -571,17 +563,13 @@ class Duration(Limit):
     """The duration asked for, of one motion or of all together: what a motion takes at least must not be longer."""
 
     name = "duration"
-    largest: float
+    largest: Positive
     motion: str | None = None
     """Name of the motion; None: all together."""
     asked: float | None = None
     """What the problem asks for of that motion; None: `largest`."""
     exact: bool = False
     """The motions have durations of their own: only their sum does."""
-
-    def _check(self) -> None:
-        _positive(self, "largest", self.largest)
-
     unit = "s"
 
     @property
@@ -739,11 +727,6 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
 def _text(value: float, unit: str) -> str:
     name, scale = shown("" if unit == "μ" else unit)
     return f"{scale * value:.6g} {name}".rstrip()
-
-
-def _positive(limit: Limit, field: str, value: float) -> None:
-    if not value > 0:
-        raise ProblemError("not a limit", key=f"{type(limit).__name__}.{field}", value=value, allowed="above 0")
 
 
 def _coordinate(limit: Limit, name: str) -> None:

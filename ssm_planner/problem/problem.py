@@ -48,7 +48,7 @@ class Eye(Value):
     radius: Positive
     clearance: NotNegative
     """Least distance of the tip from the retina."""
-    port: Positive
+    port: Positive = 3e-3
     """Within this distance of the remote centre there is no retina: the incision itself."""
     shaft_radius: NotNegative = 0.0
     """Added around the shaft where it passes the lens."""

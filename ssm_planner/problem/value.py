@@ -46,14 +46,14 @@ class Names:
     names: tuple[str, ...]
 
 
-class _Ascending:
+class Ascending:
     """A pair whose first is below its second."""
 
 
 Positive = Annotated[float, Bound(above=0.0)]
 NotNegative = Annotated[float, Bound(at_least=0.0)]
 Count = Annotated[int, Bound(at_least=0)]
-Interval = Annotated[tuple[float, float], _Ascending()]
+Interval = Annotated[tuple[float, float], Ascending()]
 Vector = Annotated[Array, Shape((3,))]
 Matrix = Annotated[Array, Shape((3, 3))]
 Sign = Literal[-1, 1]
@@ -96,6 +96,17 @@ def unchecked(value: V, **changes: Any) -> V:
     copy = object.__new__(type(value))
     copy.__dict__.update(value.__dict__, **changes)
     return copy
+
+
+def hint_of(cls: Any, name: str) -> tuple[Any, tuple[Any, ...]]:
+    """The type of a field without None, and what bounds it: Bound, Shape and the like."""
+    hint = _hints(cls)[name]
+    if get_origin(hint) in (typing.Union, types.UnionType):
+        (hint,) = (part for part in get_args(hint) if part is not type(None))
+    if get_origin(hint) is Annotated:
+        kind, *marks = get_args(hint)
+        return kind, tuple(marks)
+    return hint, ()
 
 
 def frozen(value: object, shape: tuple[int, ...]) -> Array:
@@ -194,7 +205,7 @@ def _annotated(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> A
         elif isinstance(mark, Names):
             for key in value:
                 check_name(key, mark.names, f"{where}.{key}", "unknown key")
-        elif isinstance(mark, _Ascending) and not value[0] < value[1]:
+        elif isinstance(mark, Ascending) and not value[0] < value[1]:
             raise ProblemError(
                 "the lower bound is not below the upper one", key=where, value=value, allowed="(lower, upper)"
             )

@@ -16,7 +16,6 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Scan, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
@@ -148,5 +147,7 @@ def test_a_scan_beyond_the_reach_of_the_port_is_bad_input(laser_scan: Problem) -
 
 def test_a_tilt_out_of_reach_is_bad_input(laser_scan: Problem) -> None:
     motion = dataclasses.replace(RING, at=Task(tilt=float(np.radians(-141))), name="ring")
+    robot = dataclasses.replace(laser_scan.robot, limits=())
+    problem = dataclasses.replace(laser_scan, robot=robot, motion=(motion,), limits=())
     with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
-        plan(dataclasses.replace(laser_scan, motion=(motion,), limits=(TaskRange("depth", 0.0, 0.03),)))
+        plan(problem)

@@ -9,8 +9,9 @@ def json_schema(file: Literal["problem", "robot", "drive", "motor", "motorisatio
     """JSON schema of a kind of file, for editors that complete and check YAML."""
     from pydantic import TypeAdapter
 
+    from ssm_planner.loading.motorisation import MotorisationModel
+    from ssm_planner.loading.motors import MotorModel
     from ssm_planner.loading.schema.drive import AntibacklashScrewModel, LeadScrewModel, WormModel
-    from ssm_planner.loading.schema.motor import MotorisationModel, MotorModel
     from ssm_planner.loading.schema.problem import ProblemModel
     from ssm_planner.loading.schema.robot import RobotModel
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, create_model, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ssm_planner import units
+from ssm_planner.problem.value import Ascending, Bound, Shape, hint_of
 from ssm_planner.units import KINDS
 
 
@@ -106,6 +109,58 @@ def figure(kind: str, *, above: float | None = None, at_least: float | None = No
     return Field(lambda value: _figure(value, reader), {"anyOf": [plain, full]})
 
 
+def of(cls: Any, name: str, kind: str, figures: bool = False) -> Field:
+    """How a quantity of this kind is read for a field of a value: within the field's bounds, as many as it holds.
+
+    figures: it may have a source.
+    """
+    hint, marks = hint_of(cls, name)
+    bounds: dict[str, float] = {}
+    for mark in marks:
+        if isinstance(mark, Ascending):
+            return interval(kind)
+        if isinstance(mark, Shape):
+            return vector(*(kind,) * mark.shape[0])
+        if isinstance(mark, Bound):
+            limits = {"above": mark.above, "at_least": mark.at_least}
+            bounds = {side: limit for side, limit in limits.items() if math.isfinite(limit)}
+    if get_origin(hint) is tuple:
+        return vector(*(kind,) * len(get_args(hint)))
+    return figure(kind, **bounds) if figures else quantity(kind, **bounds)
+
+
+class Part:
+    """Metadata of an Annotated field that holds what a model made by `model_of` describes."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        schema: CoreSchema = handler.generate_schema(self.model)
+        return schema
+
+
+def model_of(cls: Any, kinds: Mapping[str, Any], base: type[Model] = Model, figures: bool = False) -> Any:
+    """The model of a value: bounds and defaults are the value's, so that neither stands twice.
+
+    kinds: the kind of quantity by key, or the pydantic field (type, default) of a key that is read otherwise.
+    figures: quantities may have sources; those left out are None, whatever the value's default.
+    """
+    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
+    fields: dict[str, Any] = {}
+    for name, kind in kinds.items():
+        if not isinstance(kind, str):
+            fields[name] = kind
+            continue
+        hint: Any = Annotated[Any, of(cls, name, kind, figures)]
+        default = defaults[name]
+        if default is dataclasses.MISSING:
+            fields[name] = (hint, ...)
+        else:
+            fields[name] = (hint | None, None) if figures or default is None else (hint, default)
+    return create_model(f"{cls.__name__}Model", __base__=base, __doc__=f"See {cls.__name__}.", **fields)
+
+
 def _figure(value: object, reader: Callable[[object], float]) -> Figure:
     if not isinstance(value, dict):
         return Figure(_guarded(reader)(value))
@@ -135,6 +190,18 @@ def _truth(value: object, key: str | None = None) -> bool:
 
 Text = Annotated[str, Field(_text, {"type": "string", "minLength": 1})]
 Truth = Annotated[bool, Field(_truth, {"type": "boolean"})]
+
+
+def _axis(value: object) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) != 3:
+        raise wrong("not an axis", "three numbers such as [1, 0, 0]")
+    try:
+        return tuple(units.number(part) for part in value)
+    except units.BadQuantity as error:
+        raise wrong(error.reason, error.allowed) from None
+
+
+Axis = Annotated[tuple[float, ...], Field(_axis, {"type": "array", "items": {"type": "number"}})]
 
 
 def _bounded(kind: str, above: float | None, at_least: float | None) -> Callable[[object], float]:

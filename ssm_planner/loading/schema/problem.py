@@ -13,8 +13,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ssm_planner.loading.schema.common import Model, Text, quantity, vector, wrong
-from ssm_planner.loading.schema.robot import Axis, Reference, TaskLimitsModel
+from ssm_planner.loading.eye import EyeModel
+from ssm_planner.loading.schema.common import Model, Part, Text, model_of, of, quantity, vector, wrong
+from ssm_planner.loading.schema.robot import Reference, TaskLimitsModel
+from ssm_planner.problem.limits import TaskRate
+from ssm_planner.problem.motion import LARGEST_GRID, Dwell, Scan, Straight
+from ssm_planner.problem.problem import Objective, Planner, Problem
 
 Angle = Annotated[float, quantity("angle")]
 Length = Annotated[float, quantity("length")]
@@ -74,24 +78,10 @@ class RateModel(Model):
 
 KEYS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
 """What each pattern has beside the common keys."""
-MOST = 50
-Size = Annotated[float, quantity("length", above=0)]
-Count = Annotated[float, quantity("number", at_least=1)]
+Count = Annotated[float, quantity("number", at_least=1)] | None
 
 
-class ScanModel(Model):
-    """See values.Scan."""
-
-    pattern: Literal["raster", "ring", "triple ring"]
-    at: TaskModel
-    distance: Size
-    spacing: Size = 0.6e-3
-    dwell: Annotated[float, quantity("time", at_least=0)] = 0.0
-    diameter: Size | None = None
-    diameters: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (1e-3, 2e-3, 3e-3)
-    rows: Count | None = None
-    columns: Count | None = None
-
+class _ScanModel(Model):
     @model_validator(mode="before")
     @classmethod
     def _keys_of_its_pattern(cls, data: Any) -> Any:
@@ -112,48 +102,44 @@ class ScanModel(Model):
         return data
 
     @model_validator(mode="after")
-    def _sizes(self) -> ScanModel:
+    def _sizes(self) -> _ScanModel:
         for name in ("rows", "columns"):
             count = getattr(self, name)
-            if count is not None and (count != int(count) or count > MOST):
-                raise wrong("not a count", f"a whole number from 1 to {MOST}", name)
-        low, middle, high = self.diameters
+            if count is not None and (count != int(count) or count > LARGEST_GRID):
+                raise wrong("not a count", f"a whole number from 1 to {LARGEST_GRID}", name)
+        low, middle, high = dict(self)["diameters"]
         if not 0 < low < middle < high:
             raise wrong("not three rings one around the other", "three growing lengths", "diameters")
         return self
 
 
-Point = Annotated[tuple[float, float, float], vector("length", "length", "length")]
-
-
-class LensModel(Model):
-    """An ellipsoid. axis: direction of the third semi-axis; first_axis: of the first, where it differs from the second."""
-
-    centre: Point
-    semi_axes: Annotated[tuple[float, float, float], vector("length", "length", "length")]
-    axis: Axis
-    first_axis: Axis | None = None
-
-
-class EyeModel(Model):
-    """See values.Eye."""
-
-    centre: Point
-    radius: Size
-    clearance: Annotated[float, quantity("length", at_least=0)]
-    port: Size = 3e-3
-    shaft_radius: Annotated[float, quantity("length", at_least=0)] = 0.0
-    lens: LensModel | None = None
+ScanModel = model_of(
+    Scan,
+    {
+        "pattern": (Literal["raster", "ring", "triple ring"], ...),
+        "at": (TaskModel, ...),
+        "distance": "length",
+        "spacing": "length",
+        "dwell": "time",
+        "diameter": (Annotated[float, quantity("length", above=0)] | None, None),
+        "diameters": (Annotated[tuple[float, ...], vector("length", "length", "length")], (1e-3, 2e-3, 3e-3)),
+        "rows": (Count, None),
+        "columns": (Count, None),
+    },
+    base=_ScanModel,
+)
+"""What a problem file may say of a scan."""
 
 
 LONGEST_MOTION = 10_000
 MOST_POINTS = 200
 """Points that one motion passes without stopping."""
-Rate = Annotated[float, quantity("angular_velocity", above=0)]
+Rate = Annotated[float, of(TaskRate, "largest", "angular_velocity")]
+Speed = Annotated[float, of(TaskRate, "largest", "velocity")]
 
 
 class Timed(Model):
-    duration: Annotated[float, quantity("time", above=0)] | None = None
+    duration: Annotated[float, of(Straight, "duration", "time")] | None = None
     """Asked for; the motion then takes it with the least motor heat."""
 
 
@@ -184,8 +170,8 @@ class EntryModel(Model):
     insert: ToLength | None = None
     straight: ToTask | None = None
     free: ToPoint | None = None
-    dwell: Annotated[float, quantity("time", above=0)] | None = None
-    scan: ScanModel | None = None
+    dwell: Annotated[float, of(Dwell, "duration", "time")] | None = None
+    scan: Annotated[Any, Part(ScanModel)] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -199,11 +185,11 @@ class EntryModel(Model):
 
 
 class LimitsModel(TaskLimitsModel):
-    tip_speed: Annotated[float, quantity("velocity", above=0)] | None = None
+    tip_speed: Speed | None = None
     roll_rate: Rate | None = None
     tilt_rate: Rate | None = None
     spin_rate: Rate | None = None
-    insertion_speed: Annotated[float, quantity("velocity", above=0)] | None = None
+    insertion_speed: Speed | None = None
 
 
 class ProblemModel(Model):
@@ -215,9 +201,9 @@ class ProblemModel(Model):
     start: PointModel
     motion: Annotated[list[EntryModel], Field(min_length=1, max_length=LONGEST_MOTION)]
     limits: LimitsModel = LimitsModel()
-    eye: EyeModel | None = None
-    objective: Literal["time", "time then heat", "effort"] = "time then heat"
-    duration: Annotated[float, quantity("time", above=0)] | None = None
-    planner: Literal["optimal", "toppra"] = "optimal"
+    eye: Annotated[Any, Part(EyeModel)] | None = None
+    objective: Objective = "time then heat"
+    duration: Annotated[float, of(Problem, "duration", "time")] | None = None
+    planner: Planner = "optimal"
     start_rate: RateModel = RateModel()
     end_rate: RateModel = RateModel()

@@ -7,19 +7,23 @@ from typing import Annotated, Any, Literal
 from pydantic import Field as PydanticField
 
 from ssm_planner import units
-from ssm_planner.loading.schema.common import Field, Model, Text, interval, quantity, vector, wrong
+from ssm_planner.loading.schema.common import (
+    Axis,
+    Field,
+    Model,
+    Part,
+    Text,
+    interval,
+    model_of,
+    quantity,
+    vector,
+    wrong,
+)
+from ssm_planner.problem.robot import Joint
+from ssm_planner.problem.value import Sign
 
 Interval = tuple[float, float]
 _REFERENCE = {"anyOf": [{"type": "string", "description": "a file, relative to this one"}, {"type": "object"}]}
-
-
-def _axis(value: object) -> tuple[float, ...]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise wrong("not an axis", "three numbers such as [1, 0, 0]")
-    try:
-        return tuple(units.number(part) for part in value)
-    except units.BadQuantity as error:
-        raise wrong(error.reason, error.allowed) from None
 
 
 def _rotations(value: object) -> tuple[tuple[str, float], ...]:
@@ -44,7 +48,6 @@ def _reference(value: object) -> Any:
     raise wrong("neither a file name nor a mapping", "a file, relative to this one, or the file's content")
 
 
-Axis = Annotated[tuple[float, ...], Field(_axis, {"type": "array", "items": {"type": "number"}})]
 Rotations = Annotated[tuple[tuple[str, float], ...], Field(_rotations, {"type": "array", "items": {"type": "string"}})]
 Reference = Annotated[Any, Field(_reference, _REFERENCE)]
 
@@ -93,34 +96,24 @@ class BodyModel(Model):
     frame: Rotations
 
 
-class JointModel(Model):
-    """What rotary and sliding joints have in common."""
-
-    drive: Reference | None = None
-    motor: Reference | None = None
-    motor_direction: Literal[-1, 1] = 1
-    """Sense in which the motor's controller counts when the joint moves forward."""
+_ACTUATION = {"drive": (Reference | None, None), "motor": (Reference | None, None), "motor_direction": (Sign, 1)}
 
 
-class RevoluteModel(JointModel):
-    position: Annotated[Interval, interval("angle")]
-    velocity: Annotated[float, quantity("angular_velocity", above=0)]
-    acceleration: Annotated[float, quantity("angular_acceleration", above=0)]
-    jerk: Annotated[float, quantity("angular_jerk", above=0)] | None = None
+def _joint(*kinds: str) -> Any:
+    return model_of(
+        Joint, {**dict(zip(("position", "velocity", "acceleration", "jerk"), kinds, strict=True)), **_ACTUATION}
+    )
 
 
-class PrismaticModel(JointModel):
-    position: Annotated[Interval, interval("length")]
-    velocity: Annotated[float, quantity("velocity", above=0)]
-    acceleration: Annotated[float, quantity("acceleration", above=0)]
-    jerk: Annotated[float, quantity("jerk", above=0)] | None = None
+RevoluteModel = _joint("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
+PrismaticModel = _joint("length", "velocity", "acceleration", "jerk")
 
 
 class JointsModel(Model):
-    roll: RevoluteModel
-    tilt: RevoluteModel
-    spin: RevoluteModel
-    insertion: PrismaticModel
+    roll: Annotated[Any, Part(RevoluteModel)]
+    tilt: Annotated[Any, Part(RevoluteModel)]
+    spin: Annotated[Any, Part(RevoluteModel)]
+    insertion: Annotated[Any, Part(PrismaticModel)]
 
 
 class TaskLimitsModel(Model):
