@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="drive file to write (default: results/<drive>/)"
     )
-    parser.add_argument("--law", choices=LAWS, default="auto", help="friction law (default: chosen by AICc)")
+    parser.add_argument("--law", choices=LAWS, default="auto", help="friction law (default: by blind error)")
     parser.add_argument(
         "--fix", action="append", default=[], metavar="NAME=VALUE", help="a known parameter, SI, such as preload=0.8"
     )

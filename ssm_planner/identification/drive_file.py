@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.identification.estimation import Estimate
-from ssm_planner.identification.fit import MapFit
+from ssm_planner.identification.fit import Estimate, MapFit
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, Ripple
 
 _UNITS = {
     "b_c": "N*m",
@@ -44,6 +45,11 @@ def write_drive(
     content["friction"] = _friction(drive, fit, dynamic, evidence)
     if "preload" in fit.estimates and not fit.estimates["preload"].fixed:
         content["preload"] = _figure(drive, "preload", drive.preload, fit.estimates["preload"])
+    if LOAD_OFFSET in fit.estimates and drive.rig is not None:
+        unit = "N*m" if drive.kind == "worm" else "N"
+        content["rig"]["load_offset"] = f"{drive.rig.load_offset:.8g} {unit}"
+    elif drive.rig is not None:
+        content["rig"].pop("load_offset", None)
     text = _heading(fit, evidence) + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
     path = Path(path)
     with replacing(path) as temporary:
@@ -59,7 +65,7 @@ def _heading(fit: MapFit, evidence: str) -> str:
     ]
     for group in fit.inseparable:
         lines.append(
-            f"The data give {', '.join(group)} only together: each alone is as near as they allow to its reference."
+            f"The data give {', '.join(group)} only together: each alone rests on what is expected of such drives."
         )
     lines += [f"Outlier, weight {weight:.2g}: {name}." for name, _, weight in fit.outliers]
     return "".join(f"# {line}\n" for line in lines)
@@ -77,11 +83,23 @@ def _friction(drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], eviden
         table[name] = _figure(drive, name, float(getattr(friction, name)), estimates.get(name))
     if friction.identified_speed is not None:
         table["identified_speed"] = _quantity(drive, "identified_speed", friction.identified_speed)
-    if friction.covariance is not None:
-        table["covariance"] = {
-            a: {b: float(f"{value:.6g}") for b, value in row.items()} for a, row in friction.covariance.items()
-        }
+    if friction.posterior is not None:
+        table["posterior"] = _posterior(friction.posterior)
     return table
+
+
+def _posterior(posterior: Posterior) -> dict[str, Any]:
+    """Numbers in SI, as text: YAML reads it at once."""
+    draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
+    table: dict[str, Any] = {"scatter": f"{posterior.scatter:.6g} N*m"}
+    for way, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
+        if ripple is not None:
+            table[way] = {field.name: _numbers(getattr(ripple, field.name)) for field in dataclasses.fields(Ripple)}
+    return {**table, "draws": draws}
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.6g}" for value in values)
 
 
 def _figure(drive: Drive, name: str, value: float, estimate: Estimate | None) -> dict[str, Any]:

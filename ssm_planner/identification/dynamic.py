@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.identification.estimation import CONFIDENCE, Estimate
+from ssm_planner.identification.fit import Estimate
 from ssm_planner.identification.prediction import Motion, nrmsd, predict_torque
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.posterior import CONFIDENCE
 from ssm_planner.typing import Array
 
 PARAMETERS = ("mu_static", "dwell_constant", "memory")

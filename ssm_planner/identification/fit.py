@@ -1,4 +1,4 @@
-"""Friction from a torque–velocity map: outliers, fit, 95 % intervals, correlations, choice of the law."""
+"""Friction from a torque–velocity map: outliers, choice of law and load by blind error, posterior, 95 % intervals."""
 
 from __future__ import annotations
 
@@ -11,33 +11,38 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import nut_contact, output_effort
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.estimation import (
-    Estimate,
-    MapProblem,
-    Solution,
-    covariance,
-    inseparable_groups,
-    intervals_of,
-    nearest_to_reference,
-    separable_of,
-    solve,
-)
 from ssm_planner.identification.parameters import (
     ALL,
     LAWS,
-    TYPICAL_MU,
-    bounds,
-    first_guess,
+    locking_mu,
     names_of,
     rest_coefficient,
     with_parameters,
 )
-from ssm_planner.identification.torque_map import Outlier, TorqueMap, find_outliers
+from ssm_planner.identification.posterior import MapModel, blind_errors, most_likely, prior_pull, sample, simplest
+from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, interval_of
 from ssm_planner.typing import Array
 
-_STRIBECK_STARTS = (0.01, 0.05, 0.2, 0.6)
-"""Starting Stribeck speeds as shares of the fastest speed: the cost has several valleys along it."""
+SEPARABLE = 0.3
+"""A parameter is given by the data where what was expected pulls it by less than this many standard deviations."""
+_QUIET = 0.1
+"""Expected scatter of a mean torque from one recording to the next, as a share of its deviation within a recording."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value and 95 % interval; low = high = value where it was given instead of fitted."""
+
+    value: float
+    low: float
+    high: float
+    fixed: bool = False
+    separable: bool = True
+    """False: the data alone do not determine it; the interval is also what is expected of drives of this kind."""
+    at_bound: bool = False
+    """The value, not the interval, is the least with which the drive locks itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +51,17 @@ class MapFit:
 
     law: str
     drive: Drive
-    """The drive with the identified friction."""
+    """The drive with the identified friction and its posterior; its rig with the load offset found."""
+    load: float
+    """Constant effort on the output, load offset included, N·m or N."""
     estimates: dict[str, Estimate]
     correlation_names: tuple[str, ...]
     correlation: Array
+    """(parameters, parameters) of the draws' logarithms."""
     inseparable: tuple[tuple[str, ...], ...]
     """Groups of parameters that the data give only together."""
+    combinations: dict[str, Estimate]
+    """What the data do give of them: the torque of slow motion in either direction, N·m."""
     predicted: Array
     """(points,) N·m."""
     nrmsd: float
@@ -59,7 +69,7 @@ class MapFit:
     outliers: tuple[tuple[str, float, float], ...]
     """(recording, distance from its neighbours in N·m, weight in the fit) of points that stand apart."""
     criterion: dict[str, float]
-    """AICc of every law tried."""
+    """RMS error of every law on recordings left out, N·m."""
     notes: tuple[str, ...] = ()
 
 
@@ -75,10 +85,10 @@ def fit_map(
 ) -> MapFit:
     """Fit friction parameters to a torque–velocity map.
 
-    load: constant effort that the drive exerts on the payload, N·m or N (negative: the payload drives forwards).
-    law: one of LAWS, or `auto`: the law with the lowest AICc. fixed: known values by name. reference: values believed
-    to a factor of about two, which decide only what the data leave open. free: parameters fitted beyond the law's own
-    (`b_ov`, `preload`).
+    load: constant effort that the drive exerts on the payload, N·m or N (negative: the payload drives forwards); a
+    constant offset of it is fitted where it pays. law: one of LAWS, or `auto`: the simplest law that predicts recordings
+    left out about as well as the best. fixed: known values by name. reference: values about which parameters are
+    expected. free: parameters fitted beyond the law's own (`b_ov`, `preload`).
     Raises RecordingError where the map cannot support the fit: one direction only, or fewer points than parameters.
     """
     fixed = {"b_ov": 0.0} | dict(fixed or {})
@@ -92,17 +102,35 @@ def fit_map(
     weight = np.ones(len(data.w))
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
-    laws = LAWS if law == "auto" else (law,)
-    problems = {
-        name: _problem(drive, data, weight, load, law=name, fixed=fixed, reference=reference or {}, free=free)
-        for name in laws
-    }
-    problems = _with_enough_points(problems, len(data.w), law)
-    solutions = {name: _best_of_starts(problem) for name, problem in problems.items()}
-    criterion = {name: _aicc(s.cost, len(data.w), len(problems[name].names)) for name, s in solutions.items()}
-    chosen = min(criterion, key=lambda name: criterion[name])
-    believed = {"mu": TYPICAL_MU} | dict(reference or {})
-    return _report(problems[chosen], solutions[chosen], believed, data, outliers=outliers, criterion=criterion)
+    scatter = max(_QUIET * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau)))
+    models = [
+        MapModel(
+            drive=with_parameters(drive, name, {}),
+            law=name,
+            names=(*(n for n in (*names_of(name), *free) if n not in fixed), *offset),
+            fixed={k: v for k, v in fixed.items() if name != "coulomb" or k not in ("mu_stribeck", "stribeck_speed")},
+            reference=dict(reference or {}),
+            w=data.w,
+            tau=data.tau,
+            weight=weight,
+            load=load,
+            scatter=scatter,
+        )
+        for name in (LAWS if law == "auto" else (law,))
+        for offset in ((), (LOAD_OFFSET,))
+    ]
+    models = _with_enough_points(models)
+    found = [most_likely(model) for model in models]
+    errors = [blind_errors(model, z) for model, z in zip(models, found, strict=True)]
+    chosen = simplest(models, errors)
+    blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
+    criterion: dict[str, float] = {}
+    for model, error in zip(models, blind, strict=True):
+        criterion[model.law] = min(error, criterion.get(model.law, math.inf))
+    criterion[models[chosen].law] = blind[chosen]
+    fit = _report(models[chosen], found[chosen], blind[chosen], data)
+    apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
+    return replace(fit, outliers=apart, criterion=criterion)
 
 
 def _check_directions(data: TorqueMap) -> None:
@@ -114,42 +142,11 @@ def _check_directions(data: TorqueMap) -> None:
         )
 
 
-def _problem(
-    drive: Drive,
-    data: TorqueMap,
-    weight: Array,
-    load: float,
-    *,
-    law: str,
-    fixed: Mapping[str, float],
-    reference: Mapping[str, float],
-    free: Sequence[str],
-) -> MapProblem:
-    names = tuple(n for n in (*names_of(law), *free) if n not in fixed)
-    limits = bounds(drive, data.w, data.tau)
-    guess = first_guess(drive, data.w, data.tau, load, {k: v for k, v in reference.items() if v})
-    scale = np.array([guess[n] if guess[n] > 0 else 0.1 * limits[n][1] for n in names])
-    return MapProblem(
-        drive=drive,
-        law=law,
-        w=data.w,
-        tau=data.tau,
-        weight=weight,
-        load=load,
-        names=names,
-        fixed={k: v for k, v in fixed.items() if law != "coulomb" or k not in ("mu_stribeck", "stribeck_speed")},
-        scale=scale,
-        lower=np.array([limits[n][0] for n in names]) / scale,
-        upper=np.array([limits[n][1] for n in names]) / scale,
-        anchor=np.array([guess[n] for n in names]) / scale,
-        trust=np.zeros(len(names)),
-    )
-
-
-def _with_enough_points(problems: dict[str, MapProblem], points: int, law: str) -> dict[str, MapProblem]:
-    enough = {name: p for name, p in problems.items() if points > len(p.names) + (2 if law == "auto" else 0)}
+def _with_enough_points(models: list[MapModel]) -> list[MapModel]:
+    points = len(models[0].w)
+    enough = [model for model in models if points > len(model.names)]
     if not enough:
-        need = min(len(p.names) for p in problems.values()) + 1
+        need = min(len(model.names) for model in models) + 1
         raise RecordingError(
             f"{points} points cannot determine {need - 1} parameters: record at least {need} speeds, "
             "or fix known parameters"
@@ -157,94 +154,99 @@ def _with_enough_points(problems: dict[str, MapProblem], points: int, law: str) 
     return enough
 
 
-def _starts(problem: MapProblem) -> list[Array]:
-    start = problem.anchor.copy()
-    if "stribeck_speed" not in problem.names:
-        return [start]
-    k = problem.names.index("stribeck_speed")
-    fastest = np.abs(problem.w).max()
-    starts = []
-    for share in _STRIBECK_STARTS:
-        q = start.copy()
-        q[k] = share * fastest / problem.scale[k]
-        starts.append(q)
-    return starts
-
-
-def _best_of_starts(problem: MapProblem) -> Solution:
-    return min((solve(problem, q) for q in _starts(problem)), key=lambda s: s.cost)
-
-
-def _aicc(cost: float, points: int, parameters: int) -> float:
-    k = parameters + 1
-    return points * math.log(max(cost, 1e-300) / points) + 2 * k + 2 * k * (k + 1) / max(points - k - 1, 1)
-
-
-def _report(
-    problem: MapProblem,
-    best: Solution,
-    believed: Mapping[str, float],
-    data: TorqueMap,
-    *,
-    outliers: list[Outlier],
-    criterion: dict[str, float],
-) -> MapFit:
-    points, names = len(problem.w), problem.names
-    variance = best.cost / (points - len(names))
-    jacobian = problem.jacobian(best.q)
-    intervals = intervals_of(problem, best, covariance(jacobian, variance))
-    separable = separable_of(jacobian[:points], best.q, intervals)
-    chosen = nearest_to_reference(problem, best, believed, separable, variance)
-    jacobian = problem.jacobian(chosen.q)
-    cov = covariance(jacobian, variance)
-    sigma = np.sqrt(np.diag(cov))
-    correlation = cov / np.outer(sigma, sigma)
-    values = {n: float(v) for n, v in zip(names, chosen.q * problem.scale, strict=True)}
-    low, high = np.minimum(intervals[0], chosen.q), np.maximum(intervals[1], chosen.q)
-    edge = np.minimum(chosen.q - problem.lower, problem.upper - chosen.q) < 1e-6 * (problem.upper - problem.lower)
+def _report(model: MapModel, z: Array, blind: float, data: TorqueMap) -> MapFit:
+    """The fit of the chosen law with z (k,) most likely; blind: its RMS error on recordings left out, N·m."""
+    draws, scatters = sample(model, z)
+    at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(model.drive)
+    if at_bound:
+        z = most_likely(model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive))))
+    torques = model.torque(draws)
+    within = math.sqrt(float(np.mean(scatters**2) + np.mean(np.var(torques, axis=0))))
+    posterior = Posterior(
+        names=model.names,
+        draws=_rounded(np.column_stack(list(model.parameters(draws).values()))),
+        scatter=math.sqrt(float(np.mean(scatters**2))) * max(1.0, blind / within),
+        forwards=data.spread(1),
+        backwards=data.spread(-1),
+    )
+    values = {name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()}
+    separable = {name: bool(pull < SEPARABLE) for name, pull in zip(model.names, prior_pull(draws), strict=True)}
     estimates = {
-        n: Estimate(
-            value=values[n],
-            low=low[k] * problem.scale[k],
-            high=high[k] * problem.scale[k],
-            separable=separable[k],
-            at_bound=edge[k],
-        )
-        for k, n in enumerate(names)
+        name: _estimate(value, posterior.column(name), separable=separable[name], at_bound=at_bound and name == "mu")
+        for name, value in values.items()
     }
-    estimates |= {n: Estimate(v, v, v, fixed=True) for n, v in problem.fixed.items()}
-    predicted = problem.torque(chosen.q)
-    drive = _identified(problem, values, cov * np.outer(problem.scale, problem.scale))
+    estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
+    offset = values.pop(LOAD_OFFSET, 0.0)
+    drive = _identified(model, values, posterior, offset)
+    predicted = model.torque(z[None])[0]
+    slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
+    at_rest = model.torque(np.concatenate([z[None], draws]), slow)
+    together = tuple(name for name in model.names if not separable[name])
     return MapFit(
-        law=problem.law,
+        law=model.law,
         drive=drive,
+        load=model.load + offset,
         estimates=estimates,
-        correlation_names=names,
-        correlation=correlation,
-        inseparable=inseparable_groups(correlation, names, separable),
+        correlation_names=model.names,
+        correlation=np.atleast_2d(np.corrcoef(draws.T)),
+        inseparable=(together,) if together else (),
+        combinations={
+            name: _estimate(float(at_rest[0, i]), at_rest[1:, i]) for i, name in enumerate(("forwards", "backwards"))
+        },
         predicted=predicted,
-        nrmsd=float(np.sqrt(np.mean((problem.tau - predicted) ** 2)) / np.ptp(problem.tau)),
-        outliers=tuple((data.names[o.index], o.distance, o.weight) for o in outliers),
-        criterion=criterion,
-        notes=_notes(problem, drive),
+        nrmsd=float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.ptp(model.tau)),
+        outliers=(),
+        criterion={},
+        notes=_notes(model, drive, predicted),
     )
 
 
-def _notes(problem: MapProblem, drive: Drive) -> tuple[str, ...]:
-    effort = output_effort(drive, problem.load, problem.w / drive.ratio, 0.0)
+def _rounded(draws: Array) -> Array:
+    """(sets, parameters) to six digits, as a drive file holds them."""
+    return np.array([[float(f"{value:.6g}") for value in row] for row in draws])
+
+
+def _estimate(value: float, draws: Array, separable: bool = True, at_bound: bool = False) -> Estimate:
+    """From a value and draws (sets,)."""
+    low, high = interval_of(draws)
+    return Estimate(value, min(low, value), high=max(high, value), separable=separable, at_bound=at_bound)
+
+
+def _notes(model: MapModel, drive: Drive, predicted: Array) -> tuple[str, ...]:
+    notes = []
+    effort = output_effort(drive, model.load, model.w / drive.ratio, 0.0)
     lost = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
-    if not lost:
-        return ()
-    return (f"the preload does not keep both half nuts in contact at {lost} points: the law does not hold there",)
+    if lost:
+        notes.append(
+            f"the preload does not keep both half nuts in contact at {lost} points: the law does not hold there"
+        )
+    friction = friction_of(drive)
+    if friction.mu <= locking_mu(drive) * (1 + 1e-9):
+        notes.append(
+            "mu is most likely below the least with which the drive locks itself: the value is that least one, the interval "
+            "is not cut there"
+        )
+    worst = float(np.sqrt(np.mean((model.tau - predicted) ** 2)))
+    if worst > BAD * float(np.mean(np.abs(model.tau))):
+        notes.append(
+            f"the law misses the measured means by {worst / float(np.mean(np.abs(model.tau))):.0%} of the torque: are these "
+            "recordings of this drive, with this payload and direction?"
+        )
+    return tuple(notes)
 
 
-def _identified(problem: MapProblem, values: Mapping[str, float], cov: Array) -> Drive:
-    drive = with_parameters(problem.drive, problem.law, {**problem.fixed, **values})
-    table = {a: {b: float(cov[i, j]) for j, b in enumerate(problem.names)} for i, a in enumerate(problem.names)}
+BAD = 0.2
+"""Misfit, as a share of the mean torque, that no drive of this kind shows."""
+
+
+def _identified(model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float) -> Drive:
+    drive = with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
         friction_of(drive),
         mu_static=rest_coefficient(drive),
-        identified_speed=float(np.abs(problem.w).max()),
-        covariance=table,
+        identified_speed=float(np.abs(model.w).max()),
+        covariance=None,
+        posterior=posterior,
     )
-    return replace(drive, friction=friction)
+    rig = None if drive.rig is None else replace(drive.rig, load_offset=offset)
+    return replace(drive, friction=friction, rig=rig)

@@ -10,8 +10,7 @@ from typing import Any
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
-from ssm_planner.identification.estimation import Estimate
-from ssm_planner.identification.fit import MapFit, fit_map
+from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
@@ -32,7 +31,7 @@ class Identification:
     moving: tuple[Recording, ...]
     """The start–stop recordings."""
     load: float
-    """Constant effort on the output, N·m or N."""
+    """Constant effort on the output, an offset that was found included, N·m or N."""
     evidence: str
     """Where the map comes from, in words."""
     file: Path
@@ -67,7 +66,8 @@ class Identification:
             "correlations": {a: dict(zip(fit.correlation_names, map(float, row), strict=True)) for a, row in rows},
             "inseparable": [list(group) for group in fit.inseparable],
             "outliers": [{"recording": n, "distance": d, "weight": w} for n, d, w in fit.outliers],
-            "criterion": {"name": "AICc", "laws": dict(fit.criterion)},
+            "combinations": {name: _estimate(estimate) for name, estimate in fit.combinations.items()},
+            "criterion": {"name": "RMS error on recordings left out, N·m", "laws": dict(fit.criterion)},
             "start_stop": []
             if dynamic is None
             else [
@@ -98,13 +98,13 @@ def identify(
     data, evidence = _map(drive, steady, moving)
     load, inertia = _load(here)
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
-    dynamic = fit_dynamic(fit.drive, moving, load, inertia) if moving else None
+    dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None
     return Identification(
         fit=fit,
         dynamic=dynamic,
         data=data,
         moving=tuple(moving),
-        load=load,
+        load=fit.load,
         evidence=evidence,
         file=find(drive, "drives"),
     )
@@ -119,11 +119,11 @@ def predict(drive: str | Path, recordings: Sequence[str | Path]) -> list[Predict
     here = load_drive(drive)
     if not recordings:
         raise RecordingError("no recording to predict: name files or folders")
-    load, inertia = _load(here)
     found = _read(here, recordings)
     if here.friction is None:
-        here = fit_map(here, _map(drive, [], [])[0], load, reference=_reference(here)).drive
-    return [predict_recording(here, recording, load, inertia) for recording in found]
+        here = fit_map(here, _map(drive, [], [])[0], _load(here)[0], reference=_reference(here)).drive
+    load = 0.0 if here.rig is None else here.rig.load
+    return [predict_recording(here, recording, load, _load(here)[1]) for recording in found]
 
 
 def friction_origin(drive: str | Path) -> str:

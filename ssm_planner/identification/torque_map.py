@@ -22,6 +22,7 @@ from ssm_planner.dynamics.friction import STANDSTILL
 from ssm_planner.errors import RecordingError, SsmPlannerError
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.loading.load import load_drive
+from ssm_planner.problem.posterior import Ripple
 from ssm_planner.typing import Array
 
 FIGURES_HEADER = (
@@ -31,10 +32,15 @@ FIGURES_HEADER = (
     "torque_N_m",
     "velocity_deviation_rad_s",
     "torque_deviation_N_m",
+    "torque_ripple_N_m",
+    "torque_peak_N_m",
     "samples",
 )
 """Columns of a table of figures; speed and torque at the motor, in the drive's positive direction."""
 
+TURN = 2 * np.pi
+HARMONICS = 3
+"""Of the motor's angle, by which torque is taken to repeat."""
 REST_TIME = 0.3
 REST_SAMPLES = 6
 """Readings of zero speed that last this long (s and samples) are rest; shorter ones, motion below the resolution."""
@@ -69,8 +75,28 @@ class TorqueMap:
     tau: Array
     w_deviation: Array
     tau_deviation: Array
+    """RMS of torque − mean."""
     samples: Array
     repairs: tuple[str, ...] = ()
+    ripple: Array | None = None
+    """RMS of the part of the torque that repeats with the motor's angle; NaN where it turns less than twice."""
+    peak: Array | None = None
+    """Largest |torque| less |mean torque|."""
+
+    def spread(self, sign: int) -> Ripple | None:
+        """Ripple and noise of the recordings in one direction (±1); None where they are not known."""
+        here = np.sign(self.w) == sign
+        if self.ripple is None or self.peak is None or not here.any() or not np.all(self.tau_deviation[here] > 0):
+            return None
+        deviation, share = self.tau_deviation[here], self.ripple[here] / self.tau_deviation[here]
+        usual = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
+        ripple = deviation * np.where(np.isfinite(share), share, usual)
+        return Ripple(
+            torque=tuple(np.maximum(np.abs(self.tau[here]), 1e-12)),
+            ripple=tuple(ripple),
+            noise=tuple(np.sqrt(np.maximum(deviation**2 - ripple**2, 0.0))),
+            peak=tuple(np.maximum(self.peak[here], 1e-12)),
+        )
 
 
 def rest_mask(time: Array, w: Array) -> Array:
@@ -128,7 +154,22 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
         tau_deviation=np.array([r.tau.std() for r in order]),
         samples=np.array([len(r.w) for r in order], dtype=float),
         repairs=tuple(repairs),
+        ripple=np.array([_ripple(r) for r in order]),
+        peak=np.array([np.abs(r.tau).max() - abs(r.tau.mean()) for r in order]),
     )
+
+
+def _ripple(recording: Recording) -> float:
+    """RMS of the harmonics of the motor's angle in the torque of steady motion, less what noise would show of them."""
+    angle = np.concatenate([[0.0], np.cumsum(np.diff(recording.time) * (recording.w[1:] + recording.w[:-1]) / 2)])
+    if np.ptp(angle) < 2 * TURN:
+        return float("nan")
+    orders = np.arange(1, HARMONICS + 1)
+    waves = angle[:, None] * orders
+    columns = np.column_stack([np.ones(len(angle)), np.cos(waves), np.sin(waves)])
+    left = recording.tau - columns @ np.linalg.lstsq(columns, recording.tau, rcond=None)[0]
+    noise = float(left @ left) / max(len(angle) - columns.shape[1], 1)
+    return float(np.sqrt(max(np.var(recording.tau) - noise, 0.0)))
 
 
 def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> None:
@@ -140,7 +181,9 @@ def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> 
         writer.writerow(FIGURES_HEADER)
         for rig, m in maps.items():
             for k, name in enumerate(m.names):
-                numbers = (m.w[k], m.tau[k], m.w_deviation[k], m.tau_deviation[k])
+                assert m.ripple is not None
+                assert m.peak is not None
+                numbers = (m.w[k], m.tau[k], m.w_deviation[k], m.tau_deviation[k], m.ripple[k], m.peak[k])
                 writer.writerow([rig, name, *(f"{v:.9g}" for v in numbers), int(m.samples[k])])
 
 
@@ -164,7 +207,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
             row = [float(field) for field in fields[2:]]
         except ValueError as error:
             raise RecordingError(f"{path}:{number}: {error}") from error
-        if len(row) != len(FIGURES_HEADER) - 2 or not np.all(np.isfinite(row)):
+        if len(row) != len(FIGURES_HEADER) - 2 or not np.all(np.isfinite([*row[:4], *row[5:]])):
             raise RecordingError(f"{path}:{number}: {len(FIGURES_HEADER)} finite columns are needed")
         names.append(fields[1])
         rows.append(row)
@@ -175,10 +218,10 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     table = np.array(rows)
     order = np.argsort(table[:, 0], kind="stable")
     table = table[order]
-    columns = dict(
-        zip(("w", "tau", "w_deviation", "tau_deviation", "samples"), np.ascontiguousarray(table.T), strict=True)
+    columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
+    return TorqueMap(
+        names=tuple(names[k] for k in order), **dict(zip(columns, np.ascontiguousarray(table.T), strict=True))
     )
-    return TorqueMap(names=tuple(names[k] for k in order), **columns)
 
 
 @dataclass(frozen=True)

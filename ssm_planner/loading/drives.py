@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drive_geometry import BadGeometry, resolve
 from ssm_planner.loading.faults import located, validated
 from ssm_planner.loading.schema.common import Figure
@@ -13,11 +16,13 @@ from ssm_planner.loading.schema.drive import (
     FrictionModel,
     FrictionRanges,
     LeadScrewModel,
+    PosteriorModel,
     RatingsModel,
     WormModel,
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.drive import Drive, Friction, Ratings, Rig
+from ssm_planner.problem.posterior import Posterior, Ripple
 from ssm_planner.typing import Range
 
 
@@ -125,7 +130,21 @@ def _friction(section: Section, model: FrictionModel | None) -> Friction | None:
     if model.law != "coulomb" and not {"mu_stribeck", "stribeck_speed"} <= values.keys():
         raise here.error(f"the law {model.law} needs mu_stribeck and stribeck_speed", "law")
     with located(here):
-        return Friction(law=model.law, covariance=model.covariance, source=model.source, **values)
+        posterior = None if model.posterior is None else _posterior(model.posterior)
+        return Friction(law=model.law, covariance=model.covariance, posterior=posterior, source=model.source, **values)
+
+
+def _posterior(model: PosteriorModel) -> Posterior:
+    lengths = {len(column) for column in model.draws.values()}
+    if len(lengths) != 1:
+        raise ProblemError(
+            "columns of different lengths", key="posterior.draws", allowed="as many sets of each parameter"
+        )
+    ripples = {
+        way: Ripple(**dict(getattr(model, way))) for way in ("forwards", "backwards") if getattr(model, way) is not None
+    }
+    draws = np.column_stack(list(model.draws.values()))
+    return Posterior(names=tuple(model.draws), draws=draws, scatter=model.scatter, **ripples)
 
 
 def _rig(model: AnyModel) -> Rig | None:
@@ -140,6 +159,7 @@ def _rig(model: AnyModel) -> Rig | None:
         payload_direction=1 if rig.payload_direction == "positive" else -1,
         gravity=rig.gravity,
         direction=rig.direction,
+        load_offset=getattr(rig, "load_offset", 0.0),
         published=published,
     )
 

@@ -180,7 +180,7 @@ class StribeckForms:
     fitted_speed: tuple[float, float]
     """w_s, rad/s."""
     criterion: tuple[float, float]
-    """AICc of the two fits."""
+    """RMS error of the two fits on recordings left out, N·m."""
 
 
 def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:

@@ -237,7 +237,7 @@ class RigResult:
     fits: Mapping[str, MapFit]
     """By law."""
     chosen: str
-    """The law of lowest AICc."""
+    """The law with the smaller error on recordings left out."""
     tested: tuple[Tested, ...] = ()
     left_out: str = ""
     """Why no recording of a moving rig is predicted; empty where one is."""
@@ -248,7 +248,7 @@ class RigResult:
         return self.published.name
 
     def map_nrmsd(self, drive: Drive) -> float:
-        return nrmsd(map_torque(drive, self.data.w, self.rig.F_payload), self.data.tau)
+        return nrmsd(map_torque(drive, self.data.w, _rig(drive).load), self.data.tau)
 
     def parameters(self) -> Iterator[list[str]]:
         """Rows: a parameter, its published value, and for every law its estimate and the difference."""
@@ -298,14 +298,14 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
 
 
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
-    rig, ours = result.rig, result.fits[result.chosen].drive
+    rig, fit = result.rig, result.fits[result.chosen]
     found = read_recordings([folder], nominal_torque=rig.motor_nominal_torque, direction=rig.direction)
     load, inertia = rig.F_payload, rig.payload_inertia
     return tuple(
         Tested(
             recording.name,
             predict_recording(result.published, recording, load, inertia).nrmsd,
-            predict_recording(ours, recording, load, inertia).nrmsd,
+            predict_recording(fit.drive, recording, fit.load, inertia).nrmsd,
             recording.repairs,
         )
         for recording in found
@@ -354,17 +354,17 @@ def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> 
 def _reasons(fit: MapFit, law: str) -> list[str]:
     reasons = []
     if fit.inseparable:
-        groups = " and ".join(", ".join(SYMBOLS[name] for name in group) for group in fit.inseparable)
+        groups = " and ".join(", ".join(SYMBOLS.get(name, "the load") for name in group) for group in fit.inseparable)
         reasons.append(f"with {law} the map gives {groups} only in combination, so that values far apart fit alike")
     if fit.estimates["mu"].at_bound:
-        reasons.append(f"with {law} μ_c sits at the least with which the drive still locks itself")
+        reasons.append(f"with {law} the likeliest μ_c is the least with which the drive still locks itself")
     return reasons
 
 
 def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
     figure = new_figure(9.6, 3.6)
     for axes, result in zip(figure.subplots(1, len(results)), results, strict=True):
-        data, load = result.data, result.rig.F_payload
+        data = result.data
         axes.plot(RPM * data.w, 1e3 * data.tau, "o", color="black", fillstyle="none", markersize=4, label="recordings")
         drives = (
             ("published", result.published, ":", FIFTH),
@@ -375,7 +375,7 @@ def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
             for sign in (1.0, -1.0):
                 side = np.abs(data.w[np.sign(data.w) == sign])
                 w = sign * np.geomspace(side.min(), side.max(), 200)
-                torque = 1e3 * map_torque(drive, w, load)
+                torque = 1e3 * map_torque(drive, w, _rig(drive).load)
                 axes.plot(RPM * w, torque, dash, color=colour, linewidth=1.4, label=label if sign > 0 else None)
         axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
         axes.set_title(result.title, fontsize=SIZE)

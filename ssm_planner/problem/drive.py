@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
+from ssm_planner.problem.posterior import Posterior
 from ssm_planner.problem.value import Names, NotNegative, Positive, Sign, Value
 
 LARGEST_LEAD_ANGLE = math.radians(60)
@@ -42,6 +43,9 @@ class Rig(Value):
     """m/s², positive."""
     direction: Sign = 1
     """The rig's positive motion and torque are direction times the recorded channels."""
+    load_offset: float = 0.0
+    """Constant effort beside the payload that an identification found, N·m (worm) or N (screw); positive opposes positive
+    motion."""
     published: Annotated[Mapping[str, NotNegative], Names((*_PARAMETERS, "preload"))] = field(default_factory=dict)
     """Parameters that others published for this drive, by name in Friction (and preload), SI: for comparison, and the
     reference nearest to which identification settles what its data leave open (it then says so)."""
@@ -51,6 +55,11 @@ class Rig(Value):
         """Part of the output effort F that the payload's weight adds, N·m (worm) or N (screw): positive opposes
         positive motion."""
         return -self.payload_direction * self.payload_mass * self.gravity * (self.payload_arm or 1.0)
+
+    @property
+    def load(self) -> float:
+        """Constant output effort of the rig: payload and load_offset, N·m or N."""
+        return self.F_payload + self.load_offset
 
     @property
     def payload_inertia(self) -> float:
@@ -93,6 +102,9 @@ class Friction(Value):
     identified_speed: Positive | None = None
     """Largest motor speed in the data behind the parameters, rad/s; beyond it friction is extrapolated."""
     covariance: Mapping[str, Mapping[str, float]] | None = None
+    """Of the parameters, as a user states it; SI."""
+    posterior: Posterior | None = None
+    """What an identification leaves open; then there is no covariance."""
     source: str | None = None
 
     def _check(self) -> None:
@@ -102,6 +114,8 @@ class Friction(Value):
             raise self._wrong("mu_lowest", "larger than mu", f"at most mu = {self.mu:g}")
         if self.law != "coulomb" and self.stribeck_speed is None:
             raise self._wrong("law", "this law needs mu_stribeck and stribeck_speed", "both of them, or law: coulomb")
+        if self.covariance is not None and self.posterior is not None:
+            raise self._wrong("covariance", "the posterior says it already", "one of the two", "both")
         for name, unused in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
             if self.law == "coulomb" and getattr(self, name) != unused:
                 raise self._wrong(name, "not a parameter of the coulomb law", "law: stribeck_exponential or …")

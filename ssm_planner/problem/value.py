@@ -34,7 +34,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Shape:
-    """Of an array."""
+    """Of an array; −1: any length."""
 
     shape: tuple[int, ...]
 
@@ -256,9 +256,10 @@ def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
         array = np.array(value)
     except (TypeError, ValueError) as error:
         raise wrong(where, value, allowed) from error
-    if array.dtype.kind not in "iuf" or array.shape != shape or not np.isfinite(array).all():
+    fits = array.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
+    if array.dtype.kind not in "iuf" or not fits or not np.isfinite(array).all():
         raise wrong(where, value, allowed)
-    return frozen(array, shape)
+    return frozen(array, array.shape)
 
 
 @cache

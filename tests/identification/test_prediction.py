@@ -76,7 +76,7 @@ def test_nrmsd_is_scaled_by_the_measured_range():
         nrmsd(measured, np.ones(4))
 
 
-@pytest.mark.parametrize("truth", [(0.20, None, 0.0), (0.20, 1.0, 0.12)])
+@pytest.mark.parametrize("truth", [(0.30, None, 0.0), (0.30, 1.0, 0.12)])
 def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     mu_static, dwell, memory = truth
     drive = identified()
@@ -135,7 +135,12 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
         assert getattr(drive.friction, parameter) == pytest.approx(estimate["value"], rel=1e-6, abs=1e-12)
         assert estimate["low"] <= estimate["value"] <= estimate["high"]
     assert "steady-state recordings" in drive.friction.source
-    assert drive.friction.covariance["mu"]["mu"] > 0
+    assert drive.rig.load == pytest.approx(found.fit.load, rel=1e-6)
+    assert np.array_equal(drive.friction.posterior.draws, found.drive.friction.posterior.draws)
+    for name in drive.friction.posterior.names:
+        low, high = drive.friction.posterior.interval(name)
+        shown = result["parameters"][name]
+        assert (min(low, shown["value"]), max(high, shown["value"])) == (shown["low"], shown["high"])
 
 
 def test_commands_refuse_what_they_cannot_use(tmp_path):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, FiniteFloat, field_validator
+from pydantic import Field as PydanticField
+from pydantic import FiniteFloat, field_validator
 
-from ssm_planner.loading.schema.common import Figure, Model, Text, figure, interval, quantity, wrong
+from ssm_planner.loading.schema.common import Field, Figure, Model, Text, figure, interval, quantity, wrong
 
 Number = Annotated[Figure, figure("number", above=0)]
 Coefficient = Annotated[Figure, figure("number", at_least=0)]
@@ -33,7 +35,7 @@ def _may_be_identified(schema: dict[str, Any]) -> None:
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
 
-_FRICTION: Any = Field(default=None, json_schema_extra=_may_be_identified)
+_FRICTION: Any = PydanticField(default=None, json_schema_extra=_may_be_identified)
 
 
 class WormGeometry(Model):
@@ -63,6 +65,38 @@ class ScrewGeometry(Model):
     """Informational; friction acts at the effective diameter."""
 
 
+def _numbers(value: Any) -> tuple[float, ...]:
+    try:
+        found = tuple(float(word) for word in value.split())
+    except (AttributeError, ValueError):
+        found = ()
+    if not found or not all(map(math.isfinite, found)):
+        raise wrong("not a row of numbers", "finite numbers in SI, separated by spaces")
+    return found
+
+
+Numbers = Annotated[tuple[float, ...], Field(_numbers, {"type": "string"})]
+
+
+class RippleModel(Model):
+    """Torque about its mean in steady motion, N·m: an entry per recording; see posterior.Ripple."""
+
+    torque: Numbers
+    ripple: Numbers
+    noise: Numbers
+    peak: Numbers
+
+
+class PosteriorModel(Model):
+    """What an identification leaves open, SI; see posterior.Posterior."""
+
+    scatter: Annotated[float, quantity("torque", at_least=0)]
+    forwards: RippleModel | None = None
+    backwards: RippleModel | None = None
+    draws: dict[str, Numbers] = PydanticField(min_length=1)
+    """Equally likely values of each parameter."""
+
+
 class FrictionModel(Model):
     """What friction has in common for all drives; see values.Friction."""
 
@@ -78,6 +112,7 @@ class FrictionModel(Model):
     memory: Time | None = None
     identified_speed: MotorSpeed | None = None
     covariance: dict[str, dict[str, FiniteFloat]] | None = None
+    posterior: PosteriorModel | None = None
     source: Text | None = None
 
 
@@ -170,10 +205,12 @@ class RigModel(Model):
 
 class WormRig(RigModel):
     payload_arm: Annotated[float, quantity("length", above=0)]
+    load_offset: Annotated[float, quantity("torque")] = 0.0
     published: WormPublished | None = None
 
 
 class ScrewRig(RigModel):
+    load_offset: Annotated[float, quantity("force")] = 0.0
     published: ScrewPublished | None = None
 
 

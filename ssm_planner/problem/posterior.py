@@ -1,0 +1,105 @@
+"""What recordings leave open about a drive, as values: equally likely sets of friction parameters, ripple and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
+from ssm_planner.typing import Array
+
+CONFIDENCE = 0.95
+LOAD_OFFSET = "load_offset"
+"""A constant effort on the output beside the payload: of the rig, not of the drive."""
+FRICTION_NAMES = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
+"""Parameters of a drive that may be uncertain, by their names in Friction (and preload)."""
+
+
+def interval_of(draws: Array, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Central interval of equally likely values (sets,)."""
+    low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return float(low), float(high)
+
+
+@dataclass(frozen=True, eq=False)
+class Ripple(Value):
+    """How torque departs from its mean in steady motion of one direction, N·m: an entry per recording."""
+
+    torque: tuple[Positive, ...]
+    """|mean torque| of the recording."""
+    ripple: tuple[NotNegative, ...]
+    """RMS of what repeats with the angle of the motor."""
+    noise: tuple[NotNegative, ...]
+    """RMS of the rest."""
+    peak: tuple[Positive, ...]
+    """Largest |torque| beyond the mean."""
+
+    def _check(self) -> None:
+        for name in ("ripple", "noise", "peak"):
+            if not 0 < len(getattr(self, name)) == len(self.torque):
+                raise self._wrong(name, "not one figure for each recording", f"{len(self.torque)} figures, at least 1")
+
+    def draw(self, rng: np.random.Generator, count: int) -> Array:
+        """(count,) departures of single samples, N·m: a harmonic of unknown phase, and noise."""
+        of = rng.integers(len(self.torque), size=count)
+        phase = rng.uniform(0, 2 * np.pi, count)
+        repeating = np.sqrt(2.0) * np.array(self.ripple)[of] * np.sin(phase)
+        return np.asarray(repeating + np.array(self.noise)[of] * rng.standard_normal(count))
+
+    def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
+        """(count,) largest departures of further recordings, N·m: log-normal, its mean and spread themselves uncertain."""
+        logs, n = np.log(self.peak), len(self.peak)
+        if n < 2:
+            return np.full(count, float(self.peak[0]))
+        spread = float(np.std(logs, ddof=1)) * np.sqrt(1 + 1 / n)
+        return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(n - 1, size=count)))
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior(Value):
+    """Sets of friction parameters that recordings make equally likely; SI."""
+
+    names: tuple[str, ...]
+    """Of the columns: parameters of Friction, `preload`, or LOAD_OFFSET."""
+    draws: Annotated[Array, Shape((-1, -1))]
+    """(sets, parameters)."""
+    scatter: NotNegative = 0.0
+    """Standard deviation of the mean torque from one recording to the next, N·m."""
+    forwards: Ripple | None = None
+    """Ripple and noise in positive motion."""
+    backwards: Ripple | None = None
+
+    def _check(self) -> None:
+        known = (*FRICTION_NAMES, LOAD_OFFSET)
+        for name in self.names:
+            if name not in known:
+                raise self._wrong("names", "unknown parameter", ", ".join(known), name)
+        if len(set(self.names)) != len(self.names):
+            raise self._wrong("names", "a parameter is named twice", "each once")
+        if self.draws.shape[1] != len(self.names) or len(self.draws) < 2:
+            raise self._wrong(
+                "draws", "not one column for each name", "two sets of parameters or more", f"shape {self.draws.shape}"
+            )
+        for name, column in zip(self.names, self.draws.T, strict=True):
+            if name != LOAD_OFFSET and column.min() < 0:
+                raise self._wrong("draws", f"friction is not negative: {name}", "0 or more", float(column.min()))
+
+    def column(self, name: str) -> Array:
+        """(sets,) of one parameter."""
+        return np.asarray(self.draws[:, self.names.index(name)])
+
+    def interval(self, name: str, confidence: float = CONFIDENCE) -> tuple[float, float]:
+        """Central interval of one parameter."""
+        return interval_of(self.column(name), confidence)
+
+    def ripple(self, direction: int) -> Ripple | None:
+        """In motion of a direction (±1)."""
+        return self.forwards if direction > 0 else self.backwards
+
+    def values(self, count: int | None = None) -> Mapping[str, Array]:
+        """Parameters by name, (count,) each: the sets one after the other, from the first again where there are too few."""
+        rows = np.arange(len(self.draws) if count is None else count) % len(self.draws)
+        return {name: self.draws[rows, i] for i, name in enumerate(self.names)}
