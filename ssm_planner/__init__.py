@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     )
     from ssm_planner.formats.export import export
     from ssm_planner.identification.dynamic import DynamicFit
-    from ssm_planner.identification.estimation import Estimate
-    from ssm_planner.identification.fit import MapFit
+    from ssm_planner.identification.fit import Estimate, MapFit
     from ssm_planner.identification.identify import Identification, identify, predict
     from ssm_planner.identification.prediction import Prediction
     from ssm_planner.identification.recordings import Recording
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.limits import Limit, SpeedLimit, TaskRange, TaskRate, TipSpeed
     from ssm_planner.problem.motion import Dwell, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
     from ssm_planner.problem.motor import Motor
+    from ssm_planner.problem.posterior import Posterior, Ripple
     from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, Problem, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
     from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
@@ -62,8 +62,8 @@ __all__ = [
     "GeometryError", "Heat", "Identification", "Indices", "Interval", "Joint", "JointLoad", "JointSizing",
     "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion",
     "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
-    "Point", "Positive", "Prediction", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason",
-    "Recording", "RecordingError", "Rig", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing",
+    "Point", "Positive", "Posterior", "Prediction", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason",
+    "Recording", "RecordingError", "Rig", "Ripple", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing",
     "Span", "SpeedLimit", "SsmPlannerError", "Straight", "Task", "TaskLimits", "TaskRange", "TaskRate",
     "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Trajectory",
     "TrajectoryError", "Vector", "Workspace", "check", "compare", "deg", "design_region", "export", "fk",
@@ -79,8 +79,7 @@ _HOMES = {
         "ssm_planner.errors": "ExportError GeometryError ProblemError RecordingError SsmPlannerError TrajectoryError",
         "ssm_planner.formats.export": "export",
         "ssm_planner.identification.dynamic": "DynamicFit",
-        "ssm_planner.identification.estimation": "Estimate",
-        "ssm_planner.identification.fit": "MapFit",
+        "ssm_planner.identification.fit": "Estimate MapFit",
         "ssm_planner.identification.identify": "Identification identify predict",
         "ssm_planner.identification.prediction": "Prediction",
         "ssm_planner.identification.recordings": "Recording",
@@ -96,6 +95,7 @@ _HOMES = {
         "ssm_planner.problem.limits": "Limit SpeedLimit TaskRange TaskRate TipSpeed",
         "ssm_planner.problem.motion": "Dwell Free Joints Line Motion Point Scan Straight Task Tip",
         "ssm_planner.problem.motor": "Motor",
+        "ssm_planner.problem.posterior": "Posterior Ripple",
         "ssm_planner.problem.problem": "Eye Lens Objective Planner Problem TaskLimits",
         "ssm_planner.problem.robot": "Body Geometry Joint Robot",
         "ssm_planner.problem.value": "Count Interval Matrix NotNegative Positive Sign Vector",
