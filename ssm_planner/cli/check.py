@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter, quantity_argument
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show, shown_unit
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -57,11 +57,9 @@ def run(options: argparse.Namespace) -> int:
         resolution=reading.resolution,
     ).with_more(reading.checks)
     progress("done")
-    if options.json:
-        document = {"trajectory": str(options.trajectory), "robot": robot.name, "notes": list(reading.notes)}
-        print_json({**document, **certificate.to_dict()})
-    else:
-        print("\n".join(certificate_lines(certificate, reading.notes, robot)))
+    document = {"trajectory": str(options.trajectory), "robot": robot.name, "notes": list(reading.notes)}
+    document |= certificate.to_dict()
+    show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
     return OK if certificate.passed else FAILED
 
 
@@ -134,7 +132,6 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
     """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
-    from ssm_planner.cli.output import shown_unit
     from ssm_planner.problem.limits import JUMPS
     from ssm_planner.reporting.text import text_table
 
@@ -143,18 +140,9 @@ def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: R
         if limit.name in JUMPS and limit.passed:
             continue
         unit, scale = shown_unit(limit.unit, limit.name)
-        rows.append(
-            (
-                limit.name,
-                limit.joint or "",
-                f"{scale * limit.worst:.6g}",
-                f"{scale * limit.limit:.6g}",
-                unit,
-                f"{100 * limit.margin:+.4f} %",
-                f"{limit.time:.4f}",
-                "" if limit.passed else "EXCEEDED",
-            )
-        )
+        values = f"{scale * limit.worst:.6g}", f"{scale * limit.limit:.6g}", unit
+        margin, mark = f"{100 * limit.margin:+.4f} %", "" if limit.passed else "EXCEEDED"
+        rows.append((limit.name, limit.joint or "", *values, margin, f"{limit.time:.4f}", mark))
     lines = [f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes", ""]
     lines += text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows)
     lines += ["", *(f"note: {note}" for note in notes), *(f"not checked: {what}" for what in certificate.unchecked)]

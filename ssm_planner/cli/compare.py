@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, show, shown_unit
 
 if TYPE_CHECKING:
     from ssm_planner.comparison import AxisComparison
@@ -40,17 +40,13 @@ def run(options: argparse.Namespace) -> int:
         axes.append(compare(plan.motion, plan.robot, plan.certificate, measured))
     progress("done")
     held = all(axis.held for axis in axes)
-    if options.json:
-        document = {"plan": str(options.plan), "held": held, "axes": [axis.to_dict() for axis in axes]}
-        print_json(document)
-    else:
-        print("\n".join(compare_lines(axes)))
+    document = {"plan": str(options.plan), "held": held, "axes": [axis.to_dict() for axis in axes]}
+    show(options.json, document, lambda: compare_lines(axes))
     return OK if held else FAILED
 
 
 def compare_lines(axes: list[AxisComparison]) -> list[str]:
     """Errors of every axis, then its limits in reality beside the planned margins."""
-    from ssm_planner.cli.output import shown_unit
     from ssm_planner.reporting.text import text_table
 
     header = ("axis", "recording", "begins at s", "correlation", "NRMSD position", "speed", "torque")

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.cli.output import OK, print_json, progress_reporter
+from ssm_planner.cli.output import OK, progress_reporter, show
 from ssm_planner.errors import ExportError
 
 FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
@@ -54,14 +54,11 @@ def run(options: argparse.Namespace) -> int:
     given = {name: value for name, value in chosen.items() if value is not None}
     files, manifest = export(options.plan, options.to, options.output, force=options.force, **given)
     progress("done")
-    if options.json:
-        print_json({**manifest, "files": {name: str(path) for name, path in files.items()}})
-        return OK
-    for note in manifest.get("notes", []):
-        print(f"note: {note}")
+    paths = {name: str(path) for name, path in files.items()}
+    lines = [f"note: {note}" for note in manifest.get("notes", [])]
     if not manifest["verified"]:
-        print("UNVERIFIED: the plan has no passed certificate; every file is marked so")
-    print("\n".join(f"file: {path}" for path in files.values()))
+        lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
+    show(options.json, {**manifest, "files": paths}, lambda: [*lines, *(f"file: {path}" for path in paths.values())])
     return OK
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import OK, print_json, progress_reporter
+from ssm_planner.cli.output import OK, progress_reporter, show
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -46,17 +46,14 @@ def run(options: argparse.Namespace) -> int:
     found = identify(options.drive, options.recordings, law=options.law, fixed=fixed, free=tuple(options.free))
     result = {**found.to_dict(), "files": _write(found, options.drive, options.output)}
     progress("done")
-    if options.json:
-        print_json(result)
-    else:
-        print("\n".join(_lines(result)))
+    show(options.json, result, lambda: _lines(result))
     return OK
 
 
 def _write(found: Identification, drive: Path, output: Path | None) -> dict[str, str]:
     """Write the identified drive file and its map; their paths by name. Raises ExportError."""
     from ssm_planner.publishing import publishing
-    from ssm_planner.reporting.figures.drive import map_figure
+    from ssm_planner.reporting.figures.sizing import map_figure
     from ssm_planner.reporting.figures.style import save_figure
 
     path = output or Path("results") / drive.stem / f"{drive.stem}.yaml"

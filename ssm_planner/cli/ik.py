@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, print_json, quantity_argument
+from ssm_planner.cli.output import FAILED, OK, quantity_argument, show
+
+if TYPE_CHECKING:
+    from ssm_planner.kinematics.of_robot import JointSolutions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,16 +32,15 @@ def run(options: argparse.Namespace) -> int:
 
     robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
     found = ik(robot, **point, within_limits=options.within_limits)
-    if options.json:
-        print_json(found.to_dict())
-    else:
-        print("joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges")
-        for q, inside in zip(found.joints, found.in_limits, strict=True):
-            angles = "   ".join(f"{math.degrees(value):11.5f}" for value in q[:3])
-            print(f"{angles}   {1e3 * q[3]:10.4f}   {'yes' if inside else 'no'}")
-        if not found.reachable:
-            print(
-                f"not reachable: the nearest is off by {math.degrees(found.orientation_error):.6g} deg "
-                f"and {1e3 * found.tip_error:.6g} mm"
-            )
+    show(options.json, found.to_dict(), lambda: _lines(found))
     return OK if found.reachable else FAILED
+
+
+def _lines(found: JointSolutions) -> Iterator[str]:
+    yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
+    for q, inside in zip(found.joints, found.in_limits, strict=True):
+        angles = "   ".join(f"{math.degrees(value):11.5f}" for value in q[:3])
+        yield f"{angles}   {1e3 * q[3]:10.4f}   {'yes' if inside else 'no'}"
+    if not found.reachable:
+        off = math.degrees(found.orientation_error), 1e3 * found.tip_error
+        yield f"not reachable: the nearest is off by {off[0]:.6g} deg and {off[1]:.6g} mm"

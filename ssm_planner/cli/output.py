@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 OK, FAILED = 0, 1
@@ -36,9 +36,9 @@ def progress_reporter() -> Callable[[str], None]:
     return report
 
 
-def print_json(document: Any) -> None:
-    """One JSON object on stdout."""
-    print(json.dumps(document, indent=1, allow_nan=False))
+def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
+    """The result on stdout: one JSON document, or lines of text."""
+    print(json.dumps(document, indent=1, allow_nan=False) if as_json else "\n".join(lines()))
 
 
 def shown_unit(unit: str, name: str = "") -> tuple[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,10 +31,6 @@ def run(options: argparse.Namespace) -> int:
         folder = options.output or Path("results") / file_name(problem.name)
         result, files = plan_to_folder(problem, folder, progress, drawer)
     progress("done")
-    if options.json:
-        print_json({**result.summary(), "files": {name: str(path) for name, path in files.items()}})
-    else:
-        print("\n".join(summary_lines(result)))
-        if files:
-            print(f"\nResults: {folder}")
+    document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
+    show(options.json, document, lambda: [*summary_lines(result), *(("", f"Results: {folder}") if files else ())])
     return OK if result.passed else FAILED

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import OK, print_json, progress_reporter
+from ssm_planner.cli.output import OK, progress_reporter, show
 
 if TYPE_CHECKING:
     from ssm_planner.identification.prediction import Prediction
@@ -30,25 +31,23 @@ def run(options: argparse.Namespace) -> int:
         for prediction in predict(options.drive, options.recordings)
     ]
     progress("done")
-    if options.json:
-        print_json(results)
-        return OK
-    for result in results:
-        print(f"{result['recording']:<40}  NRMSD {result['nrmsd']:.4f}   friction from {result['friction']}")
-        if result["contact_lost"]:
-            print("  the preload does not keep both nuts in contact: the law does not hold there")
-        for repair in result["repairs"]:
-            print(f"  repaired: {repair}")
-        for path in result["files"].values():
-            print(f"  figure: {path}")
+    show(options.json, results, lambda: [line for result in results for line in _lines(result)])
     return OK
+
+
+def _lines(result: dict[str, Any]) -> Iterator[str]:
+    yield f"{result['recording']:<40}  NRMSD {result['nrmsd']:.4f}   friction from {result['friction']}"
+    if result["contact_lost"]:
+        yield "  the preload does not keep both nuts in contact: the law does not hold there"
+    yield from (f"  repaired: {repair}" for repair in result["repairs"])
+    yield from (f"  figure: {path}" for path in result["files"].values())
 
 
 def _figures(prediction: Prediction, folder: Path | None) -> dict[str, str]:
     """Write the figure of one recording; its paths by name. Raises ExportError."""
     if folder is None:
         return {}
-    from ssm_planner.reporting.figures.drive import prediction_figure
+    from ssm_planner.reporting.figures.sizing import prediction_figure
     from ssm_planner.reporting.figures.style import save_figure
 
     name = prediction.recording.name.removesuffix(".csv").replace("/", "_")

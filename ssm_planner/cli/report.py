@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssm_planner.cli.output import OK, print_json
+from ssm_planner.cli.output import OK, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,8 +39,6 @@ def run(options: argparse.Namespace) -> int:
         from ssm_planner.reporting.figures.process import write_figures_of_file
 
         files |= write_figures_of_file(plan, options.figures)
-    if options.json:
-        print_json({"files": {name: str(path) for name, path in files.items()}})
-    else:
-        print("\n".join(f"{name}: {path}" for name, path in files.items()))
+    named = {name: str(path) for name, path in files.items()}
+    show(options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()])
     return OK

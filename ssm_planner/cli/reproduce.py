@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +36,7 @@ def run(options: argparse.Namespace) -> int:
     folder = options.output / "paper"
     files = write(document, folder)
     progress("done")
-    if options.json:
-        paths = {name: str(path) for name, path in files.items()}
-        print_json({"passed": document.passed, "left_out": list(document.left_out), "files": paths})
-    else:
-        print("\n".join([*(f"left out: {line}" for line in document.left_out), f"Results: {folder}"]))
+    paths, left_out = {name: str(path) for name, path in files.items()}, document.left_out
+    result = {"passed": document.passed, "left_out": list(left_out), "files": paths}
+    show(options.json, result, lambda: [*(f"left out: {line}" for line in left_out), f"Results: {folder}"])
     return OK if document.passed else FAILED

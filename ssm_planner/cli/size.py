@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import FAILED, OK, print_json, progress_reporter, quantity_argument
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show
 from ssm_planner.errors import ProblemError, TrajectoryError
 
 if TYPE_CHECKING:
@@ -70,10 +70,7 @@ def run(options: argparse.Namespace) -> int:
         lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
     document["files"] = {} if options.output is None else write_results(sizing, document, options.output)
     progress("done")
-    if options.json:
-        print_json(document)
-    else:
-        print("\n".join([*lines, *(f"file: {path}" for path in document["files"].values())]))
+    show(options.json, document, lambda: [*lines, *(f"file: {path}" for path in document["files"].values())])
     return FAILED if sizing.adequate is False else OK
 
 

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import FAILED, OK, print_json, quantity_argument
+from ssm_planner.cli.output import FAILED, OK, quantity_argument, show
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -39,10 +39,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         low, high = sorted(options.reach)
         result = _designs((low, high), options.margin, robot, options.output)
-    if options.json:
-        print_json(result)
-    else:
-        print("\n".join(_lines(result)))
+    show(options.json, result, lambda: _lines(result))
     return OK if result.get("reachable", True) else FAILED
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.functions import call
+from ssm_planner.codegen.vectorised import call
 from ssm_planner.problem.robot import Body, Geometry, Robot
 from ssm_planner.typing import Array
 

@@ -31,7 +31,7 @@ JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] =
 
 def tool_speed(kind: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
     """|J(q) q̇| of joints q and rates qd, (n, 4) each; (n,), SI."""
-    from ssm_planner.codegen.functions import call
+    from ssm_planner.codegen.vectorised import call
 
     return np.asarray(call(_speed(kind, mechanism), q, qd)[0][:, 0])
 

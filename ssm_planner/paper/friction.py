@@ -19,7 +19,7 @@ from ssm_planner.paper.published import DRIVEN, NUMBER, PACKAGE_FRICTION, TABLE_
 from ssm_planner.paper.section import Section, number
 from ssm_planner.problem.drive import Drive, Friction
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
-from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, legend_above, new_figure
 from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 
@@ -196,8 +196,7 @@ def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
         axes.locator_params(axis="x", nbins=5)
         axes.set_title(f"joint {NUMBER[m.joint]} ({m.joint})", fontsize=SIZE)
         finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if m is maps[0] else "")
-    legend = panels[-1].get_legend_handles_labels()
-    figure.legend(*legend, loc="outside upper center", ncols=4, fontsize=SIZE - 1, frameon=False)
+    legend_above(figure, panels[-1], 4, SIZE - 1)
     return figure
 
 

@@ -122,17 +122,8 @@ def _limit_table(plan: Plan) -> list[str]:
         if limit.name in JUMPS:
             continue
         unit, scale = shown(limit.unit)
-        rows.append(
-            (
-                limit.name,
-                limit.joint or "",
-                f"{scale * limit.worst:.5g}",
-                f"{scale * limit.limit:.5g}",
-                unit,
-                f"{100 * limit.margin:+.4f} %",
-                f"{limit.time:.3f}",
-            )
-        )
+        values = f"{scale * limit.worst:.5g}", f"{scale * limit.limit:.5g}", unit
+        rows.append((limit.name, limit.joint or "", *values, f"{100 * limit.margin:+.4f} %", f"{limit.time:.3f}"))
     return text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s"), rows)
 
 
@@ -266,15 +257,8 @@ def _split(sizing: Sizing) -> list[str]:
 
 
 def _candidates(sizing: Sizing) -> list[str]:
-    head = (
-        "joint",
-        "motor",
-        "adequate",
-        "binds",
-        *(name.replace("_", " ") for name in MOTOR_MARGINS),
-        "gear",
-        "winding",
-    )
+    margins_of = (name.replace("_", " ") for name in MOTOR_MARGINS)
+    head = ("joint", "motor", "adequate", "binds", *margins_of, "gear", "winding")
     rows = []
     for verdict in sizing.verdicts:
         margins = {check.name: check for check in verdict.checks}

@@ -23,8 +23,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot
-from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia
-from ssm_planner.simulation.servo import Servo, servo_for, servo_step
+from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, drive_step, moving_inertia, servo_for, servo_step
 from ssm_planner.typing import Array
 
 

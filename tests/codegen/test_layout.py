@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.codegen.functions import Layout
+from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.errors import GeometryError
 
 LAYOUT = Layout(gravity=3, limits=4, scale=1)

@@ -21,7 +21,7 @@ from ssm_planner.identification.prediction import Motion, nrmsd, predict_recordi
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import read_figures, rig_map
 from ssm_planner.loading.load import load_drive
-from ssm_planner.reporting.figures.drive import map_figure, prediction_figure
+from ssm_planner.reporting.figures.sizing import map_figure, prediction_figure
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"

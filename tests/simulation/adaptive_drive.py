@@ -18,8 +18,7 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of, sta
 from ssm_planner.dynamics.transmission import breakaway_torque, mesh_coefficients, output_effort
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
-from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step
-from ssm_planner.simulation.servo import Servo, servo_step
+from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, drive_step, servo_step
 from ssm_planner.typing import Array
 
 Outcome = Literal["unique", "none", "several"]

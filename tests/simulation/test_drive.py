@@ -16,8 +16,7 @@ from ssm_planner.dynamics.forward import always_unique, effective_inertia, motor
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Friction
-from ssm_planner.simulation.drive import NOT_UNIQUE
-from ssm_planner.simulation.servo import Servo, servo_for
+from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, servo_for
 
 sys.path.insert(0, str(Path(__file__).parent))
 from adaptive_drive import (

@@ -14,8 +14,8 @@ from types import SimpleNamespace
 
 import casadi as ca
 
-from ssm_planner.codegen.functions import Layout
 from ssm_planner.codegen.namespace import casadi_namespace
+from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import eye_rows
 from ssm_planner.kinematics.forward import tip_position_symbolic

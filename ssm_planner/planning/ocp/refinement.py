@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.codegen.functions import call
+from ssm_planner.codegen.vectorised import call
 from ssm_planner.planning.ocp.constraints import RowName
 from ssm_planner.planning.ocp.element import DENSE, Aim, ElementModel
 from ssm_planner.planning.ocp.nlp import Guess, InitialPoint, NlpData, NlpSolution, NlpStructure, split

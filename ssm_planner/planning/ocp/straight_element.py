@@ -20,7 +20,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.functions import Layout
+from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.tool_speeds import JACOBIANS, tool_speed
 from ssm_planner.planning.ocp.constraints import (

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.functions import Layout
+from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.element import COLLOCATION, ElementFunctions, ElementModel
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure

@@ -19,17 +19,12 @@ from typing import TYPE_CHECKING
 from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
-from ssm_planner.reporting.figures.style import (
-    drawn,
-    new_panels,
-    save_drawn,
-    save_figure,
-)
+from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
+from ssm_planner.reporting.figures.style import drawn, new_panels, save_drawn, save_figure
 from ssm_planner.sizing.requirements import motor_requirements
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
-from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
 
 PATIENCE = 60.0
 """Seconds after which figures that do not come are drawn by the caller."""
@@ -101,9 +96,6 @@ def serve() -> None:
     """The child: get ready, draw what comes, answer with all of it when nothing more comes."""
     answer = sys.stdout.buffer
     sys.stdout = sys.stderr
-    from ssm_planner.reporting.figures.plan import DRAWN
-    from ssm_planner.reporting.figures.style import drawn
-
     # the first figure of a process loads fonts and half of matplotlib
     warm, panels = new_panels(2.0, 2.0, rows=1, columns=1, edges=(0.5,) * 4, gaps=(0.0, 0.0))
     panels[0, 0].plot([0, 1], label="warm")

@@ -137,3 +137,10 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
     content = b"tEXt" + key.encode("ascii") + b"\0" + text.encode("latin-1")
     chunk = (len(content) - 4).to_bytes(4, "big") + content + crc32(content).to_bytes(4, "big")
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:
+    """The legend of one panel above all of them."""
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns, fontsize=size, frameon=False
+    )

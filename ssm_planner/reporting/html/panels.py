@@ -51,12 +51,8 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     kinds = [(kind, [i for i, joint in enumerate(joints) if joint.kind == kind]) for kind in ("revolute", "prismatic")]
     tool = tool_panels(plan.limits)
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
-    for field, per, limited in (
-        ("q", "", JointPosition),
-        ("qd", "/s", JointVelocity),
-        ("qdd", "/s²", JointAcceleration),
-        ("qddd", "/s³", JointJerk),
-    ):
+    fields = ("q", "", JointPosition), ("qd", "/s", JointVelocity), ("qdd", "/s²", JointAcceleration)
+    for field, per, limited in (*fields, ("qddd", "/s³", JointJerk)):
         for kind, which in kinds:
             if which:
                 unit = ("rad" if kind == "revolute" else "m") + per
@@ -64,9 +60,7 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += split_panels(channels)
-    panels += temperature_panels(
-        channels, {i: joint.motor for i, joint in enumerate(joints) if joint.motor is not None}
-    )
+    panels += temperature_panels(channels, {i: j.motor for i, j in enumerate(joints) if j.motor is not None})
     for panel in panels:
         mark_active(panel, channels)
         in_display_units(panel)
@@ -101,13 +95,10 @@ def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
     """A limit as the page draws it; index: of the colour."""
     low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # a speed is never negative
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
-    if isinstance(limit, TaskRange):
-        # its name says of which coordinate
-        return {
-            **new_limit(limit.name, limit.coordinate, index=index, low=low, high=limit.high, channel=channel),
-            "label": limit.name,
-        }
-    return new_limit(limit.name, limit.joint or "", index=index, low=low, high=limit.high, channel=channel, size=size)
+    of = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
+    line = new_limit(limit.name, of, index=index, low=low, high=limit.high, channel=channel, size=size)
+    # the name of a range says of which coordinate
+    return {**line, "label": limit.name} if isinstance(limit, TaskRange) else line
 
 
 def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
@@ -115,19 +106,10 @@ def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
     for limit in panel["limits"]:
         if limit["channel"] is None:
             continue
-        for start, end, side in active_stretches(
-            channels["t"], channels[limit["channel"]], limit["low"], limit["high"], limit["size"]
-        ):
-            value = limit["high"] if side > 0 else limit["low"]
-            stretch = {
-                "label": limit["label"],
-                "joint": limit["joint"],
-                "start": start,
-                "end": end,
-                "side": side,
-                "value": value,
-            }
-            panel["active"].append(stretch)
+        values, low, high = channels[limit["channel"]], limit["low"], limit["high"]
+        for start, end, side in active_stretches(channels["t"], values, low, high, limit["size"]):
+            stretch = {"start": start, "end": end, "side": side, "value": high if side > 0 else low}
+            panel["active"].append({"label": limit["label"], "joint": limit["joint"], **stretch})
 
 
 def in_display_units(panel: Panel) -> None:
@@ -294,9 +276,8 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
         if rates:
             named = rates[0].name.capitalize() if which == [3] else "Rate: " + ", ".join(r.coordinate for r in rates)
             indices = [TASK.index(rate.coordinate) for rate in rates]
-            panels.append(
-                new_panel("Task coordinates", named, f"{unit}/s", [(f"task_rate{i}", TASK[i], i) for i in indices])
-            )
+            series = [(f"task_rate{i}", TASK[i], i) for i in indices]
+            panels.append(new_panel("Task coordinates", named, f"{unit}/s", series))
             lines = zip(rates, indices, strict=True)
             panels[-1]["limits"] = [limit_line(rate, i, f"task_rate{i}") for rate, i in lines]
     for kind in limited_speeds(limits):
