@@ -11,13 +11,13 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joint_rates
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.limits import TASK, Direction, JointAcceleration, JointVelocity
+from ssm_planner.problem.limits import TASK, Direction, JointAcceleration, JointPosition, JointVelocity
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Joint
 from ssm_planner.typing import Array
+from ssm_planner.units import shown
 
 SAMPLES = 201
-UNITS = {"revolute": ("deg", 180 / np.pi), "prismatic": ("mm", 1e3)}
 TOLERANCE = 1 + 1e-9
 """Factor by which a speed or acceleration may exceed its limit."""
 
@@ -74,13 +74,14 @@ def _too_fast(problem: Problem, phase: Phase, key: str, qd: Array, step: Array) 
     """A joint that would be faster than its limit, or move against its way in a free motion; step (4,): that way."""
     place = f"{phase.motion.name}, {key.replace('_', ' ')}"
     for i, joint in enumerate(problem.robot.joints):
-        unit, scale = UNITS[joint.kind]
+        limit = joint.limit(JointVelocity)
+        unit, scale = shown(limit.unit)
         if abs(qd[i]) > joint.velocity * TOLERANCE:
             text = (
-                f"joint {joint.name} would move at {scale * abs(qd[i]):.4g} {unit}/s, its limit is "
-                f"{scale * joint.velocity:.4g} {unit}/s ({place})"
+                f"joint {joint.name} would move at {scale * abs(qd[i]):.4g} {unit}, its limit is "
+                f"{scale * limit.largest:.4g} {unit} ({place})"
             )
-            return Reason(joint.limit(JointVelocity), place, float(abs(qd[i])), joint.velocity, text)
+            return Reason(limit, place, float(abs(qd[i])), limit.largest, text)
         if phase.path is None and qd[i] * np.sign(step[i]) <= 0 and qd[i] != 0:
             text = (
                 f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
@@ -105,7 +106,7 @@ def _too_near(problem: Problem, phase: Phase) -> Reason | None:
 
 
 def _no_room(phase: Phase, joint: Joint, way: float, speeds: tuple[float, float], needed: float) -> Reason:
-    unit, scale = UNITS[joint.kind]
+    unit, scale = shown(joint.limit(JointPosition).unit)
     begin, end = (scale * abs(speed) for speed in speeds)
     text = (
         f"joint {joint.name} has {scale * way:.4g} {unit} to go from {begin:.4g} to {end:.4g} {unit}/s: that takes "

@@ -181,6 +181,8 @@ class Between(Limit):
 class JointLimit(Symmetric):
     """|value| ≤ largest, of one joint or its motor."""
 
+    field: ClassVar[str]
+    """Where a Joint holds it."""
     of: str
     """Name of the joint."""
     largest: Positive
@@ -194,6 +196,9 @@ class JointLimit(Symmetric):
     @property
     def words(self) -> str:
         return f"{self.name} limit of joint {self.of} of"
+
+    def on(self, problem: P) -> P:
+        return _with_joint(problem, self.of, **{self.field: self.largest})
 
 
 @dataclass(frozen=True)
@@ -222,68 +227,65 @@ class JointPosition(Between):
 class JointVelocity(JointLimit):
     """|q̇| of one joint, rad/s or m/s."""
 
-    name = "velocity"
+    name = field = "velocity"
     order = 1
 
     def trials(self) -> tuple[float, ...]:
         return (2 * self.largest,)
-
-    def on(self, problem: P) -> P:
-        return _with_joint(problem, self.of, velocity=self.largest)
 
 
 @dataclass(frozen=True)
 class JointAcceleration(JointLimit):
     """|q̈| of one joint, rad/s² or m/s²."""
 
-    name = "acceleration"
+    name = field = "acceleration"
     order = 2
 
     def enough(self, needed: float) -> float:
         return max(needed, self.largest) * (1 + TO_MOVE)
-
-    def on(self, problem: P) -> P:
-        return _with_joint(problem, self.of, acceleration=self.largest)
 
 
 @dataclass(frozen=True)
 class JointJerk(JointLimit):
     """Third derivative of one joint's position, by magnitude, rad/s³ or m/s³."""
 
-    name = "jerk"
+    name = field = "jerk"
     order = 3
 
+
+class MotorLimit(JointLimit):
+    """|value| ≤ largest, of a joint's motor, which holds it under `field`."""
+
+    @property
+    def words(self) -> str:
+        return f"largest {self.name} of joint {self.of} of"
+
     def on(self, problem: P) -> P:
-        return _with_joint(problem, self.of, jerk=self.largest)
+        motor = _joint(problem, self.of).motor
+        if motor is None:
+            raise ProblemError(f"joint {self.of} has no motor")
+        # a largest torque below the nominal one may be tried
+        return _with_joint(problem, self.of, motor=unchecked(motor, **{self.field: self.largest}))
 
 
 @dataclass(frozen=True)
-class MotorSpeed(JointLimit):
+class MotorSpeed(MotorLimit):
     """Speed of one joint's motor by magnitude, rad/s."""
 
     name = "motor speed"
+    field = "max_speed"
     order = 1
     unit = "rad/s"
 
-    @property
-    def words(self) -> str:
-        return f"largest motor speed of joint {self.of} of"
-
-    def on(self, problem: P) -> P:
-        return _with_motor(problem, self.of, max_speed=self.largest)
-
 
 @dataclass(frozen=True)
-class MotorTorque(JointLimit):
+class MotorTorque(MotorLimit):
     """Of the shaft, at every instant, breaking away included."""
 
     name = "motor torque"
+    field = "max_torque"
     order = 2
     unit = "N·m"
-
-    @property
-    def words(self) -> str:
-        return f"largest motor torque of joint {self.of} of"
 
     def enough(self, needed: float) -> float:
         return max(needed, self.largest) * (1 + TO_MOVE)
@@ -291,15 +293,13 @@ class MotorTorque(JointLimit):
     def trials(self) -> tuple[float, ...]:
         return (2 * self.largest,)
 
-    def on(self, problem: P) -> P:
-        return _with_motor(problem, self.of, max_torque=self.largest)
-
 
 @dataclass(frozen=True)
-class ContinuousTorque(JointLimit):
+class ContinuousTorque(MotorLimit):
     """Of the root mean square of the motor torque over a motion."""
 
     name = "continuous torque"
+    field = "nominal_torque"
     order = 2
     unit = "N·m"
 
@@ -309,9 +309,6 @@ class ContinuousTorque(JointLimit):
 
     def tightened(self: S, worst: float, bound: float) -> S | None:
         return None
-
-    def on(self, problem: P) -> P:
-        return _with_motor(problem, self.of, nominal_torque=self.largest)
 
 
 @dataclass(frozen=True)
@@ -624,6 +621,8 @@ class Jump(JointLimit):
     derivative: int = 0
     """0, 1 or 2."""
 
+    on = Limit.on
+
     def tightened(self: S, worst: float, bound: float) -> S | None:
         return None
 
@@ -756,14 +755,6 @@ def _with_joint(problem: P, name: str, **changes: Any) -> P:
     changed = replace(_joint(problem, name), **changes)
     joints = tuple(changed if joint.name == name else joint for joint in whole.robot.joints)
     return _replaced(problem, robot=replace(whole.robot, joints=joints))
-
-
-def _with_motor(problem: P, name: str, **changes: Any) -> P:
-    motor = _joint(problem, name).motor
-    if motor is None:
-        raise ProblemError(f"joint {name} has no motor")
-    # a motor tried with a largest torque below its nominal one is no mistake
-    return _with_joint(problem, name, motor=unchecked(motor, **changes))
 
 
 def _with_own(problem: P, limit: Limit) -> P:

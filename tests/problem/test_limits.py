@@ -262,3 +262,8 @@ def test_a_new_limit_on_a_speed_of_the_tool_takes_two_places_of_code(kind: str, 
     assert found["worst"] == pytest.approx(1.0, abs=1e-5)
     assert 0.9 < found["tightened"] < 1
     assert found["in words"] == "axis speed of 34.3775 deg/s instead of 17.1887 deg/s"
+
+
+def test_a_jump_has_no_place_in_a_problem(tilt_insert: Problem) -> None:
+    with pytest.raises(ProblemError, match="position jump cannot be set"):
+        Jump("roll", 1e-6).on(tilt_insert)
