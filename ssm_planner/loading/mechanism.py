@@ -3,15 +3,81 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, Literal
 
 import numpy as np
 
+from ssm_planner import units
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.faults import located
-from ssm_planner.loading.schema.robot import BodyModel, GeometryModel, InertiaModel
+from ssm_planner.loading.schema.common import Axis, Field, Model, Text, quantity, vector, wrong
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.robot import SMALLEST_ANGLE, Body, Geometry, frozen, possible, principal_moments, unit_vector
 from ssm_planner.typing import Array
+
+
+def _rotations(value: object) -> tuple[tuple[str, float], ...]:
+    allowed = "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 deg]"
+    if not isinstance(value, list):
+        raise wrong("not a chain of rotations", allowed)
+    chain = []
+    for part in value:
+        axis, _, angle = part.strip().partition(" ") if isinstance(part, str) else ("", "", "")
+        if axis not in ("x", "y", "z"):
+            raise wrong(f"{part!r} does not start with x, y or z", allowed)
+        try:
+            chain.append((axis, units.quantity(angle, "angle")))
+        except units.BadQuantity as error:
+            raise wrong(error.reason, error.allowed) from None
+    return tuple(chain)
+
+
+Rotations = Annotated[tuple[tuple[str, float], ...], Field(_rotations, {"type": "array", "items": {"type": "string"}})]
+
+
+class AxesModel(Model):
+    """Unit vectors in the base frame at q = 0."""
+
+    joint1: Axis
+    joint2: Axis
+    joint3: Axis
+
+
+class GeometryModel(Model):
+    """Axes, or angles."""
+
+    axes: AxesModel | None = None
+    alpha: Annotated[float, quantity("angle", above=0)] | None = None
+    beta: Annotated[float, quantity("angle", above=0)] | None = None
+    home_tilt: Annotated[float, quantity("angle")] | None = None
+    home_roll: Annotated[float, quantity("angle")] | None = None
+    insertion: Literal["negative", "positive"]
+    """Direction of joint 4 that moves the tool inwards."""
+    tool_home: Rotations | None = None
+    """Base to tool at q = 0; by default the last body's frame."""
+
+
+class InertiaModel(Model):
+    """About the origin of the body frame."""
+
+    xx: Annotated[float, quantity("inertia", at_least=0)]
+    yy: Annotated[float, quantity("inertia", at_least=0)]
+    zz: Annotated[float, quantity("inertia", at_least=0)]
+    yz: Annotated[float, quantity("inertia")] = 0.0
+    xz: Annotated[float, quantity("inertia")] = 0.0
+    xy: Annotated[float, quantity("inertia")] = 0.0
+
+
+class BodyModel(Model):
+    """See problem/robot.Body; frame is relative to the previous body at q = 0."""
+
+    name: Text
+    mass: Annotated[float, quantity("mass", at_least=0)]
+    com: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (0.0, 0.0, 0.0)
+    inertia: InertiaModel | None = None
+    products_of_inertia: Literal["cad", "tensor"] | None = None
+    frame: Rotations
+
 
 BETA_TOLERANCE = math.radians(0.5)
 

@@ -8,10 +8,9 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ssm_planner.loading.faults import located, validated
+from ssm_planner.loading.problems import JointValues
 from ssm_planner.loading.robots import robot_from
-from ssm_planner.loading.schema.common import Model, Part, Text, model_of, quantity
-from ssm_planner.loading.schema.problem import Joints
-from ssm_planner.loading.schema.robot import Reference
+from ssm_planner.loading.schema.common import Model, Part, Reference, Text, model_of, quantity
 from ssm_planner.loading.shipped import find
 from ssm_planner.loading.yaml_nodes import Section, follow, read
 from ssm_planner.problem.motorisation import Motorisation, Stroke
@@ -42,7 +41,7 @@ class MotorisationModel(Model):
     name: Text | None = None
     source: Text | None = None
     robot: Reference
-    held: Joints = (0.0, 0.0, 0.0, 0.0)
+    held: JointValues = (0.0, 0.0, 0.0, 0.0)
     back_and_forth: Annotated[list[RunModel], Field(min_length=1, max_length=100)]
 
 

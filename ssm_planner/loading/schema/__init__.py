@@ -1,4 +1,4 @@
-"""What the files may say: strict pydantic models, one module per kind of file."""
+"""What the files may say: strict pydantic models, which stand beside what reads them, and their JSON schema."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ def json_schema(file: Literal["problem", "robot", "drive", "motor", "motorisatio
 
     from ssm_planner.loading.motorisation import MotorisationModel
     from ssm_planner.loading.motors import MotorModel
+    from ssm_planner.loading.problems import ProblemModel
+    from ssm_planner.loading.robots import RobotModel
     from ssm_planner.loading.schema.drive import AntibacklashScrewModel, LeadScrewModel, WormModel
-    from ssm_planner.loading.schema.problem import ProblemModel
-    from ssm_planner.loading.schema.robot import RobotModel
 
     models: dict[str, Any] = {
         "problem": ProblemModel,

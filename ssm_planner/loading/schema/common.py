@@ -204,6 +204,16 @@ def _axis(value: object) -> tuple[float, ...]:
 Axis = Annotated[tuple[float, ...], Field(_axis, {"type": "array", "items": {"type": "number"}})]
 
 
+def _reference(value: object) -> Any:
+    if isinstance(value, dict) or (isinstance(value, str) and value.strip()):
+        return value
+    raise wrong("neither a file name nor a mapping", "a file, relative to this one, or the file's content")
+
+
+_REFERENCE = {"anyOf": [{"type": "string", "description": "a file, relative to this one"}, {"type": "object"}]}
+Reference = Annotated[Any, Field(_reference, _REFERENCE)]
+
+
 def _bounded(kind: str, above: float | None, at_least: float | None) -> Callable[[object], float]:
     def read(value: object) -> float:
         result = units.number(value) if kind == "number" else units.quantity(value, kind)

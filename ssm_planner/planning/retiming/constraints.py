@@ -142,9 +142,8 @@ class PathLimits:
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
         load = PathLoad.along(RigidBody.from_robot(robot), samples)
-        return cls(
-            robot, samples, load, signs[interval], _speed_ceiling(path, samples, robot, limits), path.starts(samples)
-        )
+        ceiling = _speed_ceiling(path, samples, robot, limits)
+        return cls(robot, samples, load, directions=signs[interval], ceiling=ceiling, starts=path.starts(samples))
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
         """Rows for the joints' accelerations and the motors' torques.
