@@ -1,14 +1,26 @@
-"""The smallest change of one limit that makes a problem solvable, found by trying."""
+"""The smallest change of one limit, or of several together, that makes a problem solvable, found by trying."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.limits import ContinuousTorque, JointVelocity, Limit, MotorTorque
+from ssm_planner.problem.limits import (
+    ContinuousTorque,
+    Direction,
+    Duration,
+    JointAcceleration,
+    JointVelocity,
+    Limit,
+    MotorTorque,
+)
+from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
+from ssm_planner.units import shown
 
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """By how much a relaxation that is needed at least is enlarged until a motion is found."""
@@ -17,8 +29,18 @@ BARELY = 1e-6
 """Share by which a relaxation goes beyond the value that is needed, so that rounding does not spoil it."""
 SHARES = (0.1, 1.0)
 """By how much limits are relaxed one by one where it is not known which one stands in the way."""
+TOGETHER = 4
+"""Most limits that are relaxed together, where one after the other stands in the way."""
 PATIENCE = 4.0
 """Process time after which no other relaxation is tried, s."""
+PACES = (2.5, 5.0)
+"""Times the duration in which a motion that runs too warm is tried."""
+PAUSES = (1.0, 1.5, 3.0)
+"""Times the pause that one motor needs to cool; others may need more."""
+RATES = (1.0, 0.9, 0.7, 0.5, 0.25, 0.0)
+"""Shares of the rate that a joint can have which are tried at an end."""
+OF_RATES = (JointVelocity.name, JointAcceleration.name, Direction.name)
+"""Limits in whose way the rates at the two ends are."""
 
 Attempt = Callable[[Problem], "float | Reason"]
 """Duration of a certified plan, or why there is none."""
@@ -38,8 +60,8 @@ class Relaxation:
         return self.limit.bound(self.needed)
 
     def value(self, share: float) -> float:
-        """The value that lies so far on the way from `present` to `needed`."""
-        return self.present + share * (self.needed - self.present)
+        """The value, as it is printed, that lies so far on the way from `present` to `needed`."""
+        return self.limit.rounded(self.present + share * (self.needed - self.present))
 
     def problem(self, value: float) -> Problem:
         """The problem with the limit at a value. Raises ValueError where the limit cannot stand there."""
@@ -47,6 +69,51 @@ class Relaxation:
         if relaxed is None:
             raise ValueError(f"no {self.limit.name} of {value}")
         return relaxed.on(self.base)
+
+    def described(self, value: float) -> str:
+        """In words."""
+        return self.limit.described(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Pause(Relaxation):
+    """A dwell at the end, in which motors cool; its value is in s."""
+
+    present = 0.0
+
+    def problem(self, value: float) -> Problem:
+        whole = None if self.base.duration is None else self.base.duration + value
+        return replace(self.base, motion=(*self.base.motion, Dwell(value, "pause")), duration=whole)
+
+    def described(self, value: float) -> str:
+        return f"a dwell of {value:.6g} s at the end"
+
+
+@dataclass(frozen=True, eq=False)
+class LessRate(Relaxation):
+    """Rates at one end of everything, all of them less by one factor, which is the value."""
+
+    end: Literal["start_rate", "end_rate"] = "start_rate"
+    present = 1.0
+
+    @property
+    def rates(self) -> Mapping[str, float]:
+        """What is asked for, by task coordinate."""
+        return self.base.start_rate if self.end == "start_rate" else self.base.end_rate
+
+    def problem(self, value: float) -> Problem:
+        less = {name: value * rate for name, rate in self.rates.items()}
+        return replace(self.base, start_rate=less) if self.end == "start_rate" else replace(self.base, end_rate=less)
+
+    def described(self, value: float) -> str:
+        return f"{self.end} of {self._text(value)} instead of {self._text(1.0)}"
+
+    def _text(self, share: float) -> str:
+        words = []
+        for name, rate in self.rates.items():
+            unit, scale = shown("m/s" if name == "depth" else "rad/s")
+            words.append(f"{name}: {share * rate * scale:.12g} {unit}")
+        return "{" + ", ".join(words) + "}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +123,10 @@ class Cure:
     relaxation: Relaxation
     value: float
     outcome: float | Reason
+    before: tuple[str, ...] = ()
+    """What is relaxed beside it, in words."""
+    others: tuple[Cure, ...] = ()
+    """Other cures that work, each alone."""
 
     @property
     def works(self) -> bool:
@@ -67,28 +138,48 @@ class Cure:
         return self.relaxation.problem(self.value)
 
     @property
+    def words(self) -> str:
+        """What is relaxed."""
+        return self.relaxation.described(self.value)
+
+    @property
     def text(self) -> str:
-        words = self.relaxation.limit.described(self.value)
+        """What is relaxed, that it was tried, and what came of it."""
         if isinstance(self.outcome, Reason):
-            return f"{words}: tried, still infeasible alone: {self.outcome.message}"
-        return f"{words}: tried, takes {self.outcome:.4g} s"
+            own = f"{self.words}: tried, still infeasible alone: {self.outcome.message}"
+        else:
+            together = " together" if self.before else ""
+            own = f"{' and '.join((*self.before, self.words))}: tried{together}, takes {self.outcome:.4g} s"
+        return "; or ".join((own, *(other.text for other in self.others)))
 
 
-def search(problem: Problem, reason: Reason, attempt: Attempt, patience: float = PATIENCE) -> Cure | None:
-    """The smallest change of one limit with which a motion was found, or why that of the limit in the reason is not enough.
+def search(
+    problem: Problem, reason: Reason, attempt: Attempt, duration: float | None = None, patience: float = PATIENCE
+) -> Cure | None:
+    """The smallest change of one limit, or of several together, with which a motion was found, and other cures.
 
-    None where nothing that was tried gave a motion. patience: process time after which no other attempt is begun, s.
+    Where none is found, why that of the limit in the reason is not enough; None where nothing that was tried gave a motion.
+    Every value is tried as it is printed. duration: of the motion in which a limit was found exceeded, s. patience: process
+    time after which no other attempt is begun, s.
     """
     # the fastest motion is found soonest, but runs warmer than the one asked for
     quick = problem.objective == "time then heat" and not isinstance(reason.limit, ContinuousTorque)
-    fast = replace(problem, objective="time") if quick else problem
-    known = relaxation_for(fast, reason)
     begin = time.process_time()
 
     def patient() -> bool:
         return time.process_time() - begin < patience
 
-    return _any(fast, attempt, patient) if known is None else _least(known, attempt, patient)
+    def tried(changed: Problem) -> float | Reason:
+        outcome = attempt(replace(changed, objective="time")) if quick else attempt(changed)
+        return attempt(changed) if quick and isinstance(outcome, float) else outcome
+
+    known = relaxation_for(problem, reason)
+    cure = _any(problem, tried, patient) if known is None else _together(known, tried, patient)
+    others = tuple(_others(problem, reason, duration, tried, patient))
+    working = [each for each in (cure, *others) if each is not None and each.works]
+    if not working:
+        return cure
+    return replace(working[0], others=tuple(working[1:]))
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
@@ -114,6 +205,24 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
             yield Relaxation(problem, limit, value)
 
 
+def _together(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
+    """The least value of one relaxation, and of others too while another limit then stands in the way."""
+    first = cure = _least(relaxation, attempt, patient)
+    before: dict[tuple[Any, ...], str] = {}
+    for _ in range(TOGETHER - 1):
+        if cure is None or not isinstance(cure.outcome, Reason) or not patient():
+            break
+        limit = cure.relaxation.limit
+        before[limit.key, cure.value < limit.bound(cure.value)] = cure.words
+        following = relaxation_for(cure.problem, cure.outcome)
+        cure = None if following is None else _least(following, attempt, patient)
+    if cure is None or not cure.works:
+        return first
+    limit = cure.relaxation.limit
+    before.pop((limit.key, cure.value < limit.bound(cure.value)), None)
+    return replace(cure, before=tuple(before.values()))
+
+
 def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
     """The least value of one relaxation with which there is a motion, to a few per cent of the way beyond `needed`."""
 
@@ -128,7 +237,7 @@ def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]
     short = 0.0
     for growth in growths:
         found = cure(growth)
-        if found.works or not patient():
+        if found.works or not patient() or _is_enough(found):
             break
         short = growth
     for _ in range(HALVINGS if short and found.works else 0):
@@ -142,6 +251,17 @@ def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]
     return found
 
 
+def _is_enough(cure: Cure) -> bool:
+    """Another limit, or the other end of its range, stands in the way then: no more of this one helps."""
+    if not isinstance(cure.outcome, Reason) or cure.outcome.limit is None:
+        return False
+    following = relaxation_for(cure.problem, cure.outcome)
+    if following is None or following.limit.key != cure.relaxation.limit.key:
+        return following is not None
+    upwards = following.needed > following.present
+    return upwards != (cure.value > cure.relaxation.present)
+
+
 def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
     """The relaxation by the smallest share, of all limits one by one."""
     for share in SHARES:
@@ -153,3 +273,52 @@ def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cur
             if found.works:
                 return found
     return None
+
+
+def _others(
+    problem: Problem, reason: Reason, duration: float | None, attempt: Attempt, patient: Callable[[], bool]
+) -> Iterator[Cure]:
+    """Cures that move no limit: of each kind the first of its values that gives a motion."""
+    for relaxation, values in _other_relaxations(problem, reason, duration):
+        for value in values:
+            if not patient():
+                return
+            found = Cure(relaxation, value, attempt(relaxation.problem(value)))
+            if found.works:
+                yield found
+                break
+
+
+def _other_relaxations(
+    problem: Problem, reason: Reason, duration: float | None
+) -> Iterator[tuple[Relaxation, tuple[float, ...]]]:
+    """What else may be tried, with its values: more time for motors that get too warm, less of the rates at an end."""
+    limit, required, available = reason.limit, reason.required, reason.available
+    if limit is None or required is None or available is None:
+        return
+    if isinstance(limit, ContinuousTorque) and duration is not None:
+        pause = duration * ((required / available) ** 2 - 1)
+        if not problem.end_rate:
+            yield Pause(problem, limit, pause), tuple(_up(each * pause) for each in PAUSES)
+        if any(entry.duration is None for entry in problem.motion):
+            slower = Relaxation(problem, Duration(duration), duration)
+            yield slower, tuple(_up(each * duration) for each in PACES)
+    if limit.name in OF_RATES:
+        possible = min(available / required, 1.0) if required > available > 0 else 0.0
+        for end in ("start_rate", "end_rate"):
+            relaxation = LessRate(problem, limit, possible, end)
+            if relaxation.rates:
+                yield relaxation, tuple(dict.fromkeys(_down(each * possible) for each in RATES))
+
+
+def _up(value: float) -> float:
+    """Rounded up to three digits."""
+    return -_down(-value)
+
+
+def _down(value: float) -> float:
+    """Rounded down to three digits."""
+    if value == 0.0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 2)
+    return round(math.floor(value / unit) * unit, 12)

@@ -40,7 +40,8 @@ def plan(
     planned, certificate, reason = _attempt(problem, progress, found)
     if reason is not None:
         progress("looking for a relaxation")
-        cure = search(problem, reason, _duration_or_reason)
+        duration = None if planned.trajectory is None else planned.trajectory.duration
+        cure = search(problem, reason, _duration_or_reason, duration)
         reason = reason if cure is None else replace(reason, relaxation=cure.text)
     return Plan(
         problem=problem,

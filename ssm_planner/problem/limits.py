@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import Any, ClassVar, TypeVar
 
 from ssm_planner.errors import ProblemError
@@ -17,6 +18,10 @@ TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
 TIGHTENING = 1.5
 """Tightening per excess found."""
+DIGITS = 6
+"""Of a value in words."""
+ROUNDING = 1e-12
+"""Share by which a value differs from itself in another unit."""
 TO_MOVE = 5e-3
 """Share of a torque or an acceleration beyond what is needed at least: with none the motion creeps, or is the only one."""
 
@@ -116,6 +121,11 @@ class Limit(Value, ABC):
     def words(self) -> str:
         """Begins the sentence that `described` makes."""
         return f"{self.name} of"
+
+    def rounded(self, value: float) -> float:
+        """A value beyond the bound as `described` prints it, rounded so that it allows no less."""
+        _, scale = shown("" if self.unit == "μ" else self.unit)
+        return _outwards(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
         """In words: this limit moved to `value`, and where it stands."""
@@ -545,6 +555,10 @@ class LensClearance(Limit):
         # an axis that passes through the lens does so however thin the shaft
         return None if value <= 1 else replace(self, shaft_radius=min(self.shaft_radius, self._radius(value)))
 
+    def rounded(self, value: float) -> float:
+        scale = shown("m")[1] * self.thickness
+        return 1 + _outwards(scale * (value - 1), scale * (self.low - 1)) / scale
+
     def described(self, value: float) -> str:
         return f"radius of the shaft of {_text(self._radius(value), 'm')} instead of {_text(self.shaft_radius, 'm')}"
 
@@ -590,7 +604,7 @@ class Duration(Limit):
 
     def on(self, problem: P) -> P:
         whole: Any = problem
-        if whole.duration is not None:
+        if whole.duration is not None or self.motion is None:
             return _replaced(problem, duration=self.largest)
         asked = self.asked or self.largest
         short = [m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion]
@@ -723,9 +737,19 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
     return found
 
 
+def _outwards(value: float, bound: float) -> float:
+    """A value rounded to DIGITS, away from the bound."""
+    nearest = float(f"{value:.{DIGITS}g}")
+    if not math.isfinite(value) or math.isclose(value, nearest, rel_tol=ROUNDING):
+        return nearest
+    exact = Decimal(value)
+    rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
+    return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), rounding=rounding))
+
+
 def _text(value: float, unit: str) -> str:
     name, scale = shown("" if unit == "μ" else unit)
-    return f"{scale * value:.6g} {name}".rstrip()
+    return f"{scale * value:.{DIGITS}g} {name}".rstrip()
 
 
 def _coordinate(limit: Limit, name: str) -> None:

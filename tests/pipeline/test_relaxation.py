@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +11,11 @@ import pytest
 
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.relaxation import relaxation_for
-from ssm_planner.pipeline.run import _exceeded
-from ssm_planner.problem.limits import Limit, RetinaClearance
+from ssm_planner.pipeline.run import _exceeded, plan
+from ssm_planner.problem.limits import LensClearance, Limit, RetinaClearance, SelfLocking
+from ssm_planner.problem.motion import Dwell
+from ssm_planner.problem.problem import Problem
+from ssm_planner.units import shown
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 PROBLEM = load_problem(Path(__file__).parents[2] / "problems/eye_approach.yaml")
@@ -46,3 +51,83 @@ def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
     found = relaxation_for(PROBLEM, _exceeded(PROBLEM, certificate(clearance, kept, clearance.clearance)))
     assert found is not None
     assert (found.needed, found.present) == (kept, clearance.clearance)
+
+
+@pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.key}")
+@pytest.mark.parametrize("beyond", [0.12345678, 1.2345612, 12.3456789])
+def test_a_value_is_tried_as_it_is_printed(limit: Limit, beyond: float) -> None:
+    """Rounded so that no less is allowed than what was asked for."""
+    bound = limit.low if limit.is_floor else limit.high
+    asked = bound + (-1e-3 if limit.is_floor else 1) * beyond * (abs(bound) or 1.0)
+    value = limit.rounded(asked)
+    assert limit.described(value) == limit.described(limit.rounded(value))
+    assert value <= asked * (1 + 1e-12) if limit.is_floor else value >= asked * (1 - 1e-12)
+    assert value == pytest.approx(asked, rel=1e-4)
+    printed = limit.described(value).split(" instead")[0]
+    number = float(next(word for word in reversed(printed.split()) if word[-1].isdecimal()))
+    if not isinstance(limit, (LensClearance, SelfLocking)):
+        assert number == pytest.approx(shown(limit.unit)[1] * value, rel=1e-14)
+
+
+def typed_in(text: str) -> float:
+    """The value in a relaxation, as a reader types it."""
+    words = text.split(" instead")[0].split()
+    return float(words[-2])
+
+
+def test_the_range_that_is_printed_plans_when_it_is_typed_in(tilt_insert: Problem) -> None:
+    """Both ends of joint roll's range are in the way: each alone does not do."""
+    joints = tilt_insert.robot.joints
+    narrow = replace(joints[0], position=(-np.radians(45), np.radians(45)))
+    problem = replace(tilt_insert, robot=replace(tilt_insert.robot, joints=(narrow, *joints[1:])), objective="time")
+    reason = plan(problem).reason
+    assert reason is not None
+    assert reason.relaxation is not None
+    lower, upper = (np.radians(typed_in(part)) for part in reason.relaxation.split(" and "))
+    wide = replace(joints[0], position=(lower, upper))
+    assert plan(replace(problem, robot=replace(problem.robot, joints=(wide, *joints[1:])))).passed
+    assert lower == pytest.approx(np.radians(-56.19), abs=1e-5)
+
+
+def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_insert: Problem) -> None:
+    joints = tilt_insert.robot.joints
+    assert joints[0].motor is not None
+    motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=12e-3)
+    robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
+    reason = plan(replace(tilt_insert, robot=robot)).reason
+    assert reason is not None
+    assert reason.relaxation is not None
+    largest, nominal = (1e-3 * typed_in(part) for part in reason.relaxation.split(" and "))
+    assert "tried together, takes" in reason.relaxation
+    motor = replace(motor, nominal_torque=nominal, max_torque=largest)
+    assert plan(
+        replace(tilt_insert, robot=replace(robot, joints=(replace(joints[0], motor=motor), *joints[1:])))
+    ).passed
+
+
+def test_a_start_too_fast_is_slowed_down(tilt_insert: Problem) -> None:
+    problem = replace(
+        tilt_insert, motion=tilt_insert.motion[:1], start_rate={"tilt": -np.radians(80)}, objective="time"
+    )
+    reason = plan(problem).reason
+    assert reason is not None
+    assert reason.constraint == "velocity"
+    assert reason.relaxation is not None
+    found = re.search(r"start_rate of \{tilt: (\S+) deg/s\} instead of \{tilt: -80 deg/s\}: tried", reason.relaxation)
+    assert found is not None
+    assert plan(replace(problem, start_rate={"tilt": np.radians(float(found[1]))})).passed
+
+
+def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
+    joints = tilt_insert.robot.joints
+    assert joints[0].motor is not None
+    motor = replace(joints[0].motor, nominal_torque=18e-3, max_torque=40e-3)
+    robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
+    problem = replace(tilt_insert, robot=robot, objective="time")
+    reason = plan(problem).reason
+    assert reason is not None
+    assert reason.relaxation is not None
+    found = re.search(r"or a dwell of (\S+) s at the end: tried, takes", reason.relaxation)
+    assert found is not None
+    assert plan(replace(problem, motion=(*problem.motion, Dwell(float(found[1]), "dwell")))).passed
+    assert not plan(replace(problem, motion=(*problem.motion, Dwell(0.9 * float(found[1]), "dwell")))).passed
