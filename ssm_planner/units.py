@@ -40,6 +40,7 @@ revolutions_per_minute = turn / minute = rpm
 newton = kilogram * meter / second ** 2 = N
 newton_meter = newton * meter = Nm
 joule = newton * meter = J
+hertz = 1 / second = Hz
 watt = joule / second = W
 volt = watt / ampere = V
 ohm = volt / ampere
@@ -262,6 +263,12 @@ KINDS = {
     "resistance": Kind("a resistance", "0.763 ohm", "ohm", largest=1e6, slip="ohm"),
     "torque_constant": Kind("a torque constant", "14.8 mN*m/A", "N*m/A", largest=10.0, slip="mN*m/A"),
     "speed_constant": Kind("a speed constant", "645 rpm/V", "rad/s/V", largest=1e5, slip="rpm/V"),
+    "position_gain": Kind("a position gain", "13 A/rad", "A/rad", largest=1e6, slip="mA/rad"),
+    "integral_gain": Kind("an integral gain", "400 A/rad/s", "A/rad/s", largest=1e8, slip="mA/rad/s"),
+    "derivative_gain": Kind("a gain of a speed", "0.06 A*s/rad", "A*s/rad", largest=1e4, slip="mA*s/rad"),
+    "acceleration_gain": Kind(
+        "a gain of an acceleration", "1e-4 A*s^2/rad", "A*s^2/rad", largest=1e3, slip="mA*s^2/rad"
+    ),
     "thermal_resistance": Kind("a thermal resistance", "32 K/W", "K/W", largest=1e4, slip="K/W"),
     "temperature": Kind("a temperature", "155 degC", "K", largest=2000.0, slip="degC"),
 }

@@ -23,7 +23,7 @@ ROOMS = (
         "dynamics",
         "loading",
     ),
-    *("planning", "verification", "simulation", "sizing", "identification", "plans", "formats", "comparison"),
+    *("planning", "verification", "sizing", "identification", "plans", "formats", "simulation", "comparison"),
     *("reporting", "pipeline", "api", "view", "paper", "cli", "__main__"),
 )
 """Bottom to top: a room imports only from itself and from rooms before it."""

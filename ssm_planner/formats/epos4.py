@@ -56,11 +56,7 @@ def export_epos4(
         raise ExportError(f"mode {mode!r} (allowed: {', '.join(MODES)})")
     period = period_ms(rate)
     axes = axes_of(plan.robot, counts_per_turn)
-    count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
-    t: Array = np.arange(count, dtype=float) * (period / 1000)
-    # what ends moving must end at a setpoint: the whole of it is slower by less than one period
-    moving = bool(np.abs(end_velocities(plan.motion)[1]).max() > REST)
-    stretch = float(t[-1]) / plan.motion.duration if moving else 1.0
+    t, stretch = setpoint_times(plan, period)
     motion = _motion(plan, t, stretch)
     listed: dict[str, Any] = {}
     rows: list[dict[str, str]] = []
@@ -86,8 +82,31 @@ def export_epos4(
         "units": {"inc": "increments (quadcounts)", "mrpm": "1e-3 rpm at the motor", "permille": "of rated torque"},
         "axes": listed,
         "stretch": stretch,
-        "notes": [*_notes(plan, axes, t), *_moving_notes(plan, moving), *_rounding_notes(plan, listed)],
+        "notes": [*_notes(plan, axes, t), *_moving_notes(plan), *_rounding_notes(plan, listed)],
     }
+
+
+def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
+    """When setpoints are sent, s from the start, (n,), period in ms, and the factor by which the motion is slower.
+
+    The last one is the target. What ends moving must end at a setpoint: the whole of it is slower by less than one period.
+    """
+    count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
+    t: Array = np.arange(count, dtype=float) * (period / 1000)
+    moving = bool(np.abs(end_velocities(plan.motion)[1]).max() > REST)
+    return t, float(t[-1]) / plan.motion.duration if moving else 1.0
+
+
+def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "csp") -> dict[str, Stream]:
+    """What the export writes for every driven joint, by joint: columns (n,) of whole numbers by name. period: ms."""
+    motion = _motion(plan, *setpoint_times(plan, period))
+    streams = {}
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.name in axes:
+            axis = axes[joint.name]
+            counts = fits(axis.increments(motion["q"][:, i]), INT32, joint.name, "target position", "increments")
+            streams[joint.name] = _stream(mode, axis, counts, motion, i)
+    return streams
 
 
 def period_ms(rate: float) -> int:
@@ -111,10 +130,10 @@ def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict
     }
 
 
-def _moving_notes(plan: Plan, moving: bool) -> list[str]:
-    if not moving:
-        return []
+def _moving_notes(plan: Plan) -> list[str]:
     velocities = end_velocities(plan.motion)[1]
+    if np.abs(velocities).max() <= REST:
+        return []
     speeds = [
         f"{joint.name} at {velocity:.4g} {'rad/s' if joint.kind == 'revolute' else 'm/s'}"
         for joint, velocity in zip(plan.robot.joints, velocities.tolist(), strict=True)

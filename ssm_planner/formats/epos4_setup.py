@@ -84,6 +84,11 @@ def fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array
     return values + 0.0
 
 
+def following_error_window(axis: Axis, period: int) -> int:
+    """Object 0x6065, increments: LAG_PERIODS periods (ms) at the joint's largest speed."""
+    return max(math.ceil(axis.joint.velocity * LAG_PERIODS * period / 1000 * abs(axis.increments_per_unit)), 2)
+
+
 def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> int:
     counts = given.get(joint.name) if isinstance(given, Mapping) else given
     if counts is None and joint.motor is not None and joint.motor.encoder_counts is not None:
@@ -117,7 +122,6 @@ def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float])
     turns = 60 * scale / axis.counts_per_turn  # rpm of the motor per unit/s of the joint
     ends = sorted(axis.increments_per_unit * position for position in joint.position)
     speed = (joint.velocity + effects["speed"]) * turns
-    lag = joint.velocity * LAG_PERIODS * period / 1000 * scale
     largest = joint.velocity * turns if motor is None else motor.max_speed * 60 / (2 * np.pi)
     nominal = axis.rated_torque
     torque = nominal if motor is None else motor.max_torque
@@ -176,7 +180,7 @@ def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float])
         (
             "0x6065:00",
             "following error window",
-            max(math.ceil(lag), 2),
+            following_error_window(axis, period),
             "inc",
             f"{LAG_PERIODS} periods at the joint's largest speed: a first value, to be narrowed at the machine",
             UINT32,

@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.loading.controllers import controller_from
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.motors import motor_from
 from ssm_planner.loading.problems import problem_from
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.loading.shipped import find
 from ssm_planner.loading.yaml_nodes import of_data, of_text, read
+from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import Problem
@@ -49,3 +51,8 @@ def load_drive(name: str | Path) -> Drive:
 def load_motor(name: str | Path) -> Motor:
     """The motor in a YAML file, or the shipped one of this name. Raises ProblemError."""
     return motor_from(read(find(name, "motors")))
+
+
+def load_controller(name: str | Path) -> Controller:
+    """The controller in a YAML file, or the shipped one of this name. Raises ProblemError."""
+    return controller_from(read(find(name, "controllers")))

@@ -8,7 +8,7 @@ from typing import Literal
 
 from ssm_planner.errors import ProblemError
 
-Folder = Literal["problems", "robots", "drives", "motors", "motorisation"]
+Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers"]
 _PACKAGE = Path(__file__).parents[1]
 
 

@@ -1,0 +1,76 @@
+"""The controller that plays a plan, as frozen values: gains, limits, supply; what lies between motor and joint. SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem.value import Bound, Names, NotNegative, Positive, Value
+
+
+@dataclass(frozen=True, eq=False)
+class AxisController(Value):
+    """One drive's position loop; None: from the plant's own figures (simulation/cascade.py says how)."""
+
+    bandwidth: Positive | None = None
+    """Of the position loop, Hz: what gains that are None are tuned for."""
+    p: NotNegative | None = None
+    """A/rad at the motor."""
+    i: NotNegative | None = None
+    """A/(rad·s)."""
+    d: NotNegative | None = None
+    """A·s/rad."""
+    ff_velocity: NotNegative | None = None
+    """A·s/rad."""
+    ff_acceleration: NotNegative | None = None
+    """A·s²/rad."""
+    max_current: Positive | None = None
+    """A; None: the motor's largest torque by its torque constant."""
+    following_error: Positive | None = None
+    """rad or m of the joint; None: the window that `export --to epos4` writes."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointCompliance(Value):
+    """Spring, damper and free play between a drive and its joint. Every default is an assumption, not a measurement."""
+
+    frequency: Positive | None = None
+    """Natural frequency of the joint with its drive locked, Hz; None: 30 Hz, joint 4 100 Hz."""
+    damping_ratio: NotNegative = 0.3
+    backlash: NotNegative | None = None
+    """From one flank to the other, rad or m; None: 0.1 deg, joint 4 0.02 mm."""
+    source: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Controller(Value):
+    """A cascade as an EPOS4 runs it: position PID with feed-forward at `loop_period`, inside it a current loop."""
+
+    name: str = "EPOS4, tuned from the plant"
+    loop_period: Positive = 400e-6
+    """Of the position loop, s: 2.5 kHz in an EPOS4 (hardware reference, 50/5)."""
+    current_lag: Positive = 100e-6
+    """Time constant of the closed current loop, s; assumed: the current is sampled at 25 kHz."""
+    supply: Positive | None = None
+    """V; None: the motor's nominal voltage."""
+    output_share: Annotated[float, Bound(above=0.0)] = 0.9
+    """Of the supply voltage that reaches the motor: 0.9 in an EPOS4 (hardware reference, 50/5)."""
+    counts_per_turn: Annotated[int, Bound(above=0)] | None = None
+    """Increments per motor turn where a motor file gives no encoder; None: 4096, as on the authors' rigs."""
+    torque_offset: bool = True
+    """Whether the drive adds the exported torque offsets. Without them velocity and acceleration feed-forward are tuned."""
+    joints: Annotated[Mapping[str, AxisController], Names(JOINTS)] = field(default_factory=dict)
+    compliance: Annotated[Mapping[str, JointCompliance], Names(JOINTS)] = field(default_factory=dict)
+    file: str | None = field(default=None, compare=False)
+
+    def _check(self) -> None:
+        if self.output_share > 1:
+            raise self._wrong("output_share", "more than the supply gives", "above 0 and up to 1")
+        if not 1e-5 <= self.loop_period <= 2e-3:
+            raise self._wrong("loop_period", "no period of a position loop: is the unit right?", "0.01 ms to 2 ms")
+
+    def axis(self, joint: str) -> AxisController:
+        """The loop of a joint by name."""
+        return self.joints.get(joint, AxisController())

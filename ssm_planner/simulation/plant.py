@@ -1,0 +1,260 @@
+"""The arm as a plant: rigid bodies, self-locking drives, and the spring, damper and backlash between drive and joint.
+
+With rigid drives the arm would have no unique motion wherever a load's inertia makes a drive's effective inertia
+negative (dynamics/forward.py), which is so at joints 1 and 2 of the published robot; with some compliance at the output,
+as every gearbox has, every drive is a sliding mesh of its own under a smooth load, and standstill, breakaway and jamming
+are exact at each of them. Joints without a drive take the accelerations they are given.
+
+Midpoint steps in CasADi. The energies that went where are kept, so that a motion can be held against their balance.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.dynamics.forward import always_unique
+from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import GeometryError
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.robot import Robot
+from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
+from ssm_planner.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Compliance:
+    """Spring, damper and backlash between each drive and its joint, (4,): N·m/rad, N·m·s/rad and rad; N/m, N·s/m and m
+    for joint 4."""
+
+    stiffness: Array
+    damping: Array
+    backlash: Array = field(default_factory=lambda: np.zeros(4))
+    """Free play from one flank to the other."""
+
+    @classmethod
+    def of_frequency(
+        cls,
+        body: RigidBody,
+        q: Array,
+        frequency: tuple[float, float, float, float] = (30.0, 30.0, 30.0, 100.0),
+        damping_ratio: float = 0.3,
+        backlash: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    ) -> Compliance:
+        """Stiffness from the natural frequency (Hz) of each joint with its drive locked, at q (4,).
+
+        The default figures are assumptions, not measurements.
+        """
+        inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
+        omega = 2.0 * math.pi * np.asarray(frequency)
+        return cls(inertia * omega**2, 2.0 * damping_ratio * inertia * omega, np.asarray(backlash, dtype=float))
+
+    def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
+        """How far the spring of joint k (from 0) is bent while drive and joint differ by `twist`; shape of twist."""
+        free = 0.5 * float(self.backlash[k])
+        if free == 0.0:
+            return twist
+        xp = ca if isinstance(twist, ca.SX) else np
+        return twist - xp.fmin(xp.fmax(twist, -free), free)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotion:
+    """A simulated motion at the control instants: arrays (n,) and (n, 4), SI; motor columns are NaN without a drive."""
+
+    time: Array
+    q: Array
+    qd: Array
+    motor_angle: Array
+    w: Array
+    tau: Array
+    """Motor torque during the period that begins at each instant."""
+    work: Array
+    """Energy put in by the motors, and by what moves the joints without a drive, since the start, J."""
+    friction_loss: Array
+    damping_loss: Array
+    kinetic: Array
+    potential: Array
+    """Of gravity and of the springs, J."""
+    status: str
+    """`done`, or what makes the motion worthless."""
+
+    @property
+    def energy_error(self) -> float:
+        """Largest |work − (kinetic + potential + dissipated)| over the largest of these."""
+        stored = self.kinetic + self.potential
+        lost = self.friction_loss + self.damping_loss
+        error = self.work - (stored - stored[0]) - lost
+        scale = max(float(np.abs(x).max()) for x in (self.work, lost, stored - stored[0]))
+        return float(np.abs(error).max() / scale) if scale > 1e-12 else 0.0
+
+
+FRICTION = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
+"""Friction parameters that may differ from run to run, by their names in Friction."""
+
+Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
+STATE = 28
+"""Length of a state: four numbers for each of the slices above."""
+_WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
+
+
+@dataclass(frozen=True)
+class _Forces:
+    """Of the springs and dampers on the joints, (4,), and what the drives do under them."""
+
+    load: ca.SX
+    damper: ca.SX
+    w: ca.SX
+    mean: ca.SX
+    rest: ca.SX
+    loss: ca.SX
+
+
+class ArmPlant:
+    """The arm of a robot under motor torques, in steps of h seconds."""
+
+    def __init__(self, robot: Robot, compliance: Compliance | None, h: float) -> None:
+        self.robot, self.h = robot, h
+        self.body = RigidBody.from_robot(robot)
+        self.compliance = compliance or Compliance.of_frequency(self.body, np.zeros(4))
+        self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
+
+    def at_rest(self, q: Array) -> Array:
+        """State (28,) at q (4,) with every drive standing and its spring carrying the weight."""
+        weight = self.body.gravity_load(np.reshape(q, (1, 4)))[0]
+        state = np.zeros(STATE)
+        state[Q] = q
+        for k in self.driven:
+            twist = weight[k] / self.compliance.stiffness[k] + 0.5 * self.compliance.backlash[k] * np.sign(weight[k])
+            state[MOTOR][k] = self.drive(k).ratio * (q[k] + twist)
+        state[REST] = 1e6
+        return state
+
+    def motion(self, time: Array, x: Array, tau: Array) -> ArmMotion:
+        """States (n, 28) at times (n,) as a result, energies computed."""
+        driven = list(self.driven)
+        kinetic, potential = self.body.energy(x[:, Q], x[:, QD])
+        for k in driven:
+            drive = self.drive(k)
+            motor, w = x[:, MOTOR][:, k], x[:, W][:, k]
+            kinetic = kinetic + 0.5 * moving_inertia(drive) * w**2
+            stretch = np.asarray(self.compliance.stretch(k, motor / drive.ratio - x[:, k]))
+            potential = potential + 0.5 * self.compliance.stiffness[k] * stretch**2
+        energy = x[:, ENERGY]
+        columns = {name: np.full((len(x), 4), np.nan) for name in ("motor", "w", "tau")}
+        for name, values in (("motor", x[:, MOTOR]), ("w", x[:, W]), ("tau", tau)):
+            columns[name][:, driven] = values[:, driven]
+        return ArmMotion(
+            time=time,
+            q=x[:, Q],
+            qd=x[:, QD],
+            motor_angle=columns["motor"],
+            w=columns["w"],
+            tau=columns["tau"],
+            work=energy[:, _WORK] + energy[:, _LOCKED_WORK],
+            friction_loss=energy[:, _FRICTION],
+            damping_loss=energy[:, _DAMPING],
+            kinetic=kinetic,
+            potential=potential,
+            status=self._status(x),
+        )
+
+    def _status(self, x: Array) -> str:
+        if not np.all(np.isfinite(x)):
+            return "diverged"
+        return "done" if all(always_unique(self.drive(k)) for k in self.driven) else NOT_UNIQUE
+
+    def step_function(self) -> ca.Function:
+        """(state, motor torques, given accelerations, held, friction) → state one step later.
+
+        Of second order: speeds and positions of the middle from the forces at the start, then the step with the forces
+        of the middle.
+        Given accelerations (4,) are those of joints without a drive. held (4,): 1 where the motor is held fast.
+        friction (28,): FRICTION of every joint, as `friction` gives it.
+        """
+        h = self.h
+        x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)
+        held, friction = ca.SX.sym("held", 4), ca.SX.sym("friction", 4 * len(FRICTION))
+        inputs = (x, tau, locked, held, friction)
+        q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
+        # forces at the speeds of the start tell the speeds of the middle, and these the forces of the step
+        first = self._forces(inputs, q + 0.5 * h * qd, motor + 0.5 * h * w, qd, w)
+        middle_qd = qd + 0.5 * h * self.accelerations(q + 0.5 * h * qd, qd, first.load, locked)
+        middle_w = first.mean
+        middle_q, middle_motor = q + 0.5 * h * middle_qd, motor + 0.5 * h * middle_w
+        found = self._forces(inputs, middle_q, middle_motor, middle_qd, middle_w)
+        qdd = self.accelerations(middle_q, middle_qd, found.load, locked)
+        qd_after = qd + h * qdd
+        mean_qd, mean_w = 0.5 * (qd + qd_after), found.mean
+        effort = self.body.symbolic(middle_q, middle_qd, qdd)
+        work = h * ca.dot(tau, mean_w)
+        locked_work = h * sum((effort[k] * mean_qd[k] for k in range(4) if k not in self.driven), ca.SX(0))
+        bent = [found.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k]) for k in self.driven]
+        energy = x[ENERGY] + ca.vertcat(work, locked_work, found.loss, h * sum(bent, ca.SX(0)))
+        y = ca.vertcat(q + h * mean_qd, qd_after, motor + h * mean_w, found.w, x[INTEGRAL], found.rest, energy)
+        return ca.Function("step", list(inputs), [y], {"cse": True})
+
+    def _forces(self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX) -> _Forces:
+        """Forces at q, motor angle and speeds (4,) of the middle, and the drives' motion under them over a whole step."""
+        x, tau, _, held, friction = inputs
+        load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
+        loss = ca.SX(0)
+        for k in self.driven:
+            drive = _with_friction(self.drive(k), friction[k * len(FRICTION) : (k + 1) * len(FRICTION)])
+            stretch = self.compliance.stretch(k, motor[k] / drive.ratio - q[k])
+            damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k])
+            if self.compliance.backlash[k] > 0:
+                damper[k] = damper[k] * (stretch != 0)
+            load[k] = self.compliance.stiffness[k] * stretch + damper[k]
+            begin, still = x[W][k], x[REST][k]
+            moved = drive_step(drive, begin, still, tau[k], load[k], h=self.h, middle=w[k])
+            moved = stalled(drive, moved, held[k], w=begin, load=load[k], tau=tau[k], h=self.h)
+            speed[k], mean[k], rest[k], loss = moved.w, moved.mean, moved.rest, loss + moved.loss
+        parts = [ca.vertcat(*each) for each in (load, damper, speed, mean, rest)]
+        return _Forces(parts[0], parts[1], w=parts[2], mean=parts[3], rest=parts[4], loss=loss)
+
+    def friction(self, scale: float = 1.0) -> Array:
+        """FRICTION of every joint, joint after joint, (28,); scale: times all of it."""
+        values = np.zeros((4, len(FRICTION)))
+        for k in self.driven:
+            friction = friction_of(self.drive(k))
+            values[k] = [scale * getattr(friction, name) for name in FRICTION]
+        return values.ravel()
+
+    def drive(self, k: int) -> Drive:
+        """The drive of joint k, counted from 0."""
+        drive = self.robot.joints[k].drive
+        if drive is None:
+            raise GeometryError(f"joint {k + 1} has no drive")
+        return drive
+
+    def accelerations(self, q: ca.SX, qd: ca.SX, force: ca.SX, locked: ca.SX) -> ca.SX:
+        """Accelerations of the driven joints under the spring forces, the locked ones as given."""
+        free = list(self.driven)
+        held = [k for k in range(4) if k not in free]
+        probe = ca.SX.sym("qdd", 4)
+        effort = self.body.symbolic(q, qd, probe)
+        mass = ca.densify(ca.jacobian(effort, probe))
+        given = ca.SX.zeros(4)
+        for k in held:
+            given[k] = locked[k]
+        bias = ca.substitute(effort, probe, given)
+        solved = ca.ldl_solve(force[free] - bias[free], *ca.ldl(mass[free, free]))
+        qdd = ca.SX(given)
+        for place, k in enumerate(free):
+            qdd[k] = solved[place]
+        return qdd
+
+
+def _with_friction(drive: Drive, values: ca.SX) -> Drive:
+    """The drive with FRICTION of symbols, which no file or user gives: nothing to check."""
+    friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
+    for name, value in zip(FRICTION, ca.vertsplit(values), strict=True):
+        object.__setattr__(friction, name, value)
+    object.__setattr__(changed, "friction", friction)
+    return changed

@@ -1,0 +1,221 @@
+"""Laws of a simulated playback: balances, set points as exported, scenarios that must fail do, recordings read back."""
+
+from __future__ import annotations
+
+import time as clock
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.api import compare
+from ssm_planner.errors import ProblemError
+from ssm_planner.formats.epos4 import setpoints
+from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.formats.export import export
+from ssm_planner.plans import load_plan
+from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
+from ssm_planner.simulation.arm import ArmSimulation
+from ssm_planner.simulation.cascade import electrics_of
+from ssm_planner.simulation.plant import MOTOR, QD, STATE, Q
+from ssm_planner.simulation.recorder import write_recordings
+from ssm_planner.simulation.simulate import Scenario, _Stage, simulate, slower
+
+PLAN = Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json"
+DRIVEN = ("roll", "tilt", "insertion")
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return load_plan(PLAN)
+
+
+@pytest.fixture(scope="module")
+def nominal(plan):
+    return simulate(plan)
+
+
+def without_controller(loop_period=4e-4):
+    """No feedback and no feed-forward: motors without torque, and no window to leave."""
+    axis = AxisController(p=0, i=0, d=0, ff_velocity=0, ff_acceleration=0, following_error=10.0)
+    return Controller(loop_period=loop_period, torque_offset=False, joints=dict.fromkeys(DRIVEN, axis))
+
+
+def momentum_error(arm, x):
+    """Of the momentum about joint 1, on whose angle the kinetic energy does not depend: dp/dt = effort − gravity."""
+    h, q, qd = arm.period, x[:, Q], x[:, QD]
+    p = np.einsum("nij,nj->ni", arm.body.mass_matrix(q), qd)[:, 0]
+    ratio, motor, middle = arm.drive(0).ratio, x[:, MOTOR][:, 0], (q[:-1] + q[1:]) / 2
+    stretch = arm.compliance.stretch(0, (motor[:-1] + motor[1:]) / 2 / ratio - middle[:, 0])
+    twist_rate = np.diff(motor) / h / ratio - (qd[:-1, 0] + qd[1:, 0]) / 2
+    effort = arm.compliance.stiffness[0] * stretch + arm.compliance.damping[0] * twist_rate * (stretch != 0)
+    impulse = h * (effort - arm.body.gravity_load(middle)[:, 0])
+    error = p[1:] - p[0] - np.cumsum(impulse)
+    return np.abs(error).max() / np.abs(impulse).sum()
+
+
+def test_energy_and_momentum_balance_with_the_controller_off(plan):
+    stage = _Stage(plan, Scenario(), without_controller())
+    played = stage.play()
+    arm = stage.arm(0.0)
+    motion = arm.motion(arm.period * np.arange(len(played.states)), played.states[:, :STATE], np.zeros((1, 4)))
+    assert np.ptp(motion.q[:, 2]) > 0.2  # what has no drive moves, and shakes the rest
+    assert motion.energy_error <= 1e-6
+    assert momentum_error(arm, played.states) <= 1e-6
+
+
+def test_halving_the_step_changes_the_torque_little_and_four_times_less_each_time(plan):
+    t = np.arange(0.0, plan.motion.duration, 1e-3)
+    s = plan.motion.sample(t)
+    runs = [ArmSimulation(plan.robot, steps=steps).run(s.q, s.qd).tau[:, [0, 1, 3]] for steps in (2, 4, 8)]
+    peak = np.abs(runs[-1]).max(axis=0)
+    errors = [np.abs(a - b).max(axis=0) / peak for a, b in pairwise(runs)]
+    assert errors[1].max() <= 1e-4
+    assert np.all(errors[1] < errors[0] / 3)
+
+
+def test_the_set_points_are_the_exported_ones(plan, tmp_path):
+    export(plan, "epos4", tmp_path / "out", counts_per_turn=4096)
+    streams = setpoints(plan, axes_of(plan.robot, 4096), 1)
+    assert set(streams) == set(DRIVEN)
+    for joint, stream in streams.items():
+        file = tmp_path / "out" / f"{joint}.csv"
+        names = file.read_text(encoding="utf-8").split("\n", 1)[0].split(",")[1:]
+        rows = np.loadtxt(file, delimiter=",", skiprows=1)
+        assert list(stream) == names
+        np.testing.assert_array_equal(rows[:, 1:], np.column_stack(list(stream.values())))
+
+
+def test_the_shipped_motion_is_followed_and_held(nominal, plan):
+    assert nominal.passed, nominal.reasons
+    assert nominal.holds
+    assert nominal.tip_error < 2e-5
+    planned = plan.motion.sample(np.minimum(nominal.time, plan.motion.duration)).q
+    np.testing.assert_array_equal(nominal.planned, planned)
+    for each, motor in zip(nominal.motors, ("roll", "tilt", "insertion"), strict=True):
+        assert each.joint == motor
+        assert each.peak_torque < each.limit
+        assert each.following_error < 10 < each.window
+
+
+def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, plan):
+    alone = simulate(plan, controller=Controller(torque_offset=False))
+    for with_offsets, without in zip(nominal.motors, alone.motors, strict=True):
+        assert without.following_error > with_offsets.following_error
+    assert alone.motors[0].following_error > 2 * nominal.motors[0].following_error
+
+
+@pytest.mark.parametrize(
+    ("scenario", "word"),
+    [
+        (Scenario(stall=("tilt", 1.0)), "joint tilt: the following error left its window"),
+        (Scenario(wrong_direction="tilt"), "the tip was"),
+        (Scenario(supply=1.5), "saturated"),
+        (Scenario(friction=4.0), "saturated"),
+        (Scenario(power_loss=1.0, travel=1e-7), "the tip travels"),
+    ],
+)
+def test_what_must_fail_does_with_its_reason(plan, scenario, word):
+    result = simulate(plan, scenario)
+    assert not result.passed
+    assert any(word in reason for reason in result.reasons), result.reasons
+
+
+def test_a_low_supply_is_kept_to(plan):
+    controller = Controller(supply=6.0)
+    result = simulate(plan, controller=controller)
+    for k in (0, 1):
+        electrics = electrics_of(plan.robot.joints[k], controller)
+        current = result.torque[1:, k] / electrics.torque_constant
+        voltage = electrics.torque_constant * result.w[1:, k] + electrics.resistance * current
+        assert np.abs(voltage).max() <= 1.02 * electrics.voltage
+
+
+def test_a_payload_bends_the_arm_by_its_weight(plan, nominal):
+    heavy = simulate(plan, Scenario(payload=0.2, payload_time=1.0))
+    before = nominal.time < 1.0
+    np.testing.assert_array_equal(heavy.q[before], nominal.q[before])
+    assert heavy.tip_error > 2 * nominal.tip_error
+
+
+def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
+    result = simulate(plan, Scenario(power_loss="everywhere", instants=40))
+    assert result.holds
+    assert result.losses.travel[0] < 1e-9  # at rest before the start
+    single = simulate(plan, Scenario(power_loss=float(result.losses.time[result.losses.worst])))
+    assert single.travel == pytest.approx(result.travel, rel=0.05)
+
+
+def test_an_arm_that_does_not_lock_falls_without_power(plan):
+    result = simulate(plan, Scenario(friction=0.1))
+    assert not result.holds
+    assert any("does not stand" in reason for reason in result.reasons)
+
+
+def test_a_slower_playback_goes_the_same_way(plan):
+    slow = slower(plan.motion, 0.1)
+    assert slow.duration == pytest.approx(10 * plan.motion.duration)
+    t = np.linspace(0, plan.motion.duration, 50)
+    there, here = plan.motion.sample(t), slow.sample(10 * t)
+    np.testing.assert_allclose(here.q, there.q, atol=1e-12)
+    np.testing.assert_allclose(here.qd, there.qd / 10, atol=1e-9)
+
+
+def test_a_lost_set_point_is_felt(plan, nominal):
+    lost = simulate(plan, Scenario(dropped=1.0))
+    assert lost.motors[0].following_error > 3 * nominal.motors[0].following_error
+
+
+@pytest.mark.parametrize("scale", [0.3, 3.0])
+def test_the_compliance_matters_as_a_spring_does(plan, nominal, scale):
+    result = simulate(plan, Scenario(compliance=scale))
+    worst = [each.rms for each in result.tracking][:2]
+    known = [each.rms for each in nominal.tracking][:2]
+    assert all((a > b) == (scale < 1) for a, b in zip(worst, known, strict=True))
+
+
+def test_backlash_is_free_play(plan):
+    stiff = {name: JointCompliance(backlash=0.0) for name in DRIVEN}
+    loose = {name: JointCompliance(backlash=0.01 if name != "insertion" else 2e-5) for name in DRIVEN}
+    arms = [_Stage(plan, Scenario(), Controller(compliance=each)).arm(0.0) for each in (stiff, loose)]
+    twist = np.linspace(-0.02, 0.02, 9)
+    np.testing.assert_allclose(arms[0].compliance.stretch(0, twist), twist)
+    np.testing.assert_allclose(
+        arms[1].compliance.stretch(0, twist), np.sign(twist) * np.maximum(np.abs(twist) - 0.005, 0)
+    )
+
+
+def test_recordings_are_read_back(nominal, plan, tmp_path):
+    files = write_recordings(nominal, tmp_path)
+    assert set(files) == set(DRIVEN)
+    for axis in compare(plan, files, counts_per_turn=4096):
+        assert axis.alignment.correlation > 0.999
+        assert axis.differences["position"].nrmsd < 1e-3
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        Scenario(speed=0.0),
+        Scenario(friction=-1.0),
+        Scenario(stall=("spin", 1.0)),
+        Scenario(power_loss=99.0),
+        Scenario(wrong_direction="elbow"),
+        Scenario(payload=-1.0),
+    ],
+)
+def test_what_cannot_happen_is_refused(plan, scenario):
+    with pytest.raises(ProblemError):
+        simulate(plan, scenario)
+
+
+def test_the_arm_with_controllers_runs_faster_than_real_time(plan):
+    stage = _Stage(plan, Scenario(), Controller())
+    stage.play()
+    times = []
+    for _ in range(3):
+        began = clock.process_time()
+        stage.play()
+        times.append(clock.process_time() - began)
+    assert min(times) < stage.time[-1] / 10  # 20 and more on an idle machine
