@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +14,9 @@ from ssm_planner.loading.schema.common import Figure
 from ssm_planner.loading.schema.drive import (
     DRIVES,
     AntibacklashScrewModel,
-    FrictionModel,
     FrictionRanges,
     LeadScrewModel,
     PosteriorModel,
-    RatingsModel,
     WormModel,
 )
 from ssm_planner.loading.yaml_nodes import Section
@@ -26,14 +25,14 @@ from ssm_planner.problem.posterior import Posterior, Ripple
 from ssm_planner.typing import Range
 
 
-def ratings_from(model: RatingsModel | None) -> Ratings | None:
+def ratings_from(model: Any) -> Ratings | None:
     """The rated figures of a drive."""
     if model is None:
         return None
     return Ratings(ends=getattr(model, "ends", None), **{name: figure.value for name, figure in model.figures()})
 
 
-def rating_figures(model: RatingsModel | None, default: str | None) -> tuple[dict[str, Figure], dict[str, str]]:
+def rating_figures(model: Any, default: str | None) -> tuple[dict[str, Figure], dict[str, str]]:
     """The rated figures and their sources by name."""
     if model is None:
         return {}, {}
@@ -118,7 +117,7 @@ def _dimensions(section: Section, model: AnyModel) -> dict[str, float]:
     return {**dimensions, "thread_angle": thread_angle}
 
 
-def _friction(section: Section, model: FrictionModel | None) -> Friction | None:
+def _friction(section: Section, model: Any) -> Friction | None:
     if model is None:
         return None
     values = {name: figure.value for name, figure in model.figures()}
@@ -152,16 +151,9 @@ def _rig(model: AnyModel) -> Rig | None:
     if rig is None:
         return None
     published = {} if rig.published is None else {name: figure.value for name, figure in rig.published.figures()}
-    return Rig(
-        payload_mass=rig.payload_mass,
-        motor_nominal_torque=rig.motor_nominal_torque,
-        payload_arm=getattr(rig, "payload_arm", None),
-        payload_direction=1 if rig.payload_direction == "positive" else -1,
-        gravity=rig.gravity,
-        direction=rig.direction,
-        load_offset=getattr(rig, "load_offset", 0.0),
-        published=published,
-    )
+    direction = 1 if rig.payload_direction == "positive" else -1
+    fields = {name: value for name, value in rig if name != "source"}
+    return Rig(**{**fields, "payload_direction": direction, "published": published})
 
 
 def _origins(model: AnyModel) -> tuple[dict[str, str], tuple[str, ...]]:

@@ -8,24 +8,29 @@ from typing import Annotated, Any, Literal
 from pydantic import Field as PydanticField
 from pydantic import FiniteFloat, field_validator
 
-from ssm_planner.loading.schema.common import Field, Figure, Model, Text, figure, interval, quantity, wrong
+from ssm_planner.loading.schema.common import (
+    Field,
+    Figure,
+    Model,
+    Part,
+    Text,
+    figure,
+    interval,
+    model_of,
+    of,
+    quantity,
+    wrong,
+)
+from ssm_planner.problem.drive import Drive, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
+from ssm_planner.problem.value import Sign
 
 Number = Annotated[Figure, figure("number", above=0)]
-Coefficient = Annotated[Figure, figure("number", at_least=0)]
 Length = Annotated[Figure, figure("length", above=0)]
 Angle = Annotated[Figure, figure("angle", above=0)]
-Force = Annotated[Figure, figure("force", at_least=0)]
 Preload = Annotated[Figure, figure("force", above=0)]
 Torque = Annotated[Figure, figure("torque", at_least=0)]
 Mass = Annotated[Figure, figure("mass", at_least=0)]
 Inertia = Annotated[Figure, figure("inertia", at_least=0)]
-Time = Annotated[Figure, figure("time", at_least=0)]
-MotorSpeed = Annotated[Figure, figure("motor_speed", above=0)]
-RotaryViscosity = Annotated[Figure, figure("rotary_viscosity", at_least=0)]
-LinearViscosity = Annotated[Figure, figure("linear_viscosity", at_least=0)]
-Share = Annotated[Figure, figure("number", above=0)]
-RatedForce = Annotated[Figure, figure("force", above=0)]
-RatedTorque = Annotated[Figure, figure("torque", above=0)]
 Interval = tuple[float, float]
 
 TO_IDENTIFY = "to_identify"
@@ -97,37 +102,49 @@ class PosteriorModel(Model):
     """Equally likely values of each parameter."""
 
 
-class FrictionModel(Model):
-    """What friction has in common for all drives; see values.Friction."""
-
-    law: Literal["coulomb", "stribeck_exponential", "stribeck_gaussian"] = "coulomb"
-    mu: Coefficient
-    mu_static: Coefficient | None = None
-    mu_lowest: Coefficient | None = None
-    mu_stribeck: Coefficient | None = None
-    stribeck_speed: MotorSpeed | None = None
-    b_c: Torque
-    b_v: RotaryViscosity
-    dwell_constant: Time | None = None
-    memory: Time | None = None
-    identified_speed: MotorSpeed | None = None
-    covariance: dict[str, dict[str, FiniteFloat]] | None = None
-    posterior: PosteriorModel | None = None
-    source: Text | None = None
-
-
-class WormFriction(FrictionModel):
-    b_oc: Torque | None = None
-    b_ov: RotaryViscosity | None = None
+_SOURCE: Any = (Text | None, None)
+_OUTPUT = {
+    "worm": {"b_oc": "torque", "b_ov": "rotary_viscosity"},
+    "screw": {"b_oc": "force", "b_ov": "linear_viscosity"},
+}
+"""Kinds of quantity of the output side by family."""
+_PUBLISHED = {
+    "mu": "number",
+    "mu_static": "number",
+    "mu_stribeck": "number",
+    "stribeck_speed": "motor_speed",
+    "b_c": "torque",
+    "b_v": "rotary_viscosity",
+    "dwell_constant": "time",
+    "memory": "time",
+}
 
 
-class ScrewFriction(FrictionModel):
-    b_oc: Force | None = None
-    b_ov: LinearViscosity | None = None
+def _optional(cls: Any, name: str, kind: str) -> Any:
+    """A figure that may be left out of a file."""
+    return Annotated[Any, of(cls, name, kind, figures=True)] | None, None
+
+
+def _friction(family: str) -> Any:
+    fields = {
+        "law": (FrictionLawName, "coulomb"),
+        **_PUBLISHED,
+        "mu_static": _optional(Friction, "mu_static", "number"),
+        "mu_lowest": "number",
+        "identified_speed": "motor_speed",
+        **_OUTPUT[family],
+        "covariance": (dict[str, dict[str, FiniteFloat]] | None, None),
+        "posterior": (PosteriorModel | None, None),
+        "source": _SOURCE,
+    }
+    return model_of(Friction, fields, figures=True)
+
+
+WormFriction, ScrewFriction = _friction("worm"), _friction("screw")
 
 
 class FrictionRanges(Model):
-    """What lubrication, temperature and wear may make of the friction; see values.Drive."""
+    """What lubrication, temperature and wear may make of the friction; see problem/drive.Drive."""
 
     source: Text
     mu: tuple[FiniteFloat, FiniteFloat] | None = None
@@ -146,76 +163,38 @@ class ScrewFrictionRanges(FrictionRanges):
     b_ov: Annotated[Interval, interval("linear_viscosity")] | None = None
 
 
-class RatingsModel(Model):
-    """What the manufacturer allows; see values.Ratings."""
-
-    source: Text | None = None
-    input_speed: MotorSpeed | None = None
-    duty: Share | None = None
+def _ratings(effort: str, **more: Any) -> Any:
+    kinds = {"continuous_output": effort, "peak_output": effort, "input_speed": "motor_speed", "duty": "number"}
+    return model_of(Ratings, {"source": _SOURCE, **kinds, **more}, figures=True)
 
 
-class WormRatings(RatingsModel):
-    continuous_output: RatedTorque | None = None
-    peak_output: RatedTorque | None = None
+WormRatings = _ratings("torque")
+ScrewRatings = _ratings("force", free_length="length", root_diameter="length", ends=(ScrewEnds | None, None))
 
 
-class ScrewRatings(RatingsModel):
-    continuous_output: RatedForce | None = None
-    peak_output: RatedForce | None = None
-    free_length: Length | None = None
-    root_diameter: Length | None = None
-    ends: Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"] | None = None
+def _rig(family: str, **more: Any) -> Any:
+    kinds = {**_PUBLISHED, **_OUTPUT[family]}
+    published = {name: _optional(Friction, name, kind) for name, kind in kinds.items()}
+    published |= {"preload": _optional(Drive, "preload", "force"), "source": _SOURCE}
+    fields = {
+        "payload_mass": "mass",
+        "payload_direction": (Literal["positive", "negative"], "positive"),
+        "gravity": "acceleration",
+        "motor_nominal_torque": "torque",
+        "direction": (Sign, 1),
+        "load_offset": _OUTPUT[family]["b_oc"],
+        "published": (model_of(Friction, published) | None, None),
+        "source": _SOURCE,
+    }
+    return model_of(Rig, {**fields, **more})
 
 
-class Published(Model):
-    """Parameters as others published them, for comparison."""
-
-    source: Text | None = None
-    mu: Coefficient | None = None
-    mu_static: Coefficient | None = None
-    mu_stribeck: Coefficient | None = None
-    stribeck_speed: MotorSpeed | None = None
-    b_c: Torque | None = None
-    b_v: RotaryViscosity | None = None
-    dwell_constant: Time | None = None
-    memory: Time | None = None
-    preload: Force | None = None
-
-
-class WormPublished(Published):
-    b_oc: Torque | None = None
-    b_ov: RotaryViscosity | None = None
-
-
-class ScrewPublished(Published):
-    b_oc: Force | None = None
-    b_ov: LinearViscosity | None = None
-
-
-class RigModel(Model):
-    """See rig.Rig."""
-
-    payload_mass: Annotated[float, quantity("mass", at_least=0)]
-    payload_direction: Literal["positive", "negative"] = "positive"
-    gravity: Annotated[float, quantity("acceleration", above=0)] = 9.81
-    motor_nominal_torque: Annotated[float, quantity("torque", above=0)]
-    direction: Literal[-1, 1] = 1
-    source: Text | None = None
-
-
-class WormRig(RigModel):
-    payload_arm: Annotated[float, quantity("length", above=0)]
-    load_offset: Annotated[float, quantity("torque")] = 0.0
-    published: WormPublished | None = None
-
-
-class ScrewRig(RigModel):
-    load_offset: Annotated[float, quantity("force")] = 0.0
-    published: ScrewPublished | None = None
+WormRig = _rig("worm", payload_arm=(Annotated[float, of(Rig, "payload_arm", "length")], ...))
+ScrewRig = _rig("screw")
 
 
 class DriveModel(Model):
-    """What all drive files have in common; see values.Drive."""
+    """What all drive files have in common; see problem/drive.Drive."""
 
     name: Text
     input_inertia: Inertia
@@ -236,32 +215,32 @@ class WormModel(DriveModel):
     kind: Literal["worm"]
     geometry: WormGeometry
     output_inertia: Inertia
-    friction: WormFriction | None = _FRICTION
+    friction: Annotated[Any, Part(WormFriction)] | None = _FRICTION
     friction_ranges: WormFrictionRanges | None = None
-    ratings: WormRatings | None = None
-    rig: WormRig | None = None
+    ratings: Annotated[Any, Part(WormRatings)] | None = None
+    rig: Annotated[Any, Part(WormRig)] | None = None
 
 
 class LeadScrewModel(DriveModel):
     kind: Literal["lead_screw"]
     geometry: ScrewGeometry
     output_inertia: Mass
-    friction: ScrewFriction | None = _FRICTION
+    friction: Annotated[Any, Part(ScrewFriction)] | None = _FRICTION
     friction_ranges: ScrewFrictionRanges | None = None
-    ratings: ScrewRatings | None = None
-    rig: ScrewRig | None = None
+    ratings: Annotated[Any, Part(ScrewRatings)] | None = None
+    rig: Annotated[Any, Part(ScrewRig)] | None = None
 
 
 class AntibacklashScrewModel(DriveModel):
     kind: Literal["antibacklash_screw"]
     geometry: ScrewGeometry
     output_inertia: Mass
-    friction: ScrewFriction | None = _FRICTION
+    friction: Annotated[Any, Part(ScrewFriction)] | None = _FRICTION
     friction_ranges: ScrewFrictionRanges | None = None
-    ratings: ScrewRatings | None = None
+    ratings: Annotated[Any, Part(ScrewRatings)] | None = None
     preload: Preload
     second_nut_mass: Mass
-    rig: ScrewRig | None = None
+    rig: Annotated[Any, Part(ScrewRig)] | None = None
 
 
 DRIVES: dict[str, type[WormModel] | type[LeadScrewModel] | type[AntibacklashScrewModel]] = {
