@@ -3,11 +3,12 @@
 # make api    docs/api.md from the docstrings of the public names
 # make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
+# make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: plan test lint api wheel bench clean
+.PHONY: plan test lint api wheel bench campaign clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -27,6 +28,9 @@ api: $(VENV)/.main
 wheel: $(VENV)/.lint
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
+
+campaign: $(VENV)/.test
+	$(BIN)/python -m tests.campaign $(CAMPAIGN)
 
 bench: $(VENV)/.bench
 	$(BIN)/python tests/benchmarks/bench.py $(BENCH)

@@ -34,6 +34,11 @@ def file_name(text: str) -> str:
     return kept.lstrip(".")[:LONGEST_NAME] or "unnamed"
 
 
+def one_line(text: str, without: str = "") -> str:
+    """A name as part of a comment or a title: printable characters on one line; those in `without` become `_`."""
+    return "".join(c if c.isprintable() and c not in without else "_" for c in text)
+
+
 @contextmanager
 def publishing(folder: Path) -> Iterator[Path]:
     """A temporary folder whose content moves into `folder`, as one generation, when the block ends without an exception.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import os
 import re
@@ -52,7 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with signals:
             options = _parser(words).parse_args(words)
             status = int(options.run(options))
-            sys.stdout.flush()
+            if sys.stdout is not None:  # it may be closed
+                sys.stdout.flush()
         return status if signals.arrived is None else _interrupted(signals)
     except SsmPlannerError as error:
         print(f"ssm-planner: {error}", file=sys.stderr)
@@ -60,6 +62,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CLOSED_PIPE
+    except OSError as error:
+        if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EIO, errno.EBADF):
+            return _fault(error)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(f"ssm-planner: standard output: cannot be written: {error.strerror}", file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
         return _interrupted(signals)
     except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line and a status of its own

@@ -22,6 +22,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
+from ssm_planner.publishing import one_line
 from ssm_planner.verification.certificate import Certificate
 
 NAME = "ssm_robot"
@@ -43,7 +44,7 @@ class CFunction:
 def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
     """Write ssm_robot.h and ssm_robot.c into a folder; returns what the manifest says of them."""
     header, source = c_code(
-        plan.robot, [f"Exported with {plan.path.name}, SHA-256 {plan.sha256}.", *_mark(suffix)], suffix
+        plan.robot, [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *_mark(suffix)], suffix
     )
     (folder / f"{NAME}{suffix}.h").write_text(header, encoding="utf-8")
     (folder / f"{NAME}{suffix}.c").write_text(source, encoding="utf-8")
@@ -55,12 +56,12 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     """(header, source) of a robot as C99."""
     functions = c_functions(robot)
     about = [
-        f"Robot {robot.name} (SHA-256 of its values {robot_hash(robot)}).",
+        f"Robot {c_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
         *remarks,
         f"SI units: {UNITS.format(names=_names(robot))}.",
         "No allocation, no state, no dependency but the C library's mathematics (-lm); all functions are reentrant.",
     ]
-    comment = "/*\n" + "\n".join(f" * {line.replace('*/', '* /')}" for line in about) + "\n */\n"
+    comment = "/*\n" + "\n".join(f" * {line}" for line in about) + "\n */\n"
     guard = "SSM_ROBOT_H"
     declarations = "\n\n".join(f"/* {f.comment} */\n{_declaration(f)};" for f in functions)
     header = f"""{comment}#ifndef {guard}
@@ -83,6 +84,11 @@ extern "C" {{
         f'{comment}#include "{NAME}{suffix}.h"\n\n#include <math.h>\n\n{SIGN if "sign_of(" in bodies else ""}{bodies}'
     )
     return header, source
+
+
+def c_text(name: str) -> str:
+    """A name as part of a C comment: nothing that ends the comment or the line, or splices lines."""
+    return one_line(name, without="*/\\?")
 
 
 def c_functions(robot: Robot) -> list[CFunction]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.joint_trajectory import (
+    INSTALL,
     Message,
     controller_faults,
     split_time,
@@ -21,6 +23,7 @@ from ssm_planner.formats.joint_trajectory import (
 )
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.plans import Plan
+from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
@@ -40,12 +43,13 @@ def export_ros2(
     suffix: str,
     rate: float = 100.0,
     effort: bool = False,
-    bag: bool = True,
+    bag: bool | None = None,
 ) -> dict[str, Any]:
     """Write joint_trajectory.yaml, goal.yaml and, with `bag`, a rosbag2 (MCAP); returns what the manifest says.
 
     rate: of the bag's joint states and transforms, Hz. effort: give the rigid-body efforts too, which a controller
-    without an effort interface rejects. Raises ExportError.
+    without an effort interface rejects. bag: None leaves it out where the package rosbags is missing, and says so. Raises
+    ExportError.
     """
     if not 0 < rate <= LARGEST_RATE:
         raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
@@ -56,11 +60,13 @@ def export_ros2(
         raise ExportError(f"{plan.path}: joint_trajectory_controller would reject the trajectory: {faults[0]}")
     name = f"joint_trajectory{suffix}.yaml"
     marks = ["UNVERIFIED: the plan has no passed certificate; do not run it on a machine."] if suffix else []
-    marks += [f"Plan {plan.path.name}, SHA-256 {plan.sha256}; rad, m, N*m, N.", points.note + "."]
+    marks += [f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.", points.note + "."]
     _write(folder / name, message, [*marks, *PUBLISH], "")
     goal = f"goal{suffix}.yaml"
     _write(folder / goal, message, [*marks, "Goal of control_msgs/action/FollowJointTrajectory."], "trajectory")
-    if bag:
+    if bag is None and find_spec("rosbags") is None:
+        remarks = [*remarks, f"no rosbag2 was written: {INSTALL}"]
+    elif bag is not False:
         from ssm_planner.formats.rosbag import write_bag
 
         write_bag(folder / f"bag{suffix}", plan, message, rate)

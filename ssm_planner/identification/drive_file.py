@@ -12,6 +12,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, Ripple
+from ssm_planner.publishing import one_line
 
 _UNITS = {
     "b_c": "N*m",
@@ -68,7 +69,7 @@ def _heading(fit: MapFit, evidence: str) -> str:
             f"The data give {', '.join(group)} only together: each alone rests on what is expected of such drives."
         )
     lines += [f"Outlier, weight {weight:.2g}: {name}." for name, _, weight in fit.outliers]
-    return "".join(f"# {line}\n" for line in lines)
+    return "".join(f"# {one_line(line)}\n" for line in lines)
 
 
 def _friction(drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str) -> dict[str, Any]:

@@ -190,10 +190,13 @@ def test_without_the_package_rosbags_the_message_says_how_to_get_it(
     for name in ("rosbags", "rosbags.rosbag2", "rosbags.typesys"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(ExportError, match=r"pip install 'ssm-planner\[ros2\]' .*--no-bag"):
-        export(plan, "ros2", tmp_path / "ros2")
+        export(plan, "ros2", tmp_path / "ros2", bag=True)
     assert not list(tmp_path.iterdir())
-    files, _ = export(plan, "ros2", tmp_path / "ros2", bag=False)
-    assert set(files) == {"joint_trajectory.yaml", "goal.yaml", "manifest"}
+    for options in ({}, {"bag": False}):
+        files, manifest = export(plan, "ros2", tmp_path / "ros2", **options)
+        assert set(files) == {"joint_trajectory.yaml", "goal.yaml", "manifest"}
+        left_out = [note for note in manifest["notes"] if "pip install" in note]
+        assert len(left_out) == (0 if options else 1)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, 1e6, float("nan")])

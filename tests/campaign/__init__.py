@@ -1,0 +1,1 @@
+"""Seeded campaigns: hostile files, tampered results, seeded violations. `make campaign` runs them whole."""

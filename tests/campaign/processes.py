@@ -1,0 +1,335 @@
+"""Whole processes: killed, ended and interrupted at random instants, without room, without streams, two at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ssm_planner import load_plan
+from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.c import c_code
+from ssm_planner.formats.urdf import urdf
+from ssm_planner.publishing import MANIFEST, check_generation, file_name, hashes
+
+from .rows import ROOT, Count, Row
+
+PATIENCE = 60.0
+ORPHANS = 2.0
+"""s after the end of a process in which its children have to end."""
+MARK = "SSM_PLANNER_CAMPAIGN"
+STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}
+NAMES = (
+    "../../x", "/tmp/x", "..", ".", "a/b", "a\\b", "a\nb", "*/ int x; /*", "*\\\n/ int x;", "??/", "-->", "]]>", "<x>&",
+    "\"'", "é ü 中", "a" * 500, "\x07\x1b[31m", "\u2028", "$(touch x)", "`touch x`", "; touch x", "%n%s", "CON", "--", "-o",
+    "//", "*??/\n/", "\x7f", "\ufeff", "\u202e", "{{7*7}}", "</script>", "-", "--->", "\r\n#define x",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What the cases share: two problems, and the results of each."""
+
+    folder: Path
+    problems: tuple[Path, Path]
+    results: tuple[Path, Path]
+    seconds: float
+    """How long one command takes here, when it is left alone."""
+
+    @classmethod
+    def prepared(cls, folder: Path) -> Stage:
+        shutil.copytree(ROOT / "problems", folder / "problems")
+        first = folder / "problems/tilt_insert.yaml"
+        second = folder / "problems/less.yaml"
+        second.write_text(first.read_text().replace("to: 20 mm", "to: 12 mm"))
+        results = folder / "first", folder / "second"
+        begin = 0.0
+        for problem, result in zip((first, second), results, strict=True):
+            begin = time.monotonic()
+            ended = start(folder, "plan", str(problem), "-o", str(result)).wait(PATIENCE)
+            assert ended == 0, f"{problem}: exit status {ended}"
+        return cls(folder, (first, second), results, time.monotonic() - begin)
+
+
+def run(count: int, seed: int) -> list[Row]:
+    """Of the count nine tenths are interruptions; the rest is shared by the other kinds."""
+    with tempfile.TemporaryDirectory() as name:
+        stage = Stage.prepared(Path(name))
+        rows = [
+            interrupted(stage, 3 * count // 10, number, random.Random(f"{seed} {number}"))
+            for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+        ]
+        few = max(count // 40, 3)
+        rng = random.Random(f"{seed} others")
+        rows += [full_disk(stage, few, rng), closed_streams(stage, few, rng), two_writers(stage, few, rng)]
+        return [*rows, hostile_folders(stage, few, rng), hostile_texts(4 * count, rng)]
+
+
+def start(
+    cwd: Path, *words: str, mark: str = "", limit: int | None = None, streams: dict[str, Any] | None = None
+) -> subprocess.Popen[bytes]:
+    """The program in a process of its own; mark: found again in the environment of its children."""
+
+    def begin() -> None:
+        if limit is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **(streams or {})}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cwd / "cache"), MARK: mark}
+    environment.pop("SSM_PLANNER_COMPILE", None)
+    command = [sys.executable, "-m", "ssm_planner", *words]
+    return subprocess.Popen(command, cwd=cwd, env=environment, preexec_fn=begin, start_new_session=True, **pipes)
+
+
+def interrupted(stage: Stage, count: int, number: signal.Signals, rng: random.Random) -> Row:
+    """Signals at instants spread over the whole run; half of them over its last third, where files are written."""
+    counted = Count(f"interruption, {number.name}")
+    for k in range(count):
+        case = stage.folder / "case"
+        shutil.rmtree(case, ignore_errors=True)
+        kind = ("plan", "report", "csv", "ros2")[k % 4]
+        out, words, earlier = _command(stage, case, kind)
+        instant = stage.seconds * (rng.uniform(0.0, 1.1) if k % 2 else rng.uniform(0.6, 1.1))
+        mark = f"{number.name}-{k}-{os.getpid()}"
+        errors = case / "stderr"
+        with errors.open("wb") as stream:
+            process = start(case, *words, mark=mark, streams={"stderr": stream})
+            time.sleep(instant * (1.0 if kind == "plan" else 0.6))
+            process.send_signal(number)
+            try:
+                status = process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                counted.add(f"{kind}: still there after {PATIENCE:g} s")
+                continue
+        fault = _orphans(mark) or _left(out, earlier, case) if number == signal.SIGKILL else None
+        if number != signal.SIGKILL:
+            fault = _orphans(mark) or _said(number, status, errors.read_text("utf-8", "replace"), out, earlier)
+        counted.add(fault and f"{kind}: {fault}")
+    return counted.row
+
+
+def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict[str, str]]:
+    """(folder written to, words, what it holds before) of one case."""
+    out = case / "out"
+    first, second = stage.results
+    case.mkdir()
+    if kind == "plan":
+        shutil.copytree(second, out)
+        words = ["plan", str(stage.problems[0]), "-o", str(out)]
+    elif kind == "report":
+        shutil.copytree(first, out)
+        words = ["report", str(out), "--figures", str(out)]
+    else:
+        shutil.copytree(second, case / "second")
+        ended = start(case, "export", str(case / "second"), "--to", kind, "-o", str(out)).wait(PATIENCE)
+        assert ended == 0, f"export: exit status {ended}"
+        words = ["export", str(first), "--to", kind, "-o", str(out)]
+    return out, words, hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
+
+
+def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
+    """What is wrong with the folder that a killed process leaves."""
+    found = hashes(out)
+    found = {name: sha for name, sha in found.items() if not name.startswith(".")}
+    before = {name: sha for name, sha in earlier.items() if name != MANIFEST}
+    if found == before and (out / MANIFEST).read_text() == earlier[MANIFEST]:
+        return None
+    try:
+        check_generation(out)
+    except TrajectoryError:
+        return None  # a mixture, and noticed
+    listed = json.loads((out / MANIFEST).read_text())["files"]
+    return None if listed == found else f"a mixture that is not noticed: {sorted(found)}"
+
+
+def _said(number: signal.Signals, status: int, said: str, out: Path, earlier: dict[str, str]) -> str | None:
+    """What is wrong with the words, the status and the folder that a process leaves that was asked to end."""
+    begun = "reading" in said
+    if "Traceback" in said and begun:
+        return f"traceback: {said[-300:]}"
+    if status not in (0, STATUS[number]) and begun:
+        return f"exit status {status}: {said[-300:]}"
+    if list(out.parent.glob(".out-*")) or list(out.glob(".*")):
+        return f"left behind: {sorted(path.name for path in out.glob('.*'))}"
+    now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
+    if "untouched" in said and now != earlier:
+        return "said that earlier results are untouched"
+    check_generation(out)
+    if status == STATUS[number] and "untouched" not in said and "written whole" not in said and begun:
+        return f"does not say what is left: {said[-300:]}"
+    return None
+
+
+def _orphans(mark: str) -> str | None:
+    """Processes with the mark in their environment that live too long."""
+    end = time.monotonic() + ORPHANS
+    while found := list(_marked(mark)):
+        if time.monotonic() > end:
+            return f"{len(found)} processes after {ORPHANS:g} s"
+        time.sleep(0.05)
+    return None
+
+
+def _marked(mark: str) -> list[str]:
+    wanted = f"{MARK}={mark}\0".encode()
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if wanted in (folder / "environ").read_bytes() and ") Z " not in (folder / "stat").read_text():
+                found.append(folder.name)
+        except OSError:
+            continue
+    return found
+
+
+def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
+    """No file can grow beyond some size: a message, status 2, and nothing changed."""
+    counted = Count("no room for a file")
+    for k in range(count):
+        case = stage.folder / "case"
+        shutil.rmtree(case, ignore_errors=True)
+        out, words, earlier = _command(stage, case, ("plan", "report", "csv", "ros2")[k % 4])
+        sizes = [path.stat().st_size for path in stage.results[0].iterdir()]
+        with (case / "stderr").open("wb") as stream:
+            limit = rng.randrange(100, max(sizes))
+            pipe = {"stderr": subprocess.PIPE}
+            process = start(case, *words, limit=limit, streams=pipe)
+            _, said = process.communicate(timeout=PATIENCE)
+            stream.write(said)
+        text = said.decode("utf-8", "replace")
+        now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
+        fault = None
+        if process.returncode == 0:
+            fault = None if (check_generation(out) is None) else "not whole"  # nothing it writes is that large
+        elif process.returncode != 2 or "Traceback" in text or "cannot be written" not in text:
+            fault = f"exit status {process.returncode}: {text[-300:]}"
+        elif now != earlier:
+            fault = "changed the earlier results"
+        counted.add(fault and f"{words[0]}, {limit} bytes: {fault}")
+    return counted.row
+
+
+def closed_streams(stage: Stage, count: int, rng: random.Random) -> Row:
+    """Standard streams that are closed, full or gone."""
+    counted = Count("closed and full streams")
+    for k in range(count):
+        plan = str(stage.results[0] / "plan.json")
+        words = (
+            ["check", plan],
+            ["check", plan, "--json"],
+            ["workspace", str(stage.folder / "problems/robots/vitreoretinal.yaml")],
+        )[k % 3]
+        how = ("<&-", ">&-", "2>&-", ">&- 2>&-", "> /dev/full", "2> /dev/full", "| head -c 1")[k % 7]
+        command = f'set -o pipefail; "$@" {how}'
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        if rng.random() < 0.5:
+            environment |= {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+        done = subprocess.run(
+            ["bash", "-c", command, "bash", sys.executable, "-m", "ssm_planner", *words],
+            cwd=stage.folder, env=environment, capture_output=True, timeout=PATIENCE,
+        )  # fmt: skip
+        said = done.stderr.decode("utf-8", "replace")
+        bad = "Traceback" in said or "internal fault" in said or done.returncode in (1, 3)
+        counted.add(f"{' '.join(words[:1])} {how}: exit status {done.returncode}: {said[-300:]}" if bad else None)
+    return counted.row
+
+
+def two_writers(stage: Stage, count: int, rng: random.Random) -> Row:
+    """Two plans into one folder at once: in the end it holds one of them, whole."""
+    counted = Count("two writers at once")
+    for k in range(count):
+        case = stage.folder / "case"
+        shutil.rmtree(case, ignore_errors=True)
+        case.mkdir()
+        out = case / "out"
+        if k % 2:
+            shutil.copytree(stage.results[0], out)
+        writers = []
+        for problem in stage.problems:
+            writers.append(start(case, "plan", str(problem), "-o", str(out)))
+            time.sleep(rng.uniform(0.0, 0.1))
+        ended = [writer.wait(PATIENCE) for writer in writers]
+        plans = [(result / "plan.json").read_bytes() for result in stage.results]
+        fault = None if ended == [0, 0] else f"exit status {ended}"
+        try:
+            check_generation(out)
+        except TrajectoryError as error:
+            fault = str(error)
+        if (out / "plan.json").read_bytes() not in plans or sorted(hashes(out)) != sorted(hashes(stage.results[0])):
+            fault = f"neither of the plans: {sorted(hashes(out))}"
+        counted.add(fault)
+    return counted.row
+
+
+def hostile_folders(stage: Stage, count: int, rng: random.Random) -> Row:
+    """Names of problems that look like paths: results stay below the working directory."""
+    counted = Count("hostile names of problems")
+    for _ in range(count):
+        name = rng.choice(NAMES)
+        case = stage.folder / "case"
+        shutil.rmtree(case, ignore_errors=True)
+        here = case / "a/b"
+        here.mkdir(parents=True)
+        problem = stage.folder / "problems/hostile.yaml"
+        problem.write_text(stage.problems[0].read_text() + f"name: {json.dumps(name)}\n")
+        process = start(here, "plan", str(problem), streams={"stderr": subprocess.PIPE})
+        _, said = process.communicate(timeout=PATIENCE)
+        outside = [path for path in case.rglob("*") if path.is_file() and here / "results" not in path.parents]
+        outside = [path for path in outside if here / "cache" not in path.parents]
+        fault = None
+        if outside:
+            fault = f"{name!r}: wrote {outside[0]}"
+        elif process.returncode not in (0, 2) or b"Traceback" in said:
+            fault = f"{name!r}: exit status {process.returncode}"
+        counted.add(fault)
+    return counted.row
+
+
+def hostile_texts(count: int, rng: random.Random) -> Row:
+    """Names of robots in what is exported: a name is never code, markup or a path."""
+    import dataclasses
+
+    counted = Count("hostile names of robots")
+    robot = load_plan(ROOT / "results/tilt_insert").robot
+    judges: tuple[Callable[[str], str | None], ...] = (_xml_fault, _c_fault, _path_fault)
+    for k in range(count):
+        name = "".join(rng.choice(NAMES) for _ in range(rng.randrange(1, 4)))
+        hostile = dataclasses.replace(robot, name=name)
+        text = (urdf(hostile), c_code(hostile)[k % 2], name)[k % 3]
+        fault = judges[k % 3](text)
+        counted.add(fault and f"{name!r}: {fault}")
+    return counted.row
+
+
+def _xml_fault(text: str) -> str | None:
+    try:
+        tags = [node.tag for node in ElementTree.fromstring(text)]
+    except ElementTree.ParseError as error:
+        return f"no XML: {error}"
+    return None if tags.count("link") == 6 else f"other elements: {tags}"
+
+
+def _c_fault(text: str) -> str | None:
+    end = text.index("*/")
+    comment = text[:end]
+    odd = [word for word in ("\\\n", "??/", "/*") if word in comment[2:]]
+    rest = text[end + 2 :].lstrip()
+    return f"{odd} in a comment" if odd else None if rest.startswith("#") else f"code behind it: {rest[:40]!r}"
+
+
+def _path_fault(text: str) -> str | None:
+    made = file_name(text)
+    return None if Path(made).name == made and made not in ("", ".", "..") else f"a path: {made!r}"

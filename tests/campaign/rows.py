@@ -1,0 +1,91 @@
+"""What a campaign counts, and how commands are run in this process: captured, with a watchdog."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import NamedTuple
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # plans, seeded
+
+LONGEST = 10
+"""s: what takes longer hangs."""
+EXAMPLES = 5
+ROOT = Path(__file__).parent.parent.parent
+ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
+
+
+class Row(NamedTuple):
+    """One line of the table of results."""
+
+    kind: str
+    cases: int
+    failures: int
+    examples: tuple[str, ...]
+
+
+class Hang(BaseException):
+    """Something took longer than LONGEST."""
+
+
+class Count:
+    """Counts the cases of one kind."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind, self.cases, self.failures = kind, 0, 0
+        self.examples: list[str] = []
+
+    def add(self, fault: str | None) -> None:
+        """One more case; fault: why it failed."""
+        self.cases += 1
+        if fault is not None:
+            self.failures += 1
+            if len(self.examples) < EXAMPLES:
+                self.examples.append(fault)
+
+    @property
+    def row(self) -> Row:
+        """The line so far."""
+        return Row(self.kind, self.cases, self.failures, tuple(self.examples))
+
+
+@contextlib.contextmanager
+def watchdog(seconds: int = LONGEST) -> Iterator[None]:
+    """Raises Hang in the block after some seconds."""
+
+    def bark(number: int, frame: FrameType | None) -> None:
+        raise Hang
+
+    before = signal.signal(signal.SIGALRM, bark)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def command(*words: str) -> tuple[int | None, str, str, str | None]:
+    """(exit status, stdout, stderr, fault) of a command run in this process; fault: a hang, or its last traceback."""
+    from ssm_planner.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    fault, status = None, None
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            with watchdog():
+                status = main(list(words))
+        except SystemExit as stop:
+            status = int(stop.code or 0)
+        except Hang:
+            fault = f"hangs over {LONGEST} s"
+        except BaseException as error:  # noqa: BLE001 - any is a finding
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            fault = f"{type(error).__name__}: {str(error)[:100]} ({Path(last.filename).name}:{last.lineno})"
+    return status, out.getvalue(), err.getvalue(), fault
