@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.phases import Phase, branch_of, driven_joints
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.limits import TASK, JointPosition, RetinaClearance, TaskRange
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -113,3 +115,27 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
             )
         return Reason(each, where, least, found, f"{text} ({where})")
     return None
+
+
+def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Phase | None:
+    """A free phase from rest to rest, straight in task coordinates; None where it cannot be, or a limit forbids a place."""
+    if len(phase.points) != 2 or phase.qd_start.any() or phase.qd_end.any() or not _ways_differ(phase):
+        return None
+    first, last = phase.points
+    path = StraightPath(
+        mechanism,
+        start=phase.start,
+        end=phase.end,
+        branch=branch_of(mechanism, first),
+        first=first,
+        watched=driven_joints(problem.robot),
+    )
+    if np.abs(path.sample(np.array([1.0])).q[0] - last).max() > TOLERANCE:
+        return None
+    straight = replace(phase, path=path)
+    return None if infeasible_place(problem, mechanism, (straight,)) is not None else straight
+
+
+def _ways_differ(phase: Phase) -> bool:
+    """The straight line in task coordinates is another one than that in the joints."""
+    return bool(np.abs((phase.end - phase.start)[:2]).max() > TOLERANCE)

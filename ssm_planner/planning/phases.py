@@ -17,6 +17,7 @@ from ssm_planner.planning.scan_pattern import expand_scans
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 NOWHERE = 1e-9
@@ -93,8 +94,8 @@ def _straight_phase(problem: Problem, mechanism: Mechanism, motion: Straight, at
     start, q = at
     end = _task_of(problem, mechanism, motion.to, start)
     _refuse_standstill(problem, motion, end - start)
-    driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
-    path = StraightPath(mechanism, start=start, end=end, branch=_branch_of(mechanism, q), first=q, watched=driven)
+    driven = driven_joints(problem.robot)
+    path = StraightPath(mechanism, start=start, end=end, branch=branch_of(mechanism, q), first=q, watched=driven)
     return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
 
 
@@ -109,7 +110,13 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
     return Phase(motion, start, end, np.stack(points), None)
 
 
-def _branch_of(mechanism: Mechanism, q: Array) -> int:
+def driven_joints(robot: Robot) -> tuple[int, ...]:
+    """Those with a drive."""
+    return tuple(i for i, joint in enumerate(robot.joints) if joint.drive is not None)
+
+
+def branch_of(mechanism: Mechanism, q: Array) -> int:
+    """The branch of the inverse kinematics, ±1, that joints q (4,) are on."""
     return 1 if np.sin(q[1] - mechanism.delta) > 0 else -1
 
 
@@ -118,7 +125,7 @@ def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array
     if isinstance(target, Joints):
         return np.array(target.values)
     found = _solutions(problem, mechanism, target, held, first)
-    branch = _branch_of(mechanism, first)
+    branch = branch_of(mechanism, first)
     usable = found.valid[0] & (found.branch[0] == branch)
     if not usable.any():
         usable = found.valid[0] if found.valid[0].any() else found.reaches[0]

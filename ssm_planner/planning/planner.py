@@ -10,15 +10,16 @@ import numpy as np
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.boundary_rates import with_boundary_rates
 from ssm_planner.planning.diagnosis import duration_too_short, durations_disagree, motor_too_weak, no_motion
-from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.feasibility import infeasible_place, straight_instead
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.ocp.constraints import with_margin
 from ssm_planner.planning.ocp.free import FreeResult, solve_free
+from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
 from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, StraightPath
-from ssm_planner.planning.retiming.retime import Retiming, retime, retime_motion
+from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime, retime_motion
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -29,6 +30,10 @@ CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
 FAR = 1.001
 """TOPP-RA's duration in that of the motion beyond which it is worked out along the motion too."""
+SHORTER = 1e-5
+"""Share by which a straight motion has to be shorter than a free one to take its place."""
+NEARLY = 1.005
+"""TOPP-RA's duration on a coarse grid, in that of a free motion, up to which the straight one is worked out."""
 SAME = 1e-5
 """Share by which durations may differ that are meant to be the same."""
 LONGER = 1e-6
@@ -230,7 +235,31 @@ class _PhasePlanner:
         return PhaseMotion(planned, *joint_pieces(path, motion, end_speed=speeds[1]))
 
     def _free(self, phase: Phase) -> PhaseMotion | Reason:
-        """A free motion by optimal control; its path is the solver's."""
+        """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
+        free = self._free_by_optimal_control(phase)
+        if not isinstance(free, Reason) and free.planned.duration <= (1 + SHORTER) * free.planned.lower_bound:
+            return free
+        straight = straight_instead(self.problem, self.mechanism, phase)
+        if straight is None or straight.path is None:
+            return free
+        if not isinstance(free, Reason):
+            rough = retime(straight.path, self.problem.robot, COARSE, self.problem.task_limits)
+            if not rough.duration < NEARLY * free.planned.duration:
+                return free
+        motion = self._straight(straight, straight.path)
+        if isinstance(motion, Reason):
+            return free
+        if isinstance(free, Reason) or motion.planned.duration < (1 - self._shorter) * free.planned.duration:
+            return motion
+        return free
+
+    @property
+    def _shorter(self) -> float:
+        """Share by which one motion has to be shorter than another to be preferred."""
+        return LONGER_FOR_HEAT if self.problem.objective == "time then heat" else SHORTER
+
+    def _free_by_optimal_control(self, phase: Phase) -> PhaseMotion | Reason:
+        """Its path is the solver's."""
         asked = phase.motion.duration
         direct = PolylinePath(self.mechanism, phase.points)
         reason = motor_too_weak(self.problem, phase, direct)

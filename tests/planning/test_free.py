@@ -9,8 +9,8 @@ import pytest
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.problem.limits import TaskRange, TipSpeed
-from ssm_planner.problem.motion import Free, Joints, Point, Tip
+from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.motion import Free, Joints, Point, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
@@ -84,3 +84,26 @@ def test_one_joint_alone_leaves_the_others_at_rest(tilt_insert: Problem) -> None
     result = plan(free(tilt_insert, goal=Joints((*FIRST[:3], -0.02))))
     assert result.passed
     assert np.ptp(result.trajectory.uniform(1000.0).q[:, :3], axis=0).max() == 0.0
+
+
+@pytest.mark.parametrize("limit", [TaskRange("spin", -np.radians(5), np.radians(5)), TaskRate("spin", np.radians(5))])
+def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_that_succeeds(
+    tilt_insert: Problem, limit: Limit
+) -> None:
+    """Between the ends the joints of the free motion go one way, in which spin has to leave its range, or hurry."""
+    limits = (*tilt_insert.limits, limit)
+    target = np.radians(-135)
+    straight, other = (
+        plan(dataclasses.replace(tilt_insert, limits=limits, objective="time", motion=(motion,)))
+        for motion in (Straight(tilt=target, name="straight"), Free(Task(tilt=target), name="free"))
+    )
+    assert straight.passed
+    assert other.passed
+    assert other.duration <= (1 + 1e-5) * straight.duration
+    assert not other.disagreements
+
+
+def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(tilt_insert: Problem) -> None:
+    result = plan(dataclasses.replace(tilt_insert, objective="time", motion=(Free(Task(tilt=-2.0, roll=0.1)),)))
+    assert result.passed
+    assert result.phases[0].branch is None
