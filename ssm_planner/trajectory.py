@@ -13,6 +13,10 @@ from ssm_planner.errors import TrajectoryError
 from ssm_planner.typing import Array, Indices
 
 DEGREE = 5
+SHORTEST, LONGEST = 1e-12, 1e9
+"""s: of pieces, and of times."""
+LARGEST = 1e9
+"""rad or m: more is no position of a joint, and derivatives of it overflow."""
 Side = Literal["left", "right"]
 
 
@@ -58,6 +62,15 @@ class Trajectory:
             raise TrajectoryError("a trajectory holds only finite numbers")
         if np.any(np.diff(self.breaks) <= 0):
             raise TrajectoryError("the breaks of a trajectory must increase")
+        length = np.diff(self.breaks)
+        if length.min() < SHORTEST or np.abs(self.breaks).max() > LONGEST:
+            raise TrajectoryError(f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s")
+        for k in range(DEGREE + 1):
+            with np.errstate(over="ignore"):
+                values = self.coefficients[:, k]
+                largest = max(float(values.max()), -float(values.min()))
+                if largest > LARGEST and (np.abs(values) * length[:, None] ** k).max() > LARGEST:
+                    raise TrajectoryError(f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none")
         self.breaks.setflags(write=False)
         self.coefficients.setflags(write=False)
 
@@ -120,7 +133,9 @@ class Trajectory:
             phases = tuple(Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"])
             breaks = np.array(data["breaks_s"], dtype=float)
             coefficients = np.array(data["coefficients"], dtype=float)
-        except (KeyError, TypeError, ValueError) as error:
+            if breaks.ndim != 1 or coefficients.ndim != 3:
+                raise ValueError("breaks_s is no list of numbers, or coefficients are no list of pieces")
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error
         return cls(breaks, coefficients, phases)
 

@@ -181,6 +181,8 @@ def _write(path: Path, header: list[str], rows: Array, form: str | Sequence[str]
 SEPARATORS = (",", ";", "\t")
 LOOK = 1000
 """Rows whose digits tell how the positions were rounded."""
+FINEST_DIGIT = 400
+"""No float has a finer one."""
 ORDERS = ("position", "velocity", "acceleration")
 
 
@@ -259,6 +261,8 @@ def _data_rows(path: Path, layout: Layout, columns: list[int]) -> Array:
         raise TrajectoryError(_fault(path, layout, str(error))) from error
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except OverflowError as error:
+        raise TrajectoryError(f"{path}: holds a number that no float can hold") from error
     if not len(rows):
         raise TrajectoryError(f"{path}: the header is there, but no row follows it")
     width = len(layout.names)
@@ -299,7 +303,8 @@ def _last_digit(text: str) -> int:
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):
         return 99
-    return int(exponent or 0) - len(mantissa.partition(".")[2])
+    power = int(exponent[:12] or 0) if exponent[1:12].isdecimal() or exponent.isdecimal() else 0
+    return min(max(power, -FINEST_DIGIT), FINEST_DIGIT) - len(mantissa.partition(".")[2])
 
 
 def _line_of(path: Path, layout: Layout, row: int) -> int:

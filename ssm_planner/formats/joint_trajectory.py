@@ -10,14 +10,22 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.errors import TrajectoryError
+from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import SplinePoints
+from ssm_planner.loading.json_files import read_bytes
+from ssm_planner.loading.yaml_nodes import parse
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 TICKS = 10**9
+LARGEST_FILE = 200_000_000
+"""Bytes of a YAML file."""
+LARGEST_TREE = 10_000_000
+"""Values in it."""
+LONGEST = 10**9
+"""s; seconds beyond are none."""
 
 
 def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Message:
@@ -62,23 +70,17 @@ class Message:
 
 def read_yaml(path: Path, robot: Robot) -> Reading:
     """The trajectory of a JointTrajectory or a FollowJointTrajectory goal in YAML. Raises TrajectoryError."""
-    import yaml
-
+    data = read_bytes(path, LARGEST_FILE)
     try:
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        data = next(iter(yaml.load_all(path.read_text(encoding="utf-8"), Loader=loader)), None)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = "" if mark is None else f":{mark.line + 1}"
-        raise TrajectoryError(f"{path}{line}: not YAML: {getattr(error, 'problem', error)}") from error
+        content: Any = parse(path, data.decode("utf-8-sig"), LARGEST_TREE, trailing=True).value
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
-    except OSError as error:
-        raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except ProblemError as error:
+        raise TrajectoryError(str(error)) from error
     for key in ("goal", "trajectory"):
-        if isinstance(data, dict) and isinstance(data.get(key), dict):
-            data = data[key]
-    return read_message(message_from(data, str(path)), robot, str(path))
+        if isinstance(content, dict) and isinstance(content.get(key), dict):
+            content = content[key]
+    return read_message(message_from(content, str(path)), robot, str(path))
 
 
 def message_from(data: Any, where: str) -> Message:
@@ -158,9 +160,10 @@ def _time(point: Any, k: int, where: str) -> float:
     stamp = point.get("time_from_start") if isinstance(point, dict) else None
     try:
         if isinstance(stamp, dict):
-            nanoseconds = int(stamp.get("sec", 0)) * 10**9 + int(stamp.get("nanosec", 0))
-            return nanoseconds / 1e9
-    except (TypeError, ValueError):
+            sec, nanosec = int(stamp.get("sec", 0)), int(stamp.get("nanosec", 0))
+            if abs(sec) <= LONGEST and abs(nanosec) <= LONGEST * TICKS:
+                return (sec * TICKS + nanosec) / TICKS
+    except (OverflowError, TypeError, ValueError):
         stamp = None
     raise TrajectoryError(f"{where}: point {k}: no time_from_start with sec and nanosec (found: {stamp!r})")
 

@@ -20,6 +20,7 @@ from ssm_planner.formats.points import Reading
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.formats.urdf import LINKS, TOOL, urdf
 from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
@@ -187,32 +188,58 @@ def _latched() -> Any:
     )
 
 
+LARGEST_METADATA = 10_000_000
+"""Bytes."""
 TRAJECTORY, STATE = "trajectory_msgs/msg/JointTrajectory", "sensor_msgs/msg/JointState"
 
 
 def read_rosbag(path: Path, robot: Robot) -> Reading:
-    """The first JointTrajectory of a rosbag2, or else its JointStates. Raises TrajectoryError."""
+    """The JointTrajectory of a rosbag2, or else its JointStates. Raises TrajectoryError.
+
+    A bag with different trajectories is refused: which one a controller ran is not known.
+    """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise TrajectoryError(f"{path}: {INSTALL}") from error
     folder = path if path.is_dir() else path.parent
     if not (folder / "metadata.yaml").is_file():
         raise TrajectoryError(f"{path}: not a rosbag2: no metadata.yaml beside it (give the bag's folder)")
+    read_bytes(folder / "metadata.yaml", LARGEST_METADATA)
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             found = {kind: [c for c in reader.connections if c.msgtype == kind] for kind in (TRAJECTORY, STATE)}
             kind = TRAJECTORY if found[TRAJECTORY] else STATE
-            messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages(found[kind])]
-    except (AnyReaderError, OSError, ValueError, KeyError) as error:
-        raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {error}") from error
+            wanted = found[kind]
+            # without connections the reader gives the messages of all
+            raws = reader.messages(wanted) if wanted else iter(())
+            messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
+            converted = [_of_message(message) for message in messages] if kind == TRAJECTORY else _of_states(messages)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{path}: {error}") from error
+    except (Exception, RecursionError) as error:  # of damaged bags the package raises whatever it meets
+        what = f"{type(error).__name__}: {str(error)[:200]}"
+        raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {what}") from error
     if not messages:
         raise TrajectoryError(f"{path}: holds neither a JointTrajectory nor JointStates")
-    if kind == STATE:
-        return read_message(_of_states(messages), robot, str(path), ("the JointStates of the bag are its points",))
-    notes = () if len(messages) == 1 else (f"the first of {len(messages)} JointTrajectory messages",)
-    return read_message(_of_message(messages[0]), robot, str(path), notes)
+    if isinstance(converted, Message):
+        return read_message(converted, robot, str(path), ("the JointStates of the bag are its points",))
+    if any(_differ(converted[0], other) for other in converted[1:]):
+        raise TrajectoryError(
+            f"{path}: holds {len(converted)} JointTrajectory messages that are not the same: a check takes one motion"
+        )
+    notes = () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
+    return read_message(converted[0], robot, str(path), notes)
+
+
+def _differ(one: Message, other: Message) -> bool:
+    if one.names != other.names or not np.array_equal(one.time, other.time):
+        return True
+    return any(
+        len(a) != len(b) or any(not np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+        for a, b in ((getattr(one, key), getattr(other, key)) for key in FIELDS)
+    )
 
 
 def _of_message(message: Any) -> Message:
@@ -221,14 +248,29 @@ def _of_message(message: Any) -> Message:
     return Message(tuple(message.joint_names), np.array(time), *fields)
 
 
-def _of_states(messages: list[Any]) -> Message:
+def _of_states(messages: list[Any]) -> Message | list[Message]:
+    """Each message may list the joints in an order of its own. Raises TrajectoryError."""
+    if not messages:
+        return []
+    names = tuple(messages[0].name)
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
     empty: list[Sequence[float]] = [[] for _ in messages]
+    fields: dict[str, list[Sequence[float]]] = {"position": [], "velocity": []}
+    for k, message in enumerate(messages):
+        own = list(message.name)
+        if sorted(own) != sorted(names) or len(set(own)) != len(own):
+            raise TrajectoryError(f"JointState {k} is of other joints ({', '.join(own)[:80]}) than the first")
+        order = [own.index(name) for name in names]
+        for key, values in fields.items():
+            given = getattr(message, key)
+            if len(given) not in ({len(own)} if key == "position" else {0, len(own)}):
+                raise TrajectoryError(f"JointState {k}: {len(given)} values of {key} for {len(own)} joints")
+            values.append(np.asarray(given)[order].tolist() if len(given) else [])
     return Message(
-        tuple(messages[0].name),
+        names,
         np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps]),
-        positions=[m.position for m in messages],
-        velocities=[m.velocity for m in messages],
+        positions=fields["position"],
+        velocities=fields["velocity"],
         accelerations=empty,
         effort=empty,
     )

@@ -45,11 +45,14 @@ class Node:
     key_lines: Mapping[str | int, int | None] = field(default_factory=dict)
 
 
-def parse(file: Path | None, text: str) -> Node:
-    """The one document in a YAML text; file is for messages. Raises ProblemError for anything else."""
+def parse(file: Path | None, text: str, largest: int = LARGEST_TREE, trailing: bool = False) -> Node:
+    """The one document in a YAML text; file is for messages. Raises ProblemError for anything else.
+
+    largest: values after aliases are expanded. trailing: empty documents may follow, as `ros2 topic echo` writes them.
+    """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
-        return _Builder(file, yaml.parse(text, Loader=loader)).document()
+        return _Builder(file, yaml.parse(text, Loader=loader), largest).document(trailing)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
@@ -66,20 +69,23 @@ def parse(file: Path | None, text: str) -> Node:
 class _Builder:
     """Builds the tree from YAML events, so that depth, size and aliases stay under control."""
 
-    def __init__(self, file: Path | None, events: Iterator[Any]) -> None:
+    def __init__(self, file: Path | None, events: Iterator[Any], largest: int) -> None:
         self.file = file
+        self.largest = largest
         self.events = events
         self.anchors: dict[str, Node] = {}
 
-    def document(self) -> Node:
+    def document(self, trailing: bool) -> Node:
         next(self.events)  # start of the stream
         event = next(self.events)
         if isinstance(event, yaml.StreamEndEvent):
             raise ProblemError("the file is empty", file=self.file, line=1)
         root = self.node(next(self.events), 0)
         next(self.events)  # end of the document
-        event = next(self.events)
-        if not isinstance(event, yaml.StreamEndEvent):
+        while not isinstance(event := next(self.events), yaml.StreamEndEvent):
+            if trailing and self.node(next(self.events), 0).value is None:
+                next(self.events)  # end of an empty document
+                continue
             raise self.error("a second document starts here", event, "one document per file, without '---' lines")
         return root
 
@@ -98,8 +104,8 @@ class _Builder:
             node = self.sequence(event, depth)
         else:
             node = self.mapping(event, depth)
-        if node.size > LARGEST_TREE:
-            raise self.error("too many values", event, f"at most {LARGEST_TREE} in one file, aliases expanded")
+        if node.size > self.largest:
+            raise self.error("too many values", event, f"at most {self.largest} in one file, aliases expanded")
         if event.anchor is not None:
             self.anchors[event.anchor] = node
         return node

@@ -329,7 +329,7 @@ def test_remarks_on_what_a_controller_may_refuse(robot: Robot, tmp_path: Path) -
 def test_text_that_is_no_yaml(robot: Robot, tmp_path: Path) -> None:
     path = tmp_path / "t.yaml"
     path.write_text("points: [1, 2\n", encoding="utf-8")
-    with pytest.raises(TrajectoryError, match="not YAML"):
+    with pytest.raises(TrajectoryError, match="not valid YAML"):
         read_trajectory(path, robot)
 
 
