@@ -69,7 +69,7 @@ class Trajectory:
             with np.errstate(over="ignore"):
                 values = self.coefficients[:, k]
                 largest = max(float(values.max()), -float(values.min()))
-                if largest > LARGEST and (np.abs(values) * length[:, None] ** k).max() > LARGEST:
+                if largest * length.max() ** k > LARGEST and (np.abs(values) * length[:, None] ** k).max() > LARGEST:
                     raise TrajectoryError(f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none")
         self.breaks.setflags(write=False)
         self.coefficients.setflags(write=False)

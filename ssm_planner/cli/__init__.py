@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import errno
 import importlib
+import io
 import os
 import re
 import signal
@@ -21,6 +22,7 @@ BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 DEBUG = "SSM_PLANNER_DEBUG"
 """With this environment variable set, an internal fault shows its traceback."""
 ISSUES = "the issue list of ssm_planner"
+STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 
 COMMANDS = {
     "plan": ("plan", "plan, cross-check, verify, size, report"),
@@ -47,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     # Before NumPy loads: on vectors as short as these, threads of its linear algebra wait for each other more than they work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _prepare_streams()
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     signals = _Signals(for_good=arguments is None)
     try:
@@ -71,6 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _interrupted(signals)
     except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line and a status of its own
+        if isinstance(error, OSError) and error.errno in STREAM_FAULTS:
+            print(f"ssm-planner: standard output cannot be written: {error.strerror}", file=sys.stderr)
+            return BAD_INPUT
         return _interrupted(signals) if signals.arrived is not None else _fault(error)
 
 
@@ -127,6 +133,16 @@ def _fault(error: Exception) -> int:
         file=sys.stderr,
     )
     return FAULT
+
+
+def _prepare_streams() -> None:
+    """A closed stream swallows what is written; one that cannot hold a character, as in the C locale, escapes it."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - for the rest of the process
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:

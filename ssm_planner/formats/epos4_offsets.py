@@ -17,6 +17,8 @@ from ssm_planner.verification.certificate import LimitCheck
 
 NEAR = 2
 """Intervals on either side of a setpoint whose accelerations it may have."""
+AT_REST = ((1.0, True), (-1.0, False), (-1.0, True), (0.0, False))
+"""Direction and breaking away of a joint that may stand, beside moving on."""
 FULL = 0.02
 """s: of a period this long or longer an acceleration may come and go between two setpoints."""
 
@@ -77,18 +79,18 @@ def _torque_range(robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int
     body = RigidBody.from_robot(robot)
     rest = np.array([_slow(robot, i, offsets) for i in range(4)])
     low, high = np.full(q.shape, np.inf), np.full(q.shape, -np.inf)
-    zero = np.zeros_like(q)
+    standing = np.abs(qd) <= rest
+    some = np.flatnonzero(standing.any(axis=1))
+    every = np.arange(len(t))
     # the torque of a motor rises or falls throughout with each acceleration but where its effort changes sign
-    for share in product((0.0, 0.5, 1.0), repeat=4):
+    for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
         qdd = lowest + np.array(share) * (highest - lowest)
-        samples = Samples(t, q, qd, qdd, zero)
-        for sign, breaking in ((1.0, False), (1.0, True), (-1.0, False), (-1.0, True), (0.0, False)):
-            standing = np.abs(qd) <= rest
-            if (sign != 1.0 or breaking) and not standing.any():
-                continue
-            direction = np.where(standing, sign, np.sign(qd))
-            torque = motor_motion(robot, body, samples, direction, (standing & breaking).astype(float)).torque
-            low, high = np.fmin(low, torque), np.fmax(high, torque)
+        for rows, sign, breaking in ((every, 1.0, False), *((some, *case) for case in AT_REST)):
+            still = standing[rows]
+            samples = Samples(t[rows], q[rows], qd[rows], qdd[rows], np.zeros_like(q[rows]))
+            direction = np.where(still, sign, np.sign(qd[rows]))
+            torque = motor_motion(robot, body, samples, direction, (still & breaking).astype(float)).torque
+            low[rows], high[rows] = np.fmin(low[rows], torque), np.fmax(high[rows], torque)
     return low, high
 
 

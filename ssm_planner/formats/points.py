@@ -193,9 +193,9 @@ def check_derivatives(t: Array, value: Array, derivative: Array, robot: Robot, n
                     f"the {names[1]} given for joint {other.name} are those of joint {joint.name}: swapped columns?"
                 )
         if residual < ALIKE:
-            hint = next((f": {text}?" for known, text in FACTORS if abs(factor / known - 1) < ALIKE), "")
+            hint = next((f": {text}?" for known, text in FACTORS if 1 / UNLIKE < factor / known < UNLIKE), "")
             hint = hint or next(
-                (f": {text} in the {names[0]}?" for k, text in FACTORS if abs(factor * k - 1) < ALIKE), ""
+                (f": {text} in the {names[0]}?" for k, text in FACTORS if 1 / UNLIKE < factor * k < UNLIKE), ""
             )
             raise TrajectoryError(
                 f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its {names[0]}{hint}"

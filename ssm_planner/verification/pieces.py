@@ -94,12 +94,6 @@ def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
         yield _pieces(start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.pieces(block))
 
 
-def chosen_pieces(trajectory: Trajectory, chosen: Indices) -> Pieces:
-    """Some pieces of a trajectory, by their indices (m,), together."""
-    start = trajectory.breaks[chosen]
-    return _pieces(start, trajectory.breaks[chosen + 1] - start, trajectory.pieces(chosen))
-
-
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
     # rows of one coefficient of one joint lie together: what follows runs along them
     powers = [np.ascontiguousarray(coefficients.transpose(1, 2, 0)) * length ** np.arange(DEGREE + 1)[:, None, None]]

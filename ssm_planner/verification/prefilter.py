@@ -6,18 +6,19 @@ q, qd or qdd found along the trajectory, Δ, how far these move within the piece
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
-from ssm_planner.verification.pieces import Flags, Pieces, State, chosen_pieces, still
+from ssm_planner.verification.pieces import Flags, Pieces, State, pieces_of, still
 
 WORTHWHILE = 20_000
 """Pieces above which the prefilter saves time."""
-SAMPLES = 500
+PARTS = 8
+"""Of a block of pieces."""
 CAUTION = 2.0
 STEP = 1e-4
 """Of the differences that S is taken from, as a share of the joint's velocity (and the like) in a second."""
@@ -27,10 +28,30 @@ Evaluate = Callable[[State, Array, Array], Array]
 
 
 def sensitivity(trajectory: Trajectory, robot: Robot, evaluate: Evaluate) -> Array:
-    """Largest |∂quantity / ∂(q, qd, qdd)| along a trajectory, (3, 4, k), by central differences."""
-    count = len(trajectory.breaks) - 1
-    chosen = np.unique(np.linspace(0, count - 1, SAMPLES).astype(int))
-    state = np.stack(middle(chosen_pieces(trajectory, chosen)))
+    """Largest |∂quantity / ∂(q, qd, qdd)| along a trajectory, (3, 4, k), by central differences.
+
+    Taken where, in each part of each block of pieces, a joint is farthest, fastest or hardest accelerated either way: a short
+    move among many pieces at rest is so found.
+    """
+    found = [_slopes(states, robot, evaluate) for states in _extremes(trajectory)]
+    largest: Array = np.max(found, axis=0)
+    return largest
+
+
+def _extremes(trajectory: Trajectory) -> Iterator[Array]:
+    """States (3, n, 4) of the pieces of each block that are extreme in its PARTS."""
+    for pieces in pieces_of(trajectory):
+        state = np.stack(middle(pieces))
+        chosen = [np.empty(0, dtype=np.intp)]
+        for part in np.array_split(np.arange(state.shape[1]), PARTS):
+            if len(part):
+                values = state[:, part]
+                chosen += [part[values.argmin(axis=1)].ravel(), part[values.argmax(axis=1)].ravel()]
+        yield state[:, np.unique(np.concatenate(chosen))]
+
+
+def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
+    """Largest slopes (3, 4, k) at states (3, n, 4)."""
     direction, breakaway = np.sign(state[1]), np.zeros_like(state[1])
 
     def slope(order: int, i: int) -> Array:

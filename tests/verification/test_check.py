@@ -314,3 +314,23 @@ def test_the_samples_of_a_trajectory_are_not_changed(robot: Robot) -> None:
     check(trajectory, robot)
     assert np.array_equal(before, trajectory.coefficients)
     assert isinstance(trajectory.sample(np.zeros(1)), Samples)
+
+
+def test_short_moves_among_many_pieces_at_rest_are_judged_as_by_a_full_look(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = 25_000
+    breaks = np.arange(count + 1) * 0.001
+    q = np.tile([0.3, 1.15, 0.1, -0.01], (count + 1, 1)) + 1e-4 * np.sin(breaks)[:, None] * [1, 1, 1, 0.01]
+    v, a = np.zeros_like(q), np.zeros_like(q)
+    rng = np.random.default_rng(3)
+    for k in rng.choice(count - 60, 12, replace=False) + 25:
+        q[k + 1 :] += rng.choice((-1, 1)) * rng.uniform(1e-4, 6e-3, 4) * [1, 1, 1, 0.02]
+        v[k] = rng.normal(size=4) * [0.3, 0.3, 0.3, 0.005]
+    long = Trajectory(breaks, hermite(breaks, (q[:-1], v[:-1], a[:-1]), (q[1:], v[1:], a[1:])), ())
+    found = check(long, robot)
+    monkeypatch.setattr(prefilter, "WORTHWHILE", 10**9)
+    full = check(long, robot)
+    for one, other in zip(found.limits, full.limits, strict=True):
+        assert (one.name, one.joint) == (other.name, other.joint)
+        assert one.worst == pytest.approx(other.worst, rel=1e-6, abs=1e-12)

@@ -1,0 +1,239 @@
+"""Files that are damaged, hostile or changed by hand: one message that names the file, and nothing shown as certified."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner import api
+from ssm_planner.cli import main
+from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.export import export
+from ssm_planner.formats.joint_trajectory import Message
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.plans import Plan, load_plan
+from ssm_planner.problem.robot import Robot
+from ssm_planner.reporting.html.report import report_page, verdict
+from ssm_planner.trajectory import Trajectory
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import certified, read_back, smooth, trapezoids, write_plan
+
+ROOT = Path(__file__).parent.parent.parent
+ROBOT = str(ROOT / "problems/robots/vitreoretinal.yaml")
+SHIPPED = ROOT / "results/tilt_insert/plan.json"
+
+
+@pytest.fixture
+def made(robot: Robot, tmp_path: Path) -> Plan:
+    return read_back(tmp_path / "plan.json", robot, trapezoids(robot))
+
+
+def test_coefficients_changed_by_hand_are_nowhere_certified(tmp_path: Path) -> None:
+    document = json.loads(SHIPPED.read_text(encoding="utf-8"))
+    document["trajectory"]["coefficients"][3][2][1] *= 1 + 1e-9
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    plan = load_plan(path)
+    assert not plan.passed
+    assert verdict(plan)[1][:2] == ("bad", "Not certified")
+    assert "changed after the check" in report_page(plan)
+    assert any("changed after the check" in note for note in plan.notes)
+    with pytest.raises(ExportError, match="changed after the check"):
+        export(plan, "csv", tmp_path / "csv")
+    assert verdict(load_plan(SHIPPED))[1][1] == "Certified"
+
+
+def test_a_plan_changed_in_python_has_no_certificate(made: Plan, robot: Robot) -> None:
+    assert made.passed
+    other = dataclasses.replace(made, trajectory=smooth(robot))
+    assert not other.passed
+    assert other.doubt
+    assert certified(other).passed
+
+
+def test_a_certificate_without_limits_is_none(robot: Robot, tmp_path: Path) -> None:
+    path = write_plan(tmp_path / "plan.json", robot, trapezoids(robot))
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["certificate"]["limits"] = []
+    path.write_text(json.dumps(document), encoding="utf-8")
+    plan = load_plan(path)
+    assert not plan.passed
+    assert "no limits" in str(plan.doubt)
+    assert verdict(plan)[1][1] == "Not certified"
+
+
+def test_limits_in_a_plan_are_compared_with_the_robot_s(
+    robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    joints = tuple(dataclasses.replace(joint, velocity=2 * joint.velocity) for joint in robot.joints)
+    fast = dataclasses.replace(robot, joints=joints, limits=())
+    path = write_plan(tmp_path / "plan.json", fast, trapezoids(fast))
+    assert main(["check", str(path)]) == 0
+    assert "the plan's own" in capsys.readouterr().out
+    assert main(["check", str(path), "--robot", ROBOT]) == 1
+    out = capsys.readouterr().out
+    assert "the plan was made for another limit: velocity of joint tilt" in out
+    assert "tilt range" in out
+
+
+@pytest.mark.parametrize(("column", "factor"), [(2, 50), (3, 9)], ids=["velocity offset", "torque offset"])
+def test_offsets_of_a_drive_are_judged_with_and_without_the_hash(
+    made: Plan, robot: Robot, tmp_path: Path, column: int, factor: int
+) -> None:
+    files, manifest = export(made, "epos4", tmp_path / "e", counts_per_turn=4096)
+    assert api.check(tmp_path / "e", robot).passed
+    lines = [line.split(",") for line in files["tilt.csv"].read_text(encoding="utf-8").splitlines()]
+    for line in lines[1:]:
+        line[column] = str(factor * int(line[column]))
+    files["tilt.csv"].write_text("\n".join(map(",".join, lines)) + "\n", encoding="utf-8")
+    with pytest.raises(TrajectoryError, match=r"tilt\.csv: changed since the export"):
+        api.check(tmp_path / "e", robot)
+    manifest["files"]["tilt.csv"] = hashlib.sha256(files["tilt.csv"].read_bytes()).hexdigest()
+    files["manifest"].write_text(json.dumps(manifest), encoding="utf-8")
+    found = api.check(tmp_path / "e", robot)
+    assert ("velocity offset" if column == 2 else "torque offset", "tilt") in {
+        (v.name, v.joint) for v in found.violations
+    }
+
+
+@pytest.mark.parametrize("name", [".", "..", "../x.csv", "/etc/passwd", "", "x\0.csv", "manifest.json"])
+def test_a_manifest_names_only_its_own_files(made: Plan, robot: Robot, tmp_path: Path, name: str) -> None:
+    files, manifest = export(made, "csv", tmp_path / "csv")
+    files["manifest"].write_text(json.dumps({**manifest, "trajectory": name}), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match="manifest"):
+        read_trajectory(tmp_path / "csv", robot)
+
+
+def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
+    """A bag with these trajectories and nothing else."""
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    from ssm_planner.formats.rosbag import _Messages
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/t", "trajectory_msgs/msg/JointTrajectory", typestore=store)
+        for k, message in enumerate(messages):
+            content = _Messages(store.types).trajectory(message)
+            writer.write(topic, k, store.serialize_cdr(content, topic.msgtype))
+    return folder
+
+
+def message_of(robot: Robot, shift: float = 0.0) -> Message:
+    t = np.array([0.0, 1.0, 2.0])
+    q = np.array([[0.3, 1.15, 0.1, 0.0], [0.35 + shift, 1.15, 0.1, 0.0], [0.4, 1.15, 0.1, 0.0]])
+    empty: list[list[float]] = [[], [], []]
+    names = tuple(joint.name for joint in robot.joints)
+    return Message(names, t, q.tolist(), [[0.0] * 4] * 3, accelerations=empty, effort=empty)
+
+
+def test_a_bag_with_two_motions_is_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:
+    same = bag(tmp_path / "same", made, message_of(robot), message_of(robot))
+    assert "all the same" in read_trajectory(same, robot).notes[0]
+    two = bag(tmp_path / "two", made, message_of(robot), message_of(robot, shift=0.01))
+    with pytest.raises(TrajectoryError, match="2 JointTrajectory messages that are not the same"):
+        read_trajectory(two, robot)
+    with pytest.raises(TrajectoryError, match="neither a JointTrajectory nor JointStates"):
+        read_trajectory(bag(tmp_path / "none", made), robot)
+
+
+def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.typesys import Stores, get_typestore
+
+    from ssm_planner.formats.rosbag import _Messages, _of_states
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
+    states = [_Messages(store.types).state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
+    turned = _Messages(store.types).state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
+    assert isinstance(whole := _of_states(states), Message)
+    assert isinstance(mixed := _of_states([states[0], turned, states[2]]), Message)
+    assert np.array_equal(mixed.positions, whole.positions)
+    assert np.array_equal(mixed.velocities, whole.velocities)
+    with pytest.raises(TrajectoryError, match="other joints"):
+        _of_states([states[0], _Messages(store.types).state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])])
+
+
+def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:
+    folder = bag(tmp_path / "bag", made, message_of(robot))
+    file = next(folder.glob("*.mcap"))
+    data, rng = file.read_bytes(), np.random.default_rng(0)
+    for _ in range(100):
+        at = int(rng.integers(len(data)))
+        file.write_bytes(data[:at] + bytes([rng.integers(256)]) + data[at + int(rng.integers(2)) :])
+        try:
+            read_trajectory(folder, robot)
+        except TrajectoryError as error:
+            assert str(folder) in str(error)  # noqa: PT017 - most are refused, not all
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 40_000,
+        "a: &a [*a]",
+        "a: !!int x",
+        "a: 2001-99-99",
+        "joint_names: [roll]\npoints: [{time_from_start: {sec: 1e999}}]",
+    ],
+)
+def test_hostile_yaml_gets_one_message(robot: Robot, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "t.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(TrajectoryError, match=r"t\.yaml"):
+        read_trajectory(path, robot)
+
+
+@pytest.mark.parametrize(
+    "value", ["1e-99999999999999999999", "1e99999999999999999999", "9" * 400, "-" + "9" * 5000, "0x10", "1_0"]
+)
+def test_hostile_numbers_in_a_csv(robot: Robot, tmp_path: Path, value: str) -> None:
+    path = tmp_path / "t.csv"
+    rows = [f"{t},0.3,{1.15 if t else value},0.1,0" for t in range(3)]
+    path.write_text("time_s,q1_rad,q2_rad,q3_rad,q4_m\n" + "\n".join(rows), encoding="utf-8")
+    status = main(["check", str(path), "--robot", ROBOT])
+    assert status == (1 if value.startswith("1e-") else 2)
+
+
+def test_points_on_a_curve_are_no_other_unit(robot: Robot) -> None:
+    from ssm_planner.formats.points import Points, join_points
+
+    t = np.linspace(0.0, 3.0, 31)
+    q = np.array([0.3, 1.15, 0.1, -0.01]) + np.outer(np.sin(12 * t) / 40, [1, 1, 1, 0.01])
+    qd = np.outer(12 * np.cos(12 * t) / 40, [1, 1, 1, 0.01])
+    slope = np.diff(q[:, 0]) / np.diff(t)
+    mean = (qd[1:, 0] + qd[:-1, 0]) / 2
+    assert abs(slope @ mean / (slope @ slope) - 1) > 0.05
+    join_points(Points(t, q, qd), robot)
+    with pytest.raises(TrajectoryError, match="degrees where radians are meant"):
+        join_points(Points(t, q, np.degrees(qd)), robot)
+
+
+@pytest.mark.parametrize(
+    ("breaks", "size"), [([0.0, 1.0], 1e300), ([0.0, 1e-300], 1.0), ([0.0, 1e300], 1.0), ([0.0, 1e8], 1.0)]
+)
+def test_coefficients_that_overflow_are_no_trajectory(breaks: list[float], size: float) -> None:
+    with pytest.raises(TrajectoryError):
+        Trajectory(np.array(breaks), np.full((1, 6, 4), size), ())
+
+
+@pytest.mark.parametrize("close", [">&-", ">/dev/full", "2>&-", "</dev/null"])
+def test_streams_that_are_closed_or_plain(robot: Robot, tmp_path: Path, close: str) -> None:
+    path = write_plan(tmp_path / "plan.json", robot, trapezoids(robot))
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    command = f"'{sys.executable}' -m ssm_planner check '{path}' {close}"
+    run = subprocess.run(["sh", "-c", command], cwd=ROOT, env=environment, capture_output=True, check=False)
+    assert run.returncode == (2 if "full" in close else 0)
+    assert b"Traceback" not in run.stderr
