@@ -73,5 +73,6 @@ def equipped(robot: Robot, motor: Motor = COMPLETE, ratings: bool = True) -> Rob
             ends="fixed-supported",
         )
         drive = replace(with_covariance(joint.drive, 0.03), ratings=rated if ratings else None)
-        joints.append(replace(joint, drive=drive, motor=motor))
+        rotor = min(motor.rotor_inertia or 0.0, 0.5 * drive.input_inertia)
+        joints.append(replace(joint, drive=drive, motor=replace(motor, rotor_inertia=rotor)))
     return replace(robot, joints=tuple(joints))
