@@ -28,6 +28,7 @@ COMMANDS = {
     "plan": ("plan", "plan, cross-check, verify, size, report"),
     "check": ("check", "certificate for a plan.json, a CSV or a JointTrajectory of anyone's"),
     "export": ("export", "files for the controller: csv, epos4, ros2, urdf, c"),
+    "simulate": ("simulate", "the exported set points played on the simulated arm, and what may go wrong"),
     "compare": ("compare", "a recording of the executed motion against the plan"),
     "size": ("size", "what the motion requires; which motors and gears satisfy it"),
     "report": ("report", "a page with mechanism, plots and certificate; of two plans, a comparison"),

@@ -42,6 +42,8 @@ SETTLE = 0.2
 """Time that the drives hold the target before the power goes, s."""
 HORIZON = 1.0
 """Time after a loss of power within which the arm must stand, s."""
+STILL = 0.05
+"""A joint that swings on its spring turns back within this time, s: only what is still for as long stands."""
 STANDS = 1e-3
 """A joint slower than this share of its velocity limit, with its motor at rest, stands."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
@@ -323,17 +325,17 @@ class _Stage:
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
         """(way of the tip, time until the arm stands), as long as it takes, at most HORIZON."""
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
-        states, part = [state[None, :]], 250
+        states, part, still = [state[None, :]], 250, round(STILL / self.period)
         for k in range(0, len(off.power), part):
             found = arm.play(states[-1][-1], part_of(off, slice(k, k + part)), self.offsets, self.friction)
             states.append(found.states[1:])
-            if self._standing(found.states)[-1]:
+            if np.all(self._standing(found.states)[-still:]):
                 break
         path = np.vstack(states)
         moving = np.flatnonzero(np.logical_not(self._standing(path)))
         standing = 0.0 if not len(moving) else float(self.period * (moving[-1] + 1))
         tips = tip_position(Mechanism.from_geometry(self.plan.robot.geometry), path[::5, Q])
-        stood = len(moving) == 0 or moving[-1] < len(path) - 1
+        stood = len(moving) == 0 or moving[-1] < len(path) - still
         return float(np.linalg.norm(tips - tips[0], axis=1).max()), standing if stood else np.inf
 
     def _standing(self, states: Array) -> Array:

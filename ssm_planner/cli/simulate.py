@@ -1,0 +1,166 @@
+"""`ssm-planner simulate PLAN`: the exported set points played on the simulated arm, and what may go wrong."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show
+from ssm_planner.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ssm_planner.problem.robot import Robot
+    from ssm_planner.simulation.simulate import Scenario, SimulationResult
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("plan", type=Path, help="plan.json")
+    parser.add_argument("--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant")
+    parser.add_argument("--power-loss", metavar="TIME|everywhere", help="all drives off at a time, or at many instants")
+    parser.add_argument("--instants", type=int, default=1000, metavar="N", help="of a power loss everywhere (1000)")
+    parser.add_argument("--payload", metavar="MASS[@TIME]", help="point mass at the tip, from a time on (default 0 s)")
+    parser.add_argument("--stall", metavar="JOINT@TIME", help="a motor is held fast from a time on")
+    parser.add_argument("--supply", type=quantity_argument("voltage"), help="supply voltage (default: nominal)")
+    parser.add_argument(
+        "--friction", type=float, default=1.0, metavar="FACTOR", help="times the friction of all drives"
+    )
+    parser.add_argument("--compliance", type=float, default=1.0, metavar="FACTOR", help="times the assumed stiffness")
+    parser.add_argument("--speed", default="100%", metavar="PERCENT", help="of the playback, such as 10%%")
+    parser.add_argument("--dropped", type=quantity_argument("time"), metavar="TIME", help="a set point is lost then")
+    parser.add_argument("--wrong-direction", metavar="JOINT", help="a controller counts the wrong way")
+    parser.add_argument(
+        "--tip-error", type=quantity_argument("length"), help="largest tip error that passes (default 0.1 mm)"
+    )
+    parser.add_argument("--travel", type=quantity_argument("length"), help="largest way of the tip without power")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write simulation.json, recordings and figures"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress(f"reading {options.plan}")
+    from ssm_planner.loading.load import load_controller
+    from ssm_planner.plans import load_plan
+    from ssm_planner.simulation.simulate import simulate
+
+    plan = load_plan(options.plan)
+    controller = None if options.controller is None else load_controller(options.controller)
+    result = simulate(plan, scenario_of(options, plan.robot), controller, progress)
+    document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
+    document["files"] = {} if options.output is None else write_results(result, document, options.output)
+    progress("done")
+    files = document["files"].values()
+    show(options.json, document, lambda: [*simulation_lines(result), *(f"file: {path}" for path in files)])
+    return OK if result.passed else FAILED
+
+
+def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
+    """What the command line says happens. Raises ProblemError naming option, value and what is allowed."""
+    from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR, Scenario
+
+    payload, payload_time = 0.0, 0.0
+    if options.payload is not None:
+        mass, at, time = options.payload.partition("@")
+        payload = _quantity("--payload", mass, "mass")
+        payload_time = _quantity("--payload", time, "time") if at else 0.0
+    stall = None
+    if options.stall is not None:
+        joint, at, time = options.stall.partition("@")
+        if not at:
+            raise ProblemError("no instant", key="--stall", value=options.stall, allowed="JOINT@TIME, such as tilt@1s")
+        stall = (joint, _quantity("--stall", time, "time"))
+    loss = options.power_loss
+    if options.instants < 1:
+        raise ProblemError("no instant", key="--instants", value=options.instants, allowed="1 and more")
+    return Scenario(
+        speed=_share(options.speed),
+        payload=payload,
+        payload_time=payload_time,
+        power_loss=loss if loss in (None, EVERYWHERE) else _quantity("--power-loss", loss, "time"),
+        instants=options.instants,
+        stall=stall,
+        supply=options.supply,
+        friction=options.friction,
+        dropped=options.dropped,
+        wrong_direction=options.wrong_direction,
+        compliance=options.compliance,
+        tip_error=TIP_ERROR if options.tip_error is None else options.tip_error,
+        travel=options.travel,
+    )
+
+
+def simulation_lines(result: SimulationResult) -> list[str]:
+    """Tracking, motors and the verdict with its reasons."""
+    from ssm_planner.problem.robot import JOINTS
+    from ssm_planner.reporting.text import text_table
+
+    rows = []
+    for each in result.tracking:
+        unit, scale = ("mm", 1e3) if each.joint == JOINTS[3] else ("mrad", 1e3)
+        rows.append((each.joint, f"{scale * each.worst:.4g}", f"{scale * each.rms:.4g}", unit))
+    lines = [*text_table(("joint", "largest error", "rms", "unit"), rows), ""]
+    motors = [
+        (
+            motor.joint,
+            f"{1e3 * motor.peak_torque:.4g}",
+            f"{1e3 * motor.limit:.4g}",
+            "SATURATED" if motor.saturated else "no",
+            f"{motor.following_error:.0f}",
+            f"{motor.window}",
+            "TRIPPED" if motor.tripped else "no",
+        )
+        for motor in result.motors
+    ]
+    header = ("motor", "peak mN·m", "largest mN·m", "saturated", "following error inc", "window inc", "tripped")
+    lines += [*text_table(header, motors), ""]
+    losses = result.losses
+    lines.append(f"tip error     {1e3 * result.tip_error:.4g} mm")
+    held = "holds" if result.holds else "DOES NOT HOLD"
+    instants = "1 instant" if len(losses.time) == 1 else f"{len(losses.time)} instants"
+    lines.append(
+        f"without power {held} ({instants}); the tip travels up to {1e3 * result.travel:.4g} mm, "
+        f"at {float(losses.time[losses.worst]):.4f} s"
+    )
+    lines += [f"note: {note}" for note in result.notes]
+    return [
+        *lines,
+        "",
+        *(f"reason: {reason}" for reason in result.reasons),
+        "PASSED" if result.passed else "NOT PASSED",
+    ]
+
+
+def write_results(result: SimulationResult, document: dict[str, Any], folder: Path) -> dict[str, str]:
+    """simulation.json, one recording of each axis, figures; their paths by name. Raises ExportError."""
+    import json
+
+    from ssm_planner.atomic import replacing
+    from ssm_planner.reporting.figures.simulation import write_simulation_figures
+    from ssm_planner.simulation.recorder import write_recordings
+
+    files = {f"recording_{joint}": str(path) for joint, path in write_recordings(result, folder).items()}
+    files |= {name: str(path) for name, path in write_simulation_figures(result, folder).items()}
+    with replacing(folder / "simulation.json") as temporary:
+        temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return {"simulation": str(folder / "simulation.json"), **files}
+
+
+def _quantity(option: str, text: str, kind: str) -> float:
+    from ssm_planner.units import BadQuantity, quantity
+
+    try:
+        return quantity(text.strip(), kind)
+    except BadQuantity as error:
+        raise ProblemError(error.reason, key=option, value=text, allowed=error.allowed) from None
+
+
+def _share(text: str) -> float:
+    """`10%`, `10 %` or 0.1 as 0.1."""
+    word = text.strip()
+    try:
+        return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
+    except ValueError:
+        raise ProblemError("not a share", key="--speed", value=text, allowed="such as 10% or 0.1") from None
