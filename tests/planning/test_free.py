@@ -107,3 +107,18 @@ def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(tilt_in
     result = plan(dataclasses.replace(tilt_insert, objective="time", motion=(Free(Task(tilt=-2.0, roll=0.1)),)))
     assert result.passed
     assert result.phases[0].branch is None
+
+
+@pytest.mark.parametrize("limited", [("insertion",), ("roll", "insertion"), ("tilt",)])
+def test_a_jerk_limit_on_some_joints_alone_is_solved_like_one_on_all(
+    tilt_insert: Problem, limited: tuple[str, ...], with_jerk: WithJerk
+) -> None:
+    jerky = with_jerk(tilt_insert.robot, 15.0, 1.0).joints
+    joints = tuple(
+        new if new.name in limited else old for new, old in zip(jerky, tilt_insert.robot.joints, strict=True)
+    )
+    to = Task(roll=np.radians(15), tilt=np.radians(-120), spin=np.radians(40), depth=0.015)
+    robot = dataclasses.replace(tilt_insert.robot, joints=joints)
+    result = plan(dataclasses.replace(tilt_insert, robot=robot, motion=(Free(to),), objective="time"))
+    assert result.passed
+    assert result.gap < 2e-3

@@ -47,6 +47,8 @@ MOVES = 1e-9
 FAR, MORE = 2.0, 1.5
 """Where a row of the closed-form guess is larger than this, TOPP-RA makes the guess; and times as many elements, for less
 is then known of where they are needed."""
+RAMP = 5e-4
+"""Share of the time between two points in which a joint without a jerk limit reaches its acceleration, beside one with."""
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
 JointState = tuple[Array, Array, Array]
@@ -97,6 +99,8 @@ def solve_free(
         table[0, 3] = min(table[0, 3], problem.rates["depth"])
     way = np.diff(points, axis=0)
     way[np.abs(way) <= MOVES] = 0.0
+    if limits_jerk(robot):
+        table = _with_ramps(table, way)
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
@@ -136,6 +140,19 @@ def solve_free(
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
     asked = None if duration is None else duration / ocp.time_scale
     return ocp.result(optimise(ocp, ocp.guess, problem.objective, asked))
+
+
+def _with_ramps(table: Array, way: Array) -> Array:
+    """The limits (4, 4) with a jerk limit for every joint: where one has a jerk limit, no acceleration jumps.
+
+    A joint without one reaches its acceleration in RAMP of the time that the quickest of the ways (k, 4) takes.
+    """
+    velocity, acceleration, jerk, _ = table
+    takes = np.abs(way) / velocity + 2 * np.sqrt(np.abs(way) / acceleration)
+    ramp = RAMP * takes.max(axis=1).min()
+    bounded = table.copy()
+    bounded[2] = np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
+    return bounded
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
