@@ -26,12 +26,8 @@ ROOT = Path(__file__).parent.parent.parent
 def test_a_plan_is_read_as_it_was_written(plan: Plan, robot: Robot) -> None:
     again = load_plan(plan.path)
     assert np.array_equal(again.trajectory.coefficients, plan.trajectory.coefficients)
-<<<<<<< HEAD
     own = robot.ranges["tilt"]  # the narrower one above
     assert again.limits.ranges == {"tilt": (-2.42, own[1]), "depth": (0.0, 0.03)}
-=======
-    assert again.limits.ranges == {"tilt": (-2.42, robot.ranges["tilt"][1]), "depth": (0.0, 0.03)}
->>>>>>> 227f100 (One guarded parser for YAML and JSON of every kind; bags with several motions are refused; numbers beyond floats are said)
     assert again.certificate == check(plan.trajectory, robot, plan.limits, seal=True)
     assert again.sha256 == plan.sha256
 
