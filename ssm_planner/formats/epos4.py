@@ -18,7 +18,18 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
-from ssm_planner.formats.epos4_setup import INT16, INT32, MODES, Axis, axes_of, fits, setup_objects
+from ssm_planner.formats.epos4_setup import (
+    INT16,
+    INT32,
+    MODES,
+    Axis,
+    axes_of,
+    fits,
+    homing,
+    pdo_mapping,
+    setup_objects,
+    sync_setup,
+)
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.plans import Plan
@@ -73,12 +84,14 @@ def export_epos4(
         if mode == "csp":
             _write(folder / f"{joint.name}_time_position{suffix}.csv", t, {"position": counts}, time="time")
         rows += setup_objects(axis, mode, period, effects)
-        listed[joint.name] = {"file": name, **axis.to_dict(), "rounding": effects}
+        listed[joint.name] = {"file": name, **axis.to_dict(), "rounding": effects, "homing": homing(axis, counts[0])}
     _write_objects(folder / f"objects{suffix}.csv", rows)
     return {
         "mode": mode,
         "rate_hz": 1000 / period,
         "interpolation_period_ms": period,
+        "pdo": pdo_mapping(mode),
+        "sync": sync_setup(period),
         "units": {"inc": "increments (quadcounts)", "mrpm": "1e-3 rpm at the motor", "permille": "of rated torque"},
         "axes": listed,
         "stretch": stretch,

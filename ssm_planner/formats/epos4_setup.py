@@ -109,6 +109,67 @@ MODES = {"csp": 8, "csv": 9, "cst": 10}
 VELOCITY_UNIT = 0xFDB44700
 """0x60A9: velocities in 1e-3 rpm."""
 LAG_PERIODS = 10
+SYNC = 0x80
+"""COB-ID of the SYNC message."""
+CURRENT_POSITION = 37
+"""Homing method (0x6098): the present position becomes the home position."""
+STREAMED = {
+    "csp": (("0x607A:00", 32), ("0x60B1:00", 32), ("0x60B2:00", 16)),
+    "csv": (("0x60FF:00", 32), ("0x60B2:00", 16)),
+    "cst": (("0x6071:00", 16),),
+}
+"""Objects of the stream by mode, with their bits."""
+COMMANDED = (("0x6040:00", 16), ("0x6060:00", 8))
+RETURNED = ((("0x6041:00", 16), ("0x6064:00", 32)), (("0x606C:00", 32), ("0x6077:00", 16)))
+LARGEST_PDO = 64
+"""Bits."""
+
+
+def pdo_mapping(mode: str) -> dict[str, list[dict[str, Any]]]:
+    """PDOs of the stream, as few as hold it: for each its objects, and those to write to map them (0x1600 and so on)."""
+    packed: list[list[tuple[str, int]]] = [[]]
+    for entry in (*COMMANDED, *STREAMED[mode]):
+        if sum(bits for _, bits in packed[-1]) + entry[1] > LARGEST_PDO:
+            packed.append([])
+        packed[-1].append(entry)
+    return {
+        "receive": [_pdo(0x1600 + k, 0x1400 + k, entries) for k, entries in enumerate(packed)],
+        "transmit": [_pdo(0x1A00 + k, 0x1800 + k, list(entries)) for k, entries in enumerate(RETURNED)],
+    }
+
+
+def _pdo(mapping: int, communication: int, entries: list[tuple[str, int]]) -> dict[str, Any]:
+    values = [int(key[2:6], 16) << 16 | int(key[7:], 16) << 8 | bits for key, bits in entries]
+    return {
+        "mapping": f"0x{mapping:04X}",
+        "communication": f"0x{communication:04X}",
+        "transmission_type": 1,
+        "objects": [
+            {"object": key, "bits": bits, "value": f"0x{value:08X}"}
+            for (key, bits), value in zip(entries, values, strict=True)
+        ],
+    }
+
+
+def sync_setup(period: int) -> dict[str, Any]:
+    """The SYNC message that the controller sends once in each interpolation period, ms."""
+    return {
+        "cob_id": SYNC,
+        "period_ms": period,
+        "note": "one setpoint for each SYNC; its period must equal 0x60C2:01; transmission type 1: taken over with each SYNC",
+    }
+
+
+def homing(axis: Axis, start: float) -> dict[str, Any]:
+    """How the drive's zero comes to be the joint's: start: increments of the first setpoint."""
+    return {
+        "convention": "0 increments are 0 rad or m of the joint",
+        "home_position": {"object": "0x30B0:00", "value": int(start), "unit": "inc"},
+        "home_offset": {"object": "0x30B1:00", "value": 0, "unit": "inc"},
+        "method": {"object": "0x6098:00", "value": CURRENT_POSITION},
+        "note": f"for joint {axis.name} standing at the start of the plan: its present position becomes the home position; compare "
+        "objects and method with the drive's firmware specification",
+    }
 
 
 def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float]) -> list[dict[str, str]]:
@@ -197,9 +258,9 @@ def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float])
         (
             "0x60C5:00",
             "max acceleration",
-            math.ceil((joint.acceleration + effects["acceleration"]) * turns),
+            math.ceil(joint.acceleration * turns),
             "rpm/s",
-            f"acceleration limit of the joint, {room}",
+            "acceleration limit of the joint; between two setpoints rounding to increments alone may ask for more",
             UINT32,
         ),
     ]

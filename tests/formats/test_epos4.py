@@ -189,17 +189,46 @@ def test_numbers_that_do_not_fit_their_objects(plan: Plan, tmp_path: Path) -> No
 
 def test_limits_inside_the_drive_leave_room_for_the_stream(plan: Plan, tmp_path: Path) -> None:
     for rate in (1000.0, 100.0):
-        export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=rate)
+        _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=rate)
         for name in DRIVEN:
             counts, values = stream(tmp_path, name)["target_position_inc"], objects(tmp_path, name)
             assert values[0x607D, 1] <= counts.min() <= counts.max() <= values[0x607D, 2]
             speed = np.abs(np.diff(counts)) * rate / COUNTS * 60
             assert speed.max() <= values[0x607F, 0] / 1000
             acceleration = np.abs(np.diff(counts, 2)) * rate**2 / COUNTS * 60
-            assert acceleration.max() <= values[0x60C5, 0] * (1 + 1e-9)
+            limit = next(j for j in plan.robot.joints if j.name == name).acceleration
+            per_unit = abs(manifest["axes"][name]["increments_per_unit"])
+            assert 0 <= values[0x60C5, 0] - limit * per_unit / COUNTS * 60 + 1e-6 < 1.1
+            rounding = manifest["axes"][name]["rounding"]["acceleration"] * per_unit / COUNTS * 60
+            assert acceleration.max() <= (values[0x60C5, 0] + rounding) * (1 + 1e-9)
             assert np.abs(np.diff(counts)).max() < values[0x6065, 0]
             assert values[0x60C2, 1] == 1000 / rate
             assert values[0x60C2, 2] == -3
+
+
+@pytest.mark.parametrize("mode", ["csp", "csv", "cst"])
+def test_homing_pdo_mapping_and_sync(mode: str, plan: Plan, tmp_path: Path) -> None:
+    _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, mode=mode, rate=500.0)
+    assert manifest["sync"]["period_ms"] == manifest["interpolation_period_ms"] == 2
+    for pdos in manifest["pdo"].values():
+        for pdo in pdos:
+            assert sum(entry["bits"] for entry in pdo["objects"]) <= 64
+            for entry in pdo["objects"]:
+                index, sub, bits = (
+                    int(entry["value"][2:6], 16),
+                    int(entry["value"][6:8], 16),
+                    int(entry["value"][8:], 16),
+                )
+                assert entry["object"] == f"0x{index:04X}:{sub:02X}"
+                assert bits == entry["bits"]
+    mapped = {entry["object"] for pdo in manifest["pdo"]["receive"] for entry in pdo["objects"]}
+    target = {"csp": "0x607A:00", "csv": "0x60FF:00", "cst": "0x6071:00"}[mode]
+    assert {"0x6040:00", "0x6060:00", target} <= mapped
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.name in DRIVEN:
+            axis = manifest["axes"][joint.name]
+            start = plan.trajectory.sample(plan.trajectory.breaks[:1]).q[0, i]
+            assert abs(axis["homing"]["home_position"]["value"] - start * axis["increments_per_unit"]) <= 0.5 + 1e-9
 
 
 def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
