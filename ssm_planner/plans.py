@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -12,10 +13,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.loading.json_files import parse_json, read_bytes
 from ssm_planner.problem.limits import Limit
+from ssm_planner.problem.motion import Joints
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import from_plain, plain, problem_from_plain
@@ -206,6 +210,7 @@ class Plan:
                     f"joint {requirement.joint}: motor {motor.name} has placeholder figures ({', '.join(motor.placeholders)})"
                 )
             notes += _extrapolation(self.robot, requirement)
+        notes += _whole_turns(self.problem, self.trajectory)
         notes += [f"cross-check failed: {text}" for text in self.disagreements]
         if self.certificate is not None:
             notes += [f"not checked: {what}" for what in self.certificate.unchecked]
@@ -396,6 +401,19 @@ def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
 
 def _limits_of(robot: Robot) -> list[Limit]:
     return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
+
+
+def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
+    """Joints that start a whole turn away from their nearest position to zero, which the problem leaves open."""
+    if trajectory is None or isinstance(problem.start, Joints):
+        return []
+    first = np.degrees(trajectory.sample(0.0).q[0])
+    return [
+        f"joint {joint.name} starts at {angle:.6g} deg, a whole turn from {angle - math.copysign(360.0, angle):.6g} deg: "
+        "from there the motion would leave its range"
+        for joint, angle in zip(problem.robot.joints, first, strict=True)
+        if joint.kind == "revolute" and abs(angle) > 180.0 + 1e-6
+    ]
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
