@@ -167,8 +167,8 @@ def homing(axis: Axis, start: float) -> dict[str, Any]:
         "home_position": {"object": "0x30B0:00", "value": int(start), "unit": "inc"},
         "home_offset": {"object": "0x30B1:00", "value": 0, "unit": "inc"},
         "method": {"object": "0x6098:00", "value": CURRENT_POSITION},
-        "note": f"for joint {axis.name} standing at the start of the plan: its present position becomes the home position; compare "
-        "objects and method with the drive's firmware specification",
+        "note": f"for joint {axis.name} standing at the start of the plan: its present position becomes the home position; "
+        "compare objects and method with the drive's firmware specification",
     }
 
 
