@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from importlib import metadata
+from io import TextIOWrapper
 from types import FrameType
 from typing import Any
 
@@ -52,6 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _prepare_streams()
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    for stream in (sys.stdout, sys.stderr) if arguments is None else ():
+        if isinstance(stream, TextIOWrapper):  # closed ones are None
+            stream.reconfigure(errors="backslashreplace")  # a terminal may know ASCII alone
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
