@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from ssm_planner.identification.prediction import Prediction
 
 
+IMPLAUSIBLE = 0.5
+"""NRMSD beyond which the recording is hardly one of this drive."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drive", type=Path, help="drive file (YAML)")
     parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings or folders of them")
@@ -37,6 +41,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _lines(result: dict[str, Any]) -> Iterator[str]:
     yield f"{result['recording']:<40}  NRMSD {result['nrmsd']:.4f}   friction from {result['friction']}"
+    if result["mean_band"] is not None:
+        low, high = (1e3 * end for end in result["mean_band"])
+        where = "inside" if result["mean_inside"] else "OUTSIDE"
+        yield f"  mean {1e3 * result['mean_measured']:.3f} mN·m, {where} its 95 % band {low:.3f} to {high:.3f}"
+        if result["sample_coverage"] is not None:
+            yield f"  {result['sample_coverage']:.0%} of the samples in motion inside their 95 % band"
+    if result["nrmsd"] > IMPLAUSIBLE:
+        yield "  off by more than half of the torque's range: a recording of this drive, load and direction?"
     if result["contact_lost"]:
         yield "  the preload does not keep both nuts in contact: the law does not hold there"
     yield from (f"  repaired: {repair}" for repair in result["repairs"])

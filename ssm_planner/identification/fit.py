@@ -128,7 +128,8 @@ def fit_map(
     for model, error in zip(models, blind, strict=True):
         criterion[model.law] = min(error, criterion.get(model.law, math.inf))
     criterion[models[chosen].law] = blind[chosen]
-    fit = _report(models[chosen], found[chosen], blind[chosen], data)
+    unweighted = float(np.sqrt(np.mean((errors[chosen] / weight) ** 2)))
+    fit = _report(models[chosen], found[chosen], unweighted, data)
     apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=apart, criterion=criterion)
 
@@ -155,7 +156,8 @@ def _with_enough_points(models: list[MapModel]) -> list[MapModel]:
 
 
 def _report(model: MapModel, z: Array, blind: float, data: TorqueMap) -> MapFit:
-    """The fit of the chosen law with z (k,) most likely; blind: its RMS error on recordings left out, N·m."""
+    """The fit of the chosen law with z (k,) most likely; blind: its RMS error on recordings left out, outliers
+    counted in full, N·m."""
     draws, scatters = sample(model, z)
     at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(model.drive)
     if at_bound:

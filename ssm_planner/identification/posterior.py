@@ -48,7 +48,7 @@ DEGREES = 0.5
 DRAWS = 1000
 WALKERS, STEPS, WARM_UP, KEPT_EVERY = 100, 1200, 400, 10
 FOLDS = 6
-PAYS = 1.0
+PAYS = 0.5
 """Standard errors by which a law with more parameters has to predict better."""
 NOTHING = 1e-5
 """Errors below this share of the torque range do not count."""

@@ -16,9 +16,11 @@ from ssm_planner.dynamics.friction import (
 )
 from ssm_planner.dynamics.transmission import holding_torque, motor_torque, nut_contact, output_effort
 from ssm_planner.errors import RecordingError
+from ssm_planner.identification.parameters import with_parameters
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.identification.torque_map import rest_mask
+from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem.drive import Drive, Friction
+from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET, interval_of
 from ssm_planner.typing import Array
 
 START_LEAD = 0.05
@@ -27,8 +29,20 @@ START_LEAD = 0.05
 The recorder's speed is averaged and rounded: a drive must have broken away before it shows.
 """
 
+SEED = 20_210_521
 LONG_REST = 10.0
 """Rest assumed before a recording that begins at standstill, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionBand:
+    """What motor torque is expected to stay within, at 95 %; N·m, arrays (samples,)."""
+
+    mean: tuple[float, float]
+    """Of the mean over the recording: what is not known of the parameters, and scatter between recordings."""
+    low: Array
+    """Of single samples: ripple and noise besides."""
+    high: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +56,35 @@ class Prediction:
     nrmsd: float
     contact_lost: float = 0.0
     """Share of the samples in which a half nut of an antibacklash screw lifts off: there the law does not hold."""
+    band: PredictionBand | None = None
+    """None where the drive file says nothing of its friction's uncertainty."""
+
+    @property
+    def mean_inside(self) -> bool | None:
+        """Whether the measured mean lies in its band; None: no band."""
+        if self.band is None:
+            return None
+        low, high = self.band.mean
+        return bool(low <= self.recording.tau.mean() <= high)
+
+    @property
+    def sample_coverage(self) -> float | None:
+        """Share of the samples in motion whose measured torque lies in its band; None: no band."""
+        moving = np.logical_not(self.rest)
+        if self.band is None or not moving.any():
+            return None
+        inside = (self.recording.tau >= self.band.low) & (self.recording.tau <= self.band.high)
+        return float(inside[moving].mean())
 
     def to_dict(self) -> dict[str, Any]:
         """The object that `predict --json` prints of one recording, without files."""
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
+            "mean_measured": float(self.recording.tau.mean()),
+            "mean_band": None if self.band is None else list(self.band.mean),
+            "mean_inside": self.mean_inside,
+            "sample_coverage": self.sample_coverage,
             "repairs": list(self.recording.repairs),
             "samples": len(self.recording.time),
             "rest_share": float(self.rest.mean()),
@@ -64,17 +101,54 @@ def nrmsd(predicted: Array, measured: Array) -> float:
 
 
 def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0) -> Prediction:
-    """Predict the motor torque of a recording from its speed alone.
+    """Predict the motor torque of a recording from its speed alone; of a steady one from its mean speed.
 
     load: constant effort on the output, N·m or N; load_inertia: what the payload adds to the output inertia.
     At rest a self-locking drive is predicted to need no torque; what a controller's integrator leaves there is unknown.
     """
-    motion = Motion.of(recording.time, recording.w)
+    w = recording.w
+    if kind_of(recording) == "steady":
+        w = np.full_like(w, w.mean())
+    motion = Motion.of(recording.time, w)
     tau = predict_torque(drive, motion, load, load_inertia)
     loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     effort = output_effort(loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
-    return Prediction(recording, tau, motion.direction == 0, nrmsd(tau, recording.tau), lost)
+    at_rest = motion.direction == 0
+    return Prediction(recording, tau, at_rest, nrmsd(tau, recording.tau), lost, band_of(drive, motion, tau, load))
+
+
+def band_of(drive: Drive, motion: Motion, tau: Array, load: float) -> PredictionBand | None:
+    """The band about the predicted torque tau (samples,); None where the drive has no posterior.
+
+    load: constant effort on the output, the rig's load_offset included.
+    """
+    friction = friction_of(drive)
+    posterior = friction.posterior
+    if posterior is None:
+        return None
+    rng, count = np.random.default_rng(SEED), len(posterior.draws)
+    sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
+    offset = 0.0 if drive.rig is None else drive.rig.load_offset
+    drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((count, 1), offset))
+    drawn = with_parameters(drive, friction.law, sets)
+    departure = _steady(drawn, motion, drawn_load) - _steady(drive, motion, load)
+    expected = tau + np.where(motion.direction == 0, 0.0, departure)
+    expected = expected + posterior.scatter * rng.standard_normal((count, 1)) * np.abs(motion.direction)
+    low, high = interval_of(expected.mean(axis=1))
+    for way in (1, -1):
+        ripple = posterior.ripple(way)
+        if ripple is not None:
+            expected[:, motion.direction == way] += ripple.draw(rng, count)[:, None]
+    ends = np.quantile(expected, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+    return PredictionBand((low, high), ends[0], ends[1])
+
+
+def _steady(drive: Drive, motion: Motion, load: float | Array) -> Array:
+    """(sets, samples) torque of motion without acceleration or memory."""
+    way = np.where(motion.direction == 0, 1.0, motion.direction)
+    effort = output_effort(drive, load, motion.w / drive.ratio, 0.0, way)
+    return np.asarray(motor_torque(drive, effort, motion.w, 0.0, direction=way))
 
 
 @dataclass(frozen=True, eq=False)

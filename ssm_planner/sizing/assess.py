@@ -104,7 +104,10 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     made.insert(1, below("speed", float(np.abs(load.speed()).max()), motor.max_speed, "rad/s"))
     probability = _together(band, limits) if spread.known else None
     confidence = (
-        unchecked(CONFIDENCE, "covariance or friction_ranges in the drive file, or a stated spread of the friction")
+        unchecked(
+            CONFIDENCE,
+            "posterior, covariance or friction_ranges in the drive file, or a stated spread of the friction",
+        )
         if probability is None
         else above(CONFIDENCE, probability, conditions.confidence, "")
     )

@@ -198,6 +198,14 @@ def _locking(drive: Drive, spread: FrictionSpread, conditions: Conditions) -> Ch
     if friction.mu_lowest is None and "mu" not in spread.ranges and "mu" not in spread.names:
         needs = "friction.mu_lowest, or a range or covariance of mu"
         return Check("self_locking", limit=needed, unit="μ", nominal=friction.mu, needs=needs)
+    if "mu" in spread.names:
+        highest = spread.likely_mu(drive, conditions.confidence)
+        if lowest < needed < highest:
+            needs = (
+                f"mu, which the data leave between {lowest:.3g} and {highest:.3g}: recordings with another payload, or "
+                "friction.mu_lowest from a test of holding"
+            )
+            return Check("self_locking", limit=needed, unit="μ", nominal=friction.mu, needs=needs)
     return above("self_locking", lowest, needed, "μ", friction.mu)
 
 

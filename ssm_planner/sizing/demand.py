@@ -18,6 +18,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior
 from ssm_planner.problem.value import unchecked
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, missing, required_voltage
@@ -64,6 +65,8 @@ class Band:
     best: Demands
     known: bool
     """False: nothing is known of the uncertainty, all three are the nominal figures."""
+    smooth: Demands | None = None
+    """`worst` without the ripple of the drive, where its peaks include one."""
 
     def high(self, name: DemandName, confidence: float) -> float:
         """What the demand stays below with this confidence."""
@@ -103,10 +106,15 @@ def _voltage(torque: Array, load: JointLoad, drive: Drive, motor: Motor | None) 
 
 
 def linear_band(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None = None) -> Band:
-    """The band by secants over ±1 σ of every identified parameter, about the corners of the stated ranges."""
+    """The band by secants over ±1 σ of every uncertain parameter, about the corners of the stated ranges.
+
+    The sets of a posterior are few enough for the exact law: they are taken as they are.
+    """
     nominal = demands(load, drive, motor)
     if not spread.known:
         return Band(nominal, nominal, nominal, False)
+    if spread.posterior is not None:
+        return monte_carlo(load, drive, spread, len(spread.posterior.draws), motor)
     corners = np.concatenate([demands(load, drawn(drive, corner), motor).array() for corner in spread.corners()])
     moved = spread.deviations(LINEAR_DRAWS) @ _secants(load, drive, spread, motor)
     floor = 0.0 * nominal.array()
@@ -144,7 +152,23 @@ def monte_carlo(load: JointLoad, drive: Drive, spread: FrictionSpread, count: in
     }
     high = reduce(np.maximum, (tables[i] for i in worst))
     low = reduce(np.minimum, (tables[i] for i in best))
-    return Band(nominal, Demands.of(high), Demands.of(low), True)
+    smooth = Demands.of(high)
+    return Band(nominal, _with_ripple(smooth, load, drive), Demands.of(low), True, smooth)
+
+
+def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive) -> Demands:
+    """Demands whose peaks include what the torque of screw or worm departs from its mean (draws,).
+
+    Ripple is that of the recordings, larger in proportion where the torque is larger than there.
+    """
+    posterior = friction_of(drive).posterior
+    torque = load.torque(drive)
+    ripple = None if posterior is None else posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
+    if ripple is None:
+        return smooth
+    beyond = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
+    scale = np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
+    return replace(smooth, peak_torque=smooth.peak_torque + scale * beyond)
 
 
 def _drawn_demands(
@@ -206,6 +230,8 @@ class FrictionSpread:
     mean: Array = field(default_factory=lambda: np.zeros(0))
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     ranges: Mapping[str, Range] = field(default_factory=dict)
+    posterior: Posterior | None = None
+    """Equally likely sets of the parameters, in place of mean and covariance."""
 
     @property
     def known(self) -> bool:
@@ -223,13 +249,22 @@ class FrictionSpread:
         return tuple(dict(zip(names, ends, strict=True)) for ends in itertools.product(*self.ranges.values()))
 
     def deviations(self, count: int) -> Array:
-        """Draws of the identified parameters less their means, (count, k), always the same; none below zero."""
+        """Draws of the uncertain parameters less their means, (count, k), always the same.
+
+        A covariance is drawn log-normal, with these means and this covariance: friction is not negative.
+        """
         if not self.names:
             return np.zeros((count, 0))
-        values, vectors = np.linalg.eigh(self.covariance)
+        if self.posterior is not None:
+            sets = self.posterior.values(count)
+            return np.column_stack([sets[name] for name in self.names]) - self.mean
+        mean = np.where(self.mean > 0, self.mean, 1.0)
+        spread = np.log1p(np.maximum(self.covariance / np.outer(mean, mean), -0.999))
+        values, vectors = np.linalg.eigh(spread)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         normal = np.random.default_rng(SEED).standard_normal((count, len(self.names)))
-        return np.maximum(normal @ root.T, -self.mean)
+        factors = np.exp(normal @ root.T - np.diag(root @ root.T) / 2)
+        return np.asarray(self.mean * (factors - 1.0))
 
     def values(self, deviations: Array) -> dict[str, Array]:
         """Parameters by name, (count,) each, for deviations (count, k) from the means."""
@@ -241,12 +276,14 @@ class FrictionSpread:
         lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
         if "mu" in self.ranges:
             lowest = min(lowest, self.ranges["mu"][0])
-        if "mu" in self.names:
-            from statistics import NormalDist
+        return min(lowest, self.likely_mu(drive, 1 - confidence))
 
-            i = self.names.index("mu")
-            lowest = min(lowest, self.mean[i] - NormalDist().inv_cdf(confidence) * self.sigma[i])
-        return float(max(lowest, 0.0))
+    def likely_mu(self, drive: Drive, probability: float) -> float:
+        """The kinetic coefficient that is not exceeded with a probability, as far as data speak of it."""
+        if "mu" not in self.names:
+            return friction_of(drive).mu
+        draws = self.values(self.deviations(LINEAR_DRAWS))["mu"]
+        return float(np.quantile(draws, probability))
 
 
 def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
@@ -256,6 +293,12 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     """
     friction = friction_of(drive)
     ranges = dict(drive.friction_ranges)
+    posterior = friction.posterior
+    if posterior is not None:
+        names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
+        mean = np.array([_value(drive, name) for name in names])
+        covariance = np.cov(np.column_stack([posterior.column(name) for name in names]), rowvar=False)
+        return FrictionSpread(names, mean, np.atleast_2d(covariance), ranges, posterior)
     table = {name: row for name, row in (friction.covariance or {}).items() if name not in ranges}
     if relative is not None:
         values = {name: float(getattr(friction, name)) for name in SPREAD if name not in (*ranges, *table)}

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
@@ -62,10 +64,13 @@ class JointSizing:
     def requirement_dict(self, confidence: float) -> dict[str, Any]:
         """An entry of `requirements` in what `size --json` prints; bands at a confidence."""
         names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
-        bands = {
+        bands: dict[str, Any] = {
             name: [self.band.low(name, confidence), self.band.high(name, confidence)] if self.band.known else None
             for name in names
         }
+        if self.band.smooth is not None:
+            smooth = float(np.quantile(self.band.smooth.peak_torque, confidence, method="inverted_cdf"))
+            bands["peak_torque_without_ripple"] = [self.band.low("peak_torque", confidence), smooth]
         return {**self.requirement.to_dict(), "band": bands}
 
 

@@ -206,6 +206,13 @@ def prediction_figure(prediction: Prediction) -> Figure:
     recording = prediction.recording
     torque.plot(recording.time, 1e3 * recording.tau, **MEASURED, label="measured")
     torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=f"predicted, NRMSD {prediction.nrmsd:.3f}")
+    if prediction.band is not None:
+        band = [1e3 * end for end in (prediction.band.low, prediction.band.high)]
+        torque.fill_between(recording.time, *band, color=COLOURS[1], alpha=0.18, linewidth=0, label="95 % of samples")
+        low, high = (1e3 * (end - prediction.tau.mean()) for end in prediction.band.mean)
+        moving = np.where(prediction.rest, np.nan, 1e3 * prediction.tau)
+        shade: dict[str, Any] = {"color": COLOURS[1], "alpha": 0.35, "linewidth": 0, "label": "95 % of the mean"}
+        torque.fill_between(recording.time, moving + low, moving + high, **shade)
     speed.plot(recording.time, RPM * recording.w, **MEASURED)
     finish(torque, "", "motor torque (mN·m)")
     finish(speed, "time (s)", "motor speed\n(rpm)")
