@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ssm_planner.identification.dynamic import DynamicFit
     from ssm_planner.identification.fit import Estimate, MapFit
     from ssm_planner.identification.identify import Identification, identify, predict
-    from ssm_planner.identification.prediction import Prediction
+    from ssm_planner.identification.prediction import Prediction, PredictionBand
     from ssm_planner.identification.recordings import Recording
     from ssm_planner.identification.torque_map import TorqueMap
     from ssm_planner.kinematics.of_robot import JointSolutions, ToolPose, Workspace, fk, ik, workspace
@@ -62,7 +62,7 @@ __all__ = [
     "GeometryError", "Heat", "Identification", "Indices", "Interval", "Joint", "JointLoad", "JointSizing",
     "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion",
     "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
-    "Point", "Positive", "Posterior", "Prediction", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason",
+    "Point", "Positive", "Posterior", "Prediction", "PredictionBand", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason",
     "Recording", "RecordingError", "Rig", "Ripple", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing",
     "Span", "SpeedLimit", "SsmPlannerError", "Straight", "Task", "TaskLimits", "TaskRange", "TaskRate",
     "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Trajectory",
@@ -81,7 +81,7 @@ _HOMES = {
         "ssm_planner.identification.dynamic": "DynamicFit",
         "ssm_planner.identification.fit": "Estimate MapFit",
         "ssm_planner.identification.identify": "Identification identify predict",
-        "ssm_planner.identification.prediction": "Prediction",
+        "ssm_planner.identification.prediction": "Prediction PredictionBand",
         "ssm_planner.identification.recordings": "Recording",
         "ssm_planner.identification.torque_map": "TorqueMap",
         "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",
