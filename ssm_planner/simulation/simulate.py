@@ -80,6 +80,10 @@ class Scenario:
     travel: float | None = None
     """Largest way of the tip after a loss of power that passes, m; None: any."""
 
+    def __post_init__(self) -> None:
+        if self.power_loss is not None and self.power_loss != EVERYWHERE:
+            object.__setattr__(self, "power_loss", float(self.power_loss))
+
     def check(self, robot: Robot, duration: float) -> None:
         """Raises ProblemError for what cannot happen to this robot within the duration (s) of the playback."""
         driven = [joint.name for joint in robot.joints if joint.drive is not None]

@@ -145,6 +145,8 @@ def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
     assert result.losses.travel[0] < 1e-9  # at rest before the start
     single = simulate(plan, Scenario(power_loss=float(result.losses.time[result.losses.worst])))
     assert single.travel == pytest.approx(result.travel, rel=0.05)
+    assert Scenario(power_loss=1).power_loss == 1.0
+    assert isinstance(Scenario(power_loss=1).power_loss, float)
 
 
 def test_an_arm_that_does_not_lock_falls_without_power(plan):
