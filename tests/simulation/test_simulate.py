@@ -76,7 +76,7 @@ def test_halving_the_step_changes_the_torque_little_and_four_times_less_each_tim
 
 
 def test_the_set_points_are_the_exported_ones(plan, tmp_path):
-    files, _ = export(plan, "epos4", tmp_path / "out", force=True, counts_per_turn=4096)
+    files, _ = export(plan, "epos4", tmp_path / "out", counts_per_turn=4096)
     streams = setpoints(plan, axes_of(plan.robot, 4096), 1)
     assert set(streams) == set(DRIVEN)
     for joint, stream in streams.items():
