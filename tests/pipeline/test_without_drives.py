@@ -25,7 +25,7 @@ def test_a_result_folder_is_written_whatever_the_robot_has(
 ) -> None:
     plan, files = plan_to_folder(_without(tilt_insert, *parts), tmp_path)
     assert plan.passed
-    assert {path.name for path in files.values()} == {path.name for path in tmp_path.iterdir()}
+    assert {path.name for path in files.values()} | {"manifest.json"} == {path.name for path in tmp_path.iterdir()}
     assert (tmp_path / "motors.png").exists() == ("drive" not in parts)
     named = {joint.motor.name for joint in plan.robot.joints if joint.motor is not None and joint.drive is None}
     for name in named:
