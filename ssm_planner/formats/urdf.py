@@ -20,7 +20,7 @@ from ssm_planner.verification.certificate import Certificate
 
 LINKS = ("link1", "link2", "link3", "stage")
 TOOL = "tool"
-SMALLEST_MASS, SMALLEST_INERTIA = 1e-9, 1e-12
+SMALLEST_MASS, SMALLEST_INERTIA = 1e-12, 1e-14
 """kg, kg·m²: of a link whose body has none. Readers refuse a moving link without inertia, or take 1 kg for it."""
 NO_MASS = f"has no mass: {SMALLEST_MASS:g} kg and {SMALLEST_INERTIA:g} kg*m^2 stand in, for readers that refuse none"
 PLUGIN = "mock_components/GenericSystem"
@@ -70,7 +70,10 @@ def urdf(robot: Robot, mark: str = "") -> str:
         parent, frame = link, body.frame
     rotation = frame.T @ robot.geometry.tool_home
     lines += [
-        f'  <link name="{TOOL}"/>',
+        f'  <link name="{TOOL}">',
+        f"    <!-- {NO_MASS} -->",
+        *_inertial(SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3)),
+        "  </link>",
         f'  <joint name="{TOOL}_tip" type="fixed">',
         f'    <parent link="{parent}"/>',
         f'    <child link="{TOOL}"/>',

@@ -42,6 +42,15 @@ def another_robot(robot: Robot, seed: int) -> Robot:
     return dataclasses.replace(robot, geometry=geometry, bodies=tuple(bodies))
 
 
+def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Robot) -> None:
+    """Without one MuJoCo refuses the link, and PyBullet takes 1 kg for it."""
+    links = ElementTree.fromstring(urdf(robot)).findall("link")
+    masses = {link.get("name"): link.find("inertial/mass") for link in links if link.get("name") != "base"}
+    assert all(mass is not None and float(mass.get("value", 0)) > 0 for mass in masses.values())
+    total = sum(float(mass.get("value", 0)) for mass in masses.values() if mass is not None)
+    assert total == pytest.approx(sum(body.mass for body in robot.bodies), abs=1e-8)
+
+
 @pytest.mark.parametrize("seed", [None, 1, 2, 3])
 def test_pinocchio_finds_equal_kinematics_and_dynamics(robot: Robot, tmp_path: Path, seed: int | None) -> None:
     pin = pytest.importorskip("pinocchio", reason="Pinocchio (package pin, extra test) is the independent reader")
