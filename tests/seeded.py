@@ -18,6 +18,7 @@ from ssm_planner.kinematics.task import task_from_joints, task_rates
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import Eye, Lens, TaskLimits
 from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Samples, Trajectory, hermite
 
 EXCESS = 1e-3
@@ -78,7 +79,7 @@ class Case:
                     motor,
                     max_speed=high if here == "motor speed" else 1e6,
                     max_torque=high if here == "motor torque" else LOOSE,
-                    nominal_torque=high if here == OVERALL else LOOSE,
+                    nominal_torque=high if here in (OVERALL, "motor torque") else LOOSE,
                 )
             joints.append(
                 dataclasses.replace(
@@ -107,11 +108,13 @@ class Case:
 
 def _eye(kind: str, high: float) -> Eye:
     """An eye in which the tip may be `high` from the centre, or the lens touches a shaft passing it at 1 / `high`."""
+    # no eye that a tool could enter, but one whose limits are met in the middle of an interval
     clearance = 1e-3
+    any_eye = Eye(frozen(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance)
     if kind == "retina clearance":
-        return Eye(frozen(CENTRE, (3,)), high + clearance, clearance, port=1e-9)
+        return unchecked(any_eye, radius=high + clearance, port=1e-9)
     lens = Lens(frozen(PLACE, (3,)), frozen(SEMI_AXES / high, (3,)), frozen(np.eye(3), (3, 3)))
-    return Eye(frozen(CENTRE, (3,)), LOOSE, clearance, port=1e-9, lens=lens)
+    return unchecked(any_eye, radius=LOOSE, port=1e-9, lens=lens)
 
 
 def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
