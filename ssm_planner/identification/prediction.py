@@ -115,7 +115,7 @@ def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, loa
     effort = output_effort(loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     at_rest = motion.direction == 0
-    return Prediction(recording, tau, at_rest, nrmsd(tau, recording.tau), lost, band_of(drive, motion, tau, load))
+    return Prediction(recording, tau, at_rest, nrmsd(tau, recording.tau), lost, band=band_of(drive, motion, tau, load))
 
 
 def band_of(drive: Drive, motion: Motion, tau: Array, load: float) -> PredictionBand | None:
