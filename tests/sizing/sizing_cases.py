@@ -73,6 +73,7 @@ def equipped(robot: Robot, motor: Motor = COMPLETE, ratings: bool = True) -> Rob
             ends="fixed-supported",
         )
         drive = replace(with_covariance(joint.drive, 0.03), ratings=rated if ratings else None)
-        rotor = min(motor.rotor_inertia or 0.0, 0.5 * drive.input_inertia)
-        joints.append(replace(joint, drive=drive, motor=replace(motor, rotor_inertia=rotor)))
+        # the drive's input inertia counts the rotor in
+        drive = replace(drive, input_inertia=max(drive.input_inertia, 1.25 * (motor.rotor_inertia or 0.0)))
+        joints.append(replace(joint, drive=drive, motor=motor))
     return replace(robot, joints=tuple(joints))

@@ -127,7 +127,7 @@ def test_margin_is_zero_where_probability_is_the_confidence(complete: DutyCycle)
     verdict = assess(load, COMPLETE, KNOWN)
     worst = next(check.worst for check in verdict.checks if check.name == "torque")
     for factor, expected in ((1.0, True), (0.999, False)):
-        motor = replace(COMPLETE, max_torque=worst * factor)
+        motor = replace(COMPLETE, nominal_torque=worst * factor, max_torque=worst * factor)
         found = assess(load, motor, Conditions(supply_voltage=24.0))
         torque = next(check for check in found.checks if check.name == "torque")
         assert (torque.probability >= 0.99) is expected
