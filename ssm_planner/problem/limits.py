@@ -629,19 +629,24 @@ JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointA
 
 
 @dataclass(frozen=True)
-class Jump(JointLimit):
-    """Largest step of a joint's position, velocity or acceleration where two pieces of a trajectory meet."""
-
-    derivative: int = 0
-    """0, 1 or 2."""
-
-    on = Limit.on
+class FixedLimit(JointLimit):
+    """A bound that the check alone holds: no problem has it, so nothing tightens or relaxes it."""
 
     def tightened(self: S, worst: float, bound: float) -> S | None:
         return None
 
     def relaxed(self: S, value: float) -> S | None:
         return None
+
+
+@dataclass(frozen=True)
+class Jump(FixedLimit):
+    """Largest step of a joint's position, velocity or acceleration where two pieces of a trajectory meet."""
+
+    derivative: int = 0
+    """0, 1 or 2."""
+
+    on = Limit.on
 
     @property
     def name(self) -> str:
@@ -653,17 +658,11 @@ class Jump(JointLimit):
 
 
 @dataclass(frozen=True)
-class EndVelocity(JointLimit):
+class EndVelocity(FixedLimit):
     """Largest difference of a joint's velocity, where the motion starts or ends, from what is declared there: rest."""
 
     order = 1
     at_end: bool = False
-
-    def tightened(self: S, worst: float, bound: float) -> S | None:
-        return None
-
-    def relaxed(self: S, value: float) -> S | None:
-        return None
 
     @property
     def name(self) -> str:
@@ -674,18 +673,10 @@ OFFSETS = ("velocity offset", "torque offset")
 
 
 @dataclass(frozen=True)
-class FeedForward(JointLimit):
+class FeedForward(FixedLimit):
     """Largest difference of a drive's velocity or torque offset from what its target positions ask for."""
 
     of_torque: bool = False
-
-    def tightened(self: S, worst: float, bound: float) -> S | None:
-        """None: it judges a stream of setpoints, not a motion."""
-        return None
-
-    def relaxed(self: S, value: float) -> S | None:
-        """None: no problem has such a bound."""
-        return None
 
     @property
     def name(self) -> str:
