@@ -8,49 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ssm_planner.codegen.vectorised import steps
-
-OPERATIONS = {
-    "assign": "{0}",
-    "neg": "-{0}",
-    "exp": "exp({0})",
-    "log": "log({0})",
-    "sqrt": "sqrt({0})",
-    "sq": "{0} * {0}",
-    "twice": "2.0 * {0}",
-    "inv": "1.0 / {0}",
-    "sin": "sin({0})",
-    "cos": "cos({0})",
-    "tan": "tan({0})",
-    "asin": "asin({0})",
-    "acos": "acos({0})",
-    "atan": "atan({0})",
-    "floor": "floor({0})",
-    "ceil": "ceil({0})",
-    "fabs": "fabs({0})",
-    "sign": "sign_of({0})",
-    "not": "(double)({0} == 0.0)",
-    "add": "{0} + {1}",
-    "sub": "{0} - {1}",
-    "mul": "{0} * {1}",
-    "div": "{0} / {1}",
-    "pow": "pow({0}, {1})",
-    "constpow": "pow({0}, {1})",
-    "lt": "(double)({0} < {1})",
-    "le": "(double)({0} <= {1})",
-    "eq": "(double)({0} == {1})",
-    "ne": "(double)({0} != {1})",
-    "and": "(double)({0} != 0.0 && {1} != 0.0)",
-    "or": "(double)({0} != 0.0 || {1} != 0.0)",
-    "fmin": "fmin({0}, {1})",
-    "fmax": "fmax({0}, {1})",
-    "if_else_zero": "({0} != 0.0 ? {1} : 0.0)",
-    "atan2": "atan2({0}, {1})",
-    "copysign": "copysign({0}, {1})",
-    "fmod": "fmod({0}, {1})",
-    "hypot": "hypot({0}, {1})",
-}
-
+from ssm_planner.codegen.vectorised import OPERATIONS, steps
 
 @dataclass(frozen=True)
 class Argument:
@@ -83,7 +41,7 @@ def write_function(
         else:
             used[step.out] = None
             place[step.out] = f"w{step.out}"
-            body.append(f"{place[step.out]} = {OPERATIONS[step.name].format(*operands)};")
+            body.append(f"{place[step.out]} = {OPERATIONS[step.name].c.format(*operands)};")
     for k, (target, value, at) in enumerate(results):
         body[at] = f"r{k} = {value};"
         body.append(f"{target} = r{k};")

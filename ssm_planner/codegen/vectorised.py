@@ -18,14 +18,70 @@ import numpy as np
 from ssm_planner.errors import GeometryError
 from ssm_planner.typing import Array
 
-UNARY = (
-    *("neg", "exp", "log", "sqrt", "sq", "twice", "inv", "sin", "cos", "tan", "asin", "acos", "atan"),
-    *("floor", "ceil", "fabs", "sign", "not"),
-)
-BINARY = (
-    *("add", "sub", "mul", "div", "pow", "constpow", "lt", "le", "eq", "ne", "and", "or"),
-    *("fmin", "fmax", "if_else_zero", "atan2", "copysign", "fmod", "hypot"),
-)
+def _copy(source: Array, out: Array) -> None:
+    out[...] = source
+
+
+def _if_else_zero(condition: Array, value: Array, out: Array) -> None:
+    out[...] = np.where(condition != 0, value, 0.0)
+
+
+@dataclass(frozen=True)
+class Operation:
+    """What a CasADi operation computes, in NumPy and in C."""
+
+    numpy: Callable[..., Any]
+    """Of the operands and `out`, rows of one length."""
+    c: str
+    """An expression; {0} and {1} stand for the operands."""
+
+    @property
+    def operands(self) -> int:
+        """How many it takes."""
+        return 2 if "{1}" in self.c else 1
+
+
+OPERATIONS = {
+    "assign": Operation(_copy, "{0}"),
+    "neg": Operation(np.negative, "-{0}"),
+    "exp": Operation(np.exp, "exp({0})"),
+    "log": Operation(np.log, "log({0})"),
+    "sqrt": Operation(np.sqrt, "sqrt({0})"),
+    "sq": Operation(np.square, "{0} * {0}"),
+    "twice": Operation(lambda a, out: np.add(a, a, out), "2.0 * {0}"),
+    "inv": Operation(np.reciprocal, "1.0 / {0}"),
+    "sin": Operation(np.sin, "sin({0})"),
+    "cos": Operation(np.cos, "cos({0})"),
+    "tan": Operation(np.tan, "tan({0})"),
+    "asin": Operation(np.arcsin, "asin({0})"),
+    "acos": Operation(np.arccos, "acos({0})"),
+    "atan": Operation(np.arctan, "atan({0})"),
+    "floor": Operation(np.floor, "floor({0})"),
+    "ceil": Operation(np.ceil, "ceil({0})"),
+    "fabs": Operation(np.abs, "fabs({0})"),
+    "sign": Operation(np.sign, "sign_of({0})"),
+    "not": Operation(np.logical_not, "(double)({0} == 0.0)"),
+    "add": Operation(np.add, "{0} + {1}"),
+    "sub": Operation(np.subtract, "{0} - {1}"),
+    "mul": Operation(np.multiply, "{0} * {1}"),
+    "div": Operation(np.divide, "{0} / {1}"),
+    "pow": Operation(np.power, "pow({0}, {1})"),
+    "constpow": Operation(np.power, "pow({0}, {1})"),
+    "lt": Operation(np.less, "(double)({0} < {1})"),
+    "le": Operation(np.less_equal, "(double)({0} <= {1})"),
+    "eq": Operation(np.equal, "(double)({0} == {1})"),
+    "ne": Operation(np.not_equal, "(double)({0} != {1})"),
+    "and": Operation(np.logical_and, "(double)({0} != 0.0 && {1} != 0.0)"),
+    "or": Operation(np.logical_or, "(double)({0} != 0.0 || {1} != 0.0)"),
+    "fmin": Operation(np.fmin, "fmin({0}, {1})"),
+    "fmax": Operation(np.fmax, "fmax({0}, {1})"),
+    "if_else_zero": Operation(_if_else_zero, "({0} != 0.0 ? {1} : 0.0)"),
+    "atan2": Operation(np.arctan2, "atan2({0}, {1})"),
+    "copysign": Operation(np.copysign, "copysign({0}, {1})"),
+    "fmod": Operation(np.fmod, "fmod({0}, {1})"),
+    "hypot": Operation(np.hypot, "hypot({0}, {1})"),
+}
+"""By CasADi's name."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +114,7 @@ def steps(function: ca.Function) -> Iterator[Step]:
             argument, index = function.instruction_output(k)[:2]
             yield Step(name, operands=(function.instruction_input(k)[0],), argument=argument, index=index)
         else:
-            count = 2 if name in BINARY else 1
-            operands = tuple(function.instruction_input(k)[:count])
+            operands = tuple(function.instruction_input(k)[: OPERATIONS[name].operands])
             yield Step(name, function.instruction_output(k)[0], operands)
 
 
@@ -71,7 +126,7 @@ def dense(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
 
 @cache
 def _names() -> dict[int, str]:
-    known = ("const", "input", "output", "assign", *UNARY, *BINARY)
+    known = ("const", "input", "output", *OPERATIONS)
     return {getattr(ca, f"OP_{name.upper()}"): name for name in known if hasattr(ca, f"OP_{name.upper()}")}
 
 
@@ -134,59 +189,9 @@ class Vectorised:
             elif step.name == "output":
                 program.append((_copy, operands, int(firsts_out[step.argument]) + step.index))
             else:
-                program.append((OPERATIONS[step.name], operands, step.out))
+                program.append((OPERATIONS[step.name].numpy, operands, step.out))
                 place[step.out] = step.out
         return program
-
-
-def _copy(source: Array, out: Array) -> None:
-    out[...] = source
-
-
-def _if_else_zero(condition: Array, value: Array, out: Array) -> None:
-    out[...] = np.where(condition != 0, value, 0.0)
-
-
-OPERATIONS: dict[str, Callable[..., Any]] = {
-    "assign": _copy,
-    "neg": np.negative,
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "sq": np.square,
-    "twice": lambda a, out: np.add(a, a, out),
-    "inv": np.reciprocal,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "floor": np.floor,
-    "ceil": np.ceil,
-    "fabs": np.abs,
-    "sign": np.sign,
-    "not": np.logical_not,
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.divide,
-    "pow": np.power,
-    "constpow": np.power,
-    "lt": np.less,
-    "le": np.less_equal,
-    "eq": np.equal,
-    "ne": np.not_equal,
-    "and": np.logical_and,
-    "or": np.logical_or,
-    "fmin": np.fmin,
-    "fmax": np.fmax,
-    "if_else_zero": _if_else_zero,
-    "atan2": np.arctan2,
-    "copysign": np.copysign,
-    "fmod": np.fmod,
-    "hypot": np.hypot,
-}
 
 
 def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
