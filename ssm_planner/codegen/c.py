@@ -10,6 +10,7 @@ import casadi as ca
 
 from ssm_planner.codegen.vectorised import OPERATIONS, steps
 
+
 @dataclass(frozen=True)
 class Argument:
     """A C argument: an array of `size` doubles, or one double where size is 0."""

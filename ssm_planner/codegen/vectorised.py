@@ -18,6 +18,7 @@ import numpy as np
 from ssm_planner.errors import GeometryError
 from ssm_planner.typing import Array
 
+
 def _copy(source: Array, out: Array) -> None:
     out[...] = source
 

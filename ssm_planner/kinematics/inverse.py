@@ -13,12 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics import arguments
-from ssm_planner.kinematics.arguments import ROTATION_TOLERANCE, batch
 from ssm_planner.kinematics.forward import blocks
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, elbow_squares
-from ssm_planner.kinematics.rotations import rotation
-from ssm_planner.kinematics.solutions import Solutions, select
+from ssm_planner.kinematics.rotations import (
+    ROTATION_TOLERANCE,
+    batch,
+    finite,
+    matrices,
+    rotation,
+    rotation_matrices,
+)
+from ssm_planner.kinematics.solutions import OF_EACH, Solutions, select
 from ssm_planner.kinematics.task import joints_of_task, task_batch, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_magnitudes
 from ssm_planner.typing import Array
@@ -52,7 +57,7 @@ def inverse(
     Raises GeometryError for shapes, NaN and matrices that are not rotations.
     """
     _refuse_parallel(mechanism)
-    matrix = arguments.matrices("rotations", rotations)
+    matrix = matrices("rotations", rotations)
     p = batch("positions", positions, 3)
     if len(p) != len(matrix):
         raise GeometryError(f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length")
@@ -65,7 +70,7 @@ def inverse(
     for block in blocks(n, BLOCK):
         columns = to_frame @ flat[block].T
         if not _are_rotations(columns):
-            arguments.rotations("rotations", matrix)
+            rotation_matrices("rotations", matrix)
         tips = mechanism.frame.T @ p[block].T
         joints[block], orientation_error[block], tip_error[block] = _solve_block(
             mechanism, columns[0:3], columns[6:9], tips
@@ -115,7 +120,7 @@ def inverse_tip(
     """
     tip = batch("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)
-    arguments.finite("spin", spins)
+    finite("spin", spins)
     if spins.shape not in ((), (len(tip),)):
         raise GeometryError(f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip")
     spins = np.broadcast_to(spins, len(tip))
@@ -126,11 +131,9 @@ def inverse_tip(
         task = np.column_stack((*_pointing(mechanism, tip, depth, at_rcm, reference), spins, depth))
         pair.append(inverse_task(mechanism, task))
     pair[1].reaches[at_rcm] = False
+    of_all = {name: np.concatenate([getattr(each, name) for each in pair], axis=1) for name in OF_EACH}
     found = Solutions(
-        joints=np.concatenate([each.joints for each in pair], axis=1),
-        branch=np.concatenate([each.branch for each in pair], axis=1),
-        reaches=np.concatenate([each.reaches for each in pair], axis=1),
-        in_limits=np.concatenate([each.in_limits for each in pair], axis=1),
+        **of_all,
         reachable=pair[0].reachable | pair[1].reachable,
         orientation_error=np.minimum(pair[0].orientation_error, pair[1].orientation_error),
         tip_error=np.minimum(pair[0].tip_error, pair[1].tip_error),

@@ -23,8 +23,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.arguments import rotations
-from ssm_planner.kinematics.rotations import exponential_terms, rotation
+from ssm_planner.kinematics.rotations import exponential_terms, rotation, rotation_matrices
 from ssm_planner.problem.robot import Geometry, frozen
 from ssm_planner.typing import Array
 
@@ -51,6 +50,10 @@ class Mechanism:
     insertion_sign: int = -1
     """depth = insertion_sign · θ4."""
 
+    def __post_init__(self) -> None:
+        for array in (self.omega1, self.omega2, self.omega3, self.tool_home, self.tilt_axis):
+            array.setflags(write=False)
+
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
         """The mechanism of a robot file, its axes of length 1 and its tool frame on the third to the last digit."""
@@ -61,15 +64,9 @@ class Mechanism:
         normal = np.cross(omega1, omega2)
         normal = normal / np.linalg.norm(normal)
         tilt_axis = np.cross(normal, omega1)
-        return cls(
-            omega1=frozen(omega1, (3,)),
-            omega2=frozen(omega2, (3,)),
-            omega3=frozen(omega3, (3,)),
-            tool_home=frozen(tool_home, (3, 3)),
-            tilt_axis=frozen(tilt_axis / np.linalg.norm(tilt_axis), (3,)),
-            side=_side(float(omega3 @ tilt_axis), float(omega3 @ normal)),
-            insertion_sign=int(geometry.insertion_sign),
-        )
+        sign, side = int(geometry.insertion_sign), _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
+        tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
+        return cls(omega1, omega2, omega3, tool_home, tilt_axis=tilt_axis, side=side, insertion_sign=sign)
 
     @classmethod
     def from_angles(
@@ -86,9 +83,7 @@ class Mechanism:
         At q = 0 the tool has the tilt `home_tilt`, in [−π, π] (None: the middle of the tilt range, negative side), and
         a roll in [−90°, 90°]. `tool_home` defaults to a tool whose y axis is the tilt axis at roll 0.
         """
-        for name, angle in (("alpha", alpha), ("beta", beta)):
-            if not 0.0 <= angle <= math.pi:
-                raise GeometryError(f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant")
+        check_angles(alpha, beta)
         low, high = abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - alpha - beta)
         tilt = -(low + high) / 2.0 if home_tilt is None else float(home_tilt)
         if not low - 1e-9 <= abs(tilt) <= high + 1e-9:
@@ -101,15 +96,8 @@ class Mechanism:
         roll = math.atan2(sign * omega3[1], -sign * omega3[2])
         pointing = rotation(x, roll) @ rotation(y, tilt)
         default = pointing @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-        return cls(
-            omega1=frozen(x, (3,)),
-            omega2=frozen(omega2, (3,)),
-            omega3=frozen(omega3, (3,)),
-            tool_home=frozen(_tool_home(default if tool_home is None else tool_home, omega3), (3, 3)),
-            tilt_axis=frozen(y, (3,)),
-            side=int(sign),
-            insertion_sign=insertion_sign,
-        )
+        home = _tool_home(default if tool_home is None else tool_home, omega3)
+        return cls(x, omega2, omega3, home, tilt_axis=y, side=int(sign), insertion_sign=insertion_sign)
 
     @cached_property
     def alpha(self) -> float:
@@ -186,9 +174,16 @@ class Mechanism:
         return eta + math.remainder(self.side * math.pi / 2.0 + self.tool_angle - kappa - eta, 2.0 * math.pi)
 
 
+def check_angles(alpha: float, beta: float) -> None:
+    """Refuse angles between axes outside [0, π]. Raises GeometryError."""
+    for name, angle in (("alpha", alpha), ("beta", beta)):
+        if not 0.0 <= angle <= math.pi:
+            raise GeometryError(f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant")
+
+
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:
     """R_0 with its z column set to omega3 to the last digit."""
-    matrix = rotations("tool_home", value)[0]
+    matrix = rotation_matrices("tool_home", value)[0]
     if np.linalg.norm(matrix[:, 2] - omega3) > 1e-6:
         raise GeometryError(
             f"tool_home: its z column {matrix[:, 2].tolist()} must be omega3 = {omega3.tolist()} (the tool's axis)"

@@ -1,4 +1,4 @@
-"""Solutions of inverse kinematics: which are within joint limits, which is nearest, which continues a path."""
+"""Solutions of inverse kinematics: which are within joint limits, which is nearest."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.arguments import batch
+from ssm_planner.kinematics.rotations import batch
 from ssm_planner.typing import Array
 
 Flags = NDArray[np.bool_]
@@ -17,6 +17,10 @@ Flags = NDArray[np.bool_]
 TURN = 2.0 * math.pi
 WEIGHTS = (1.0, 1.0, 1.0, 10.0)
 """Distance of two configurations: 0.1 m of insertion counts as 1 rad of a revolute joint."""
+
+
+OF_EACH = ("joints", "branch", "reaches", "in_limits")
+"""Fields of Solutions with an entry for every solution of a target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,35 +81,9 @@ def by_distance(solutions: Solutions, reference: ArrayLike, limits: ArrayLike | 
     _place(joints, centres, bounds)
     distance = np.linalg.norm((joints - centres) * WEIGHTS, axis=2)
     order = np.lexsort((distance, ~solutions.valid), axis=1)
-    return replace(
-        solutions,
-        joints=np.take_along_axis(joints, order[:, :, np.newaxis], axis=1),
-        branch=np.take_along_axis(solutions.branch, order, axis=1),
-        reaches=np.take_along_axis(solutions.reaches, order, axis=1),
-        in_limits=np.take_along_axis(solutions.in_limits, order, axis=1),
-    )
-
-
-def follow(solutions: Solutions, start: ArrayLike) -> Array:
-    """Joints (n, 4) along a path of n targets, continuous, on the solution that is nearest to `start` (4,).
-
-    Takes solutions in their original order (no reference given). Revolute joints are not wrapped: each sample is the
-    2π-equivalent nearest to the sample before it, so samples must be less than half a turn apart.
-    """
-    if np.any(solutions.branch != solutions.branch[:1]):
-        raise GeometryError("solutions: ordered by distance, so a solution cannot be followed; give no reference")
-    begin = batch("start", start, 4)
-    if len(begin) != 1:
-        raise GeometryError(f"start has shape {begin.shape}: must be (4,)")
-    if len(solutions.joints) == 0:
-        return np.empty((0, 4))
-    first = solutions.joints[:1].copy()
-    _place(first, begin[:, np.newaxis], np.tile((-np.inf, np.inf), (4, 1)))
-    distance = np.linalg.norm((first[0] - begin) * WEIGHTS, axis=1)
-    chosen = int(np.lexsort((distance, ~solutions.valid[0]))[0])
-    path = solutions.joints[:, chosen].copy()
-    path[:, :3] = np.unwrap(np.vstack((begin, path))[:, :3], axis=0)[1:]
-    return path
+    of_row = np.arange(len(joints))[:, np.newaxis]
+    moved = replace(solutions, joints=joints)
+    return replace(moved, **{name: getattr(moved, name)[of_row, order] for name in OF_EACH})
 
 
 def joint_limits(name: str, value: ArrayLike) -> Array:

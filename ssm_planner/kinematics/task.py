@@ -7,6 +7,7 @@ The functions after them are their doors: NumPy batches (n, 4), and CasADi vecto
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,19 +15,19 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.arguments import batch
 from ssm_planner.kinematics.mechanism import Mechanism, azimuths, elbow_squares, tilt_magnitude
-from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics.rotations import batch, rotation
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
     import casadi
 
+Four = Sequence[Any] | Array
+"""Four arrays of one shape, or four expressions."""
 
-def joints_of_task(
-    xp: Namespace, mechanism: Mechanism, task: tuple[Any, Any, Any, Any], branch: Any
-) -> tuple[Any, ...]:
+
+def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any) -> tuple[Any, ...]:
     """Closed-form inverse: (θ1, θ2, θ3, θ4) of (roll, tilt, spin, depth) on one branch.
 
     Continuous along any path that stays on the branch, with roll and spin as given (not wrapped).
@@ -43,7 +44,7 @@ def joints_of_task(
     return theta1, theta2, theta3, mech.insertion_sign * depth
 
 
-def task_of_joints(xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
+def task_of_joints(xp: Namespace, mechanism: Mechanism, q: Four) -> tuple[Any, ...]:
     """(roll, tilt, spin, depth) of joints, tilt on the home side; roll and spin are not wrapped."""
     theta1, theta2, theta3, theta4 = q
     mech = mechanism
@@ -54,9 +55,7 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, 
     return roll, tilt, theta3 - eta + mech.spin_offset, mech.insertion_sign * theta4
 
 
-def task_rates_of_joints(
-    xp: Namespace, mechanism: Mechanism, q: tuple[Any, Any, Any, Any], qd: tuple[Any, Any, Any, Any]
-) -> tuple[Any, Any, Any, Any]:
+def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four) -> tuple[Any, ...]:
     """Time derivative of task_of_joints.
 
     It grows without bound towards a tilt of 0 or 180°, where roll and spin are one; there itself it is that of θ2 at rest.
@@ -94,7 +93,7 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
     side. Roll and spin are in (−π, π], or the 2π-equivalents nearest to `near`, task coordinates (n, 4) or (4,).
     """
     q = batch("q", q, 4)
-    task = np.stack(task_of_joints(NUMPY, mechanism, (q[:, 0], q[:, 1], q[:, 2], q[:, 3])), axis=1)
+    task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
     centre = np.zeros((1, 4)) if near is None else batch("near", near, 4)
     for column in (0, 2):
         task[:, column] = nearest_turn(task[:, column], centre[:, column])
@@ -107,7 +106,7 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
     Roll and spin rates grow without bound towards a tilt of 0 or 180°, where the two are the same rotation.
     """
     q, qd = batch("q", q, 4), batch("qd", qd, 4)
-    return np.stack(task_rates_of_joints(NUMPY, mechanism, tuple(q.T), tuple(qd.T)), axis=1)
+    return np.stack(task_rates_of_joints(NUMPY, mechanism, q.T, qd.T), axis=1)
 
 
 def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:
@@ -131,8 +130,7 @@ def joints_from_task_symbolic(
     """
     import casadi
 
-    parts = (task[0], task[1], task[2], task[3])
-    joints = list(joints_of_task(casadi_namespace(), mechanism, parts, branch))
+    joints = list(joints_of_task(casadi_namespace(), mechanism, casadi.vertsplit(task), branch))
     if reference is not None:
         for i in range(3):
             turns = casadi.floor((reference[i] - joints[i]) / (2.0 * math.pi) + 0.5)
@@ -144,15 +142,14 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
     """(roll, tilt, spin, depth) (4, 1) of joints (4, 1), tilt on the home side; roll and spin are not wrapped."""
     import casadi
 
-    return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, (q[0], q[1], q[2], q[3])))
+    return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, casadi.vertsplit(q)))
 
 
 def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> casadi.SX:
     """Rates of (roll, tilt, spin, depth) (4, 1) of joints and joint rates (4, 1), rad/s and m/s; any branch."""
     import casadi
 
-    parts = (q[0], q[1], q[2], q[3]), (qd[0], qd[1], qd[2], qd[3])
-    return casadi.vertcat(*task_rates_of_joints(casadi_namespace(), mechanism, *parts))
+    return casadi.vertcat(*task_rates_of_joints(casadi_namespace(), mechanism, *map(casadi.vertsplit, (q, qd))))
 
 
 def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:

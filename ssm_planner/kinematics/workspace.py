@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, elbow_squares, tilt_magnitude
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares, tilt_magnitude
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.typing import Array
 
@@ -248,9 +248,7 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
 
 def design_margin(alpha: float, beta: float, tilt_range: tuple[float, float]) -> float:
     """Tilt, rad, by which the workspace of (α, β) goes beyond both ends of a range; negative: not reached."""
-    for name, angle in (("alpha", alpha), ("beta", beta)):
-        if not 0.0 <= angle <= math.pi:
-            raise GeometryError(f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant")
+    check_angles(alpha, beta)
     low, high = magnitude_range("tilt_range", tilt_range)
     nearest, farthest = tilt_magnitudes(alpha, beta)
     return min(low - nearest, farthest - high)

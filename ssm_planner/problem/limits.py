@@ -428,7 +428,7 @@ class TaskRange(Between):
 
 @dataclass(frozen=True)
 class SpeedLimit(Symmetric):
-    """|v| ≤ largest, v being linear in the joints' rates: kinematics/tool_speeds.py has the Jacobian.
+    """|v| ≤ largest, v being linear in the joints' rates: kinematics/forward.py has the Jacobian.
 
     A subclass needs `name`, `field` and, where it is not m/s, `unit`.
     """

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ssm_planner.kinematics.forward import tool_speed
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
-from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.problem.limits import Jump, SpeedLimit
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot

@@ -28,11 +28,10 @@ from ssm_planner.codegen.vectorised import Vectorised, dense
 from ssm_planner.dynamics.motors import motor_law
 from ssm_planner.dynamics.transmission import nut_contact
 from ssm_planner.kinematics.eye import eye_limits
-from ssm_planner.kinematics.forward import tip_position_symbolic
+from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.kinematics.tool_speeds import JACOBIANS
 from ssm_planner.problem.limits import MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot

@@ -10,7 +10,7 @@ import pytest
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse, inverse_task
-from ssm_planner.kinematics.solutions import WEIGHTS, follow, nearest_turn
+from ssm_planner.kinematics.solutions import WEIGHTS, nearest_turn
 from ssm_planner.kinematics.task import pose_from_task
 
 WIDE = np.array([(-2.0 * math.pi, 2.0 * math.pi)] * 3 + [(-0.03, 0.0)])
@@ -71,18 +71,19 @@ def test_the_nearest_turn_is_within_half_a_turn():
     assert np.abs(np.sin((moved - angle) / 2.0)).max() < 1e-12
 
 
-def test_following_a_path_keeps_the_branch_and_never_jumps(vitreoretinal):
+def test_each_solution_keeps_its_branch_along_a_path_and_never_jumps(vitreoretinal):
     way = np.linspace(0.0, 1.0, 2001)
     task = np.column_stack((9.0 * way, -1.5 - 0.9 * np.sin(3.0 * way) ** 2, -8.0 * way, 0.02 * way))
     found = inverse(vitreoretinal, *pose_from_task(vitreoretinal, task))
     for k, branch in enumerate((1, -1)):
-        path = follow(found, found.joints[0, k] + [0.1, -0.1, 2.0 * math.pi, 0.0])
+        path = found.joints[:, k].copy()
+        path[:, :3] = np.unwrap(path[:, :3], axis=0)
         assert np.abs(np.diff(path, axis=0)).max() < 0.05
         assert np.all(np.sign(np.sin(path[:, 1] - vitreoretinal.delta)) == branch)
         reached = forward(vitreoretinal, path)
         for a, b in zip(reached, pose_from_task(vitreoretinal, task), strict=True):
             assert np.abs(a - b).max() < 1e-12
-    assert follow(inverse_task(vitreoretinal, np.empty((0, 4))), np.zeros(4)).shape == (0, 4)
+    assert inverse_task(vitreoretinal, np.empty((0, 4))).joints.shape == (0, 2, 4)
 
 
 def test_bad_arguments_are_named(vitreoretinal):
@@ -97,12 +98,6 @@ def test_bad_arguments_are_named(vitreoretinal):
         inverse_task(vitreoretinal, task, limits=[*WIDE[:2], (math.nan, 1.0), WIDE[3]])
     with pytest.raises(GeometryError, match=r"reference has shape \(3, 4\)"):
         inverse_task(vitreoretinal, task, reference=np.zeros((3, 4)))
-    both_branches = [[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 3.0, 0.0]]
-    ordered = inverse_task(vitreoretinal, task * 2, reference=both_branches)
-    with pytest.raises(GeometryError, match="give no reference"):
-        follow(ordered, np.zeros(4))
-    with pytest.raises(GeometryError, match="start has shape"):
-        follow(inverse_task(vitreoretinal, task), np.zeros((2, 4)))
 
 
 def test_joints_without_limits_may_turn_without_end(vitreoretinal):

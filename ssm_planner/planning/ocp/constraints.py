@@ -14,7 +14,7 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
-from ssm_planner.kinematics.tool_speeds import JACOBIANS
+from ssm_planner.kinematics.forward import JACOBIANS
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque
 from ssm_planner.problem.robot import Joint, Robot

@@ -15,10 +15,9 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.eye import retina_row
-from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.forward import speed_bounds, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
-from ssm_planner.kinematics.tool_speeds import speed_bounds
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.free_element import PARAMETERS, RATED, WATCHED, FreeElement

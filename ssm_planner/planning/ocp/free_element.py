@@ -18,10 +18,9 @@ from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import eye_rows
-from ssm_planner.kinematics.forward import tip_position_symbolic
+from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.kinematics.tool_speeds import JACOBIANS
 from ssm_planner.planning.ocp.constraints import (
     LIMITS,
     Bounds,

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.tool_speeds import speed_bounds
+from ssm_planner.kinematics.forward import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared

@@ -22,7 +22,7 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.tool_speeds import JACOBIANS, tool_speed
+from ssm_planner.kinematics.forward import JACOBIANS, tool_speed
 from ssm_planner.planning.ocp.constraints import (
     LIMITS,
     Bounds,

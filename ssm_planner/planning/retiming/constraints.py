@@ -21,8 +21,8 @@ import numpy as np
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
+from ssm_planner.kinematics.forward import tool_speed
 from ssm_planner.kinematics.task import task_rates
-from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK

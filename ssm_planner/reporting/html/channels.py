@@ -9,10 +9,9 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.eye import eye_limits
-from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.forward import tip_position, tool_speed
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
-from ssm_planner.kinematics.tool_speeds import tool_speed
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, SpeedLimit, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
