@@ -13,6 +13,7 @@ ROOMS = (
         "errors",
         "typing",
         "units",
+        "display",
         "atomic",
         "publishing",
         "children",

@@ -16,12 +16,12 @@ from ssm_planner.codegen.c import Argument, write_function
 from ssm_planner.codegen.vectorised import dense
 from ssm_planner.dynamics.motors import directions_law, motor_law
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.formats.manifest import robot_hash
 from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import robot_hash
 from ssm_planner.publishing import one_line
 from ssm_planner.verification.certificate import Certificate
 

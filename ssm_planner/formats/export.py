@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import inspect
+import json
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.manifest import write_manifest
-from ssm_planner.plans import Plan, load_plan
-from ssm_planner.publishing import MANIFEST, publishing
+from ssm_planner.plans import Plan, load_plan, software
+from ssm_planner.problem.serialization import robot_hash
+from ssm_planner.publishing import EXPORT, MANIFEST, hashes, publishing
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-if TYPE_CHECKING:
-    from ssm_planner.plans import Plan
-
-
 FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
 UNVERIFIED = "_unverified"
+VERSION = 1
+"""Of the manifest."""
+WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 
 
 def export(
@@ -61,6 +61,31 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
         f"{plan.path}: the plan does not pass the check: {worst.name} of {worst.joint or 'the tool'} exceeds its limit "
         f"by {-100 * worst.margin:.3g} % at {worst.time:.4f} s; not exported (--force: marked unverified)"
     )
+
+
+def write_manifest(
+    folder: Path, kind: str, plan: Plan, certificate: Certificate, verified: bool, details: dict[str, Any]
+) -> dict[str, Any]:
+    """Write manifest.json beside the files it lists; details: what the kind of export has to say."""
+    ends = plan.limits.slower(details.get("stretch", 1.0))
+    manifest = {
+        "format": EXPORT,
+        "version": VERSION,
+        "kind": kind,
+        "verified": verified,
+        **({} if verified else {"warning": WARNING}),
+        "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.motion.duration},
+        "robot": {"name": plan.robot.name, "sha256": robot_hash(plan.robot)},
+        "software": software(),
+        # of task coordinates, rad/s and m/s; 0 where not named
+        "start_rate": dict(ends.start_rate or {}),
+        "end_rate": dict(ends.end_rate or {}),
+        **details,
+        "certificate": certificate.to_dict(),
+        "files": hashes(folder),
+    }
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return manifest
 
 
 def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:

@@ -1,7 +1,8 @@
-"""JointTrajectory messages: made of a plan, and read as YAML, as given to `ros2 topic pub` or an action goal."""
+"""JointTrajectory messages: what a controller makes of one, and YAML, as given to `ros2 topic pub` or an action goal."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,22 @@ LARGEST_TREE = 10_000_000
 """Values in it."""
 LONGEST = 10**9
 """s; seconds beyond are none."""
+REST = 1.2e-7
+"""Largest final velocity (rad/s, m/s) that joint_trajectory_controller accepts by default."""
+FIELDS = ("positions", "velocities", "accelerations", "effort")
+"""Of a point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Message:
+    """A JointTrajectory: for each of n points time, and a list for each joint or an empty one."""
+
+    names: tuple[str, ...]
+    time: Array
+    positions: list[Sequence[float]]
+    velocities: list[Sequence[float]]
+    accelerations: list[Sequence[float]]
+    effort: list[Sequence[float]]
 
 
 def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Message:
@@ -51,21 +68,29 @@ def split_time(t: float) -> tuple[int, int]:
     return ticks // TICKS, ticks % TICKS
 
 
-REST = 1.2e-7
-"""Largest final velocity (rad/s, m/s) that joint_trajectory_controller accepts by default."""
-INSTALL = "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
+def write_yaml(path: Path, message: Message, comments: Sequence[str], under: str) -> None:
+    """Write a message behind comments, as it is or `under` a key."""
+    indent = "  " if under else ""
+    lines = [f"# {comment}" for comment in comments]
+    lines += [f"{under}:"] if under else []
+    lines += [f"{indent}header: {{stamp: {{sec: 0, nanosec: 0}}, frame_id: base}}"]
+    lines += [f"{indent}joint_names: {json.dumps(list(message.names))}", f"{indent}points:"]
+    for k, t in enumerate(message.time):
+        sec, nanosec = split_time(float(t))
+        values = ", ".join(f"{field}: {_list(getattr(message, field)[k])}" for field in FIELDS)
+        lines.append(f"{indent}- {{{values}, time_from_start: {{sec: {sec}, nanosec: {nanosec}}}}}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-@dataclass(frozen=True, eq=False)
-class Message:
-    """A JointTrajectory: for each of n points time, and a list for each joint or an empty one."""
+def _list(values: Sequence[float] | Array) -> str:
+    """Numbers that YAML 1.1 reads as numbers: a bare 1e-05 would be a text."""
+    return "[" + ", ".join(_yaml(float(value) + 0.0) for value in np.asarray(values)) + "]"
 
-    names: tuple[str, ...]
-    time: Array
-    positions: list[Sequence[float]]
-    velocities: list[Sequence[float]]
-    accelerations: list[Sequence[float]]
-    effort: list[Sequence[float]]
+
+def _yaml(value: float) -> str:
+    text = repr(value)
+    mantissa, e, exponent = text.partition("e")
+    return text if not e or "." in mantissa else f"{mantissa}.0e{exponent}"
 
 
 def read_yaml(path: Path, robot: Robot) -> Reading:
@@ -93,9 +118,6 @@ def message_from(data: Any, where: str) -> Message:
     time = np.array([_time(point, k, where) for k, point in enumerate(points)])
     fields = [[_numbers(point, key, k, where) for k, point in enumerate(points)] for key in FIELDS]
     return Message(tuple(names), time, *fields)
-
-
-FIELDS = ("positions", "velocities", "accelerations", "effort")
 
 
 def read_message(message: Message, robot: Robot, where: str, notes: tuple[str, ...] = ()) -> Reading:

@@ -11,7 +11,7 @@ from ssm_planner.formats.csv import read_csv
 from ssm_planner.formats.epos4 import read_epos4
 from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
-from ssm_planner.formats.rosbag import read_rosbag
+from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot

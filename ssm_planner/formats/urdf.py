@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from ssm_planner.display import environment, render
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import inertia_about_com
 from ssm_planner.dynamics.transmission import motor_torque_rows
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Body, Joint, Robot
+from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
+PACKAGE = "ssm_planner.formats"
+"""Whose templates are filled in."""
 LINKS = ("link1", "link2", "link3", "stage")
 TOOL = "tool"
 SMALLEST_MASS, SMALLEST_INERTIA = 1e-12, 1e-14
@@ -41,7 +44,8 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the plan it was exported with has no passed certificate."
     path.write_text(urdf(plan.robot, mark), encoding="utf-8")
-    (folder / f"controllers{suffix}.yaml").write_text(controllers(plan.robot, mark), encoding="utf-8")
+    controllers = _filled("controllers.yaml", escape=False, joints=plan.robot.joints, mark=mark)
+    (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
     light = [body.name for body in plan.robot.bodies if body.mass == 0]
     return {
         "units": {"angle": "rad", "length": "m", "mass": "kg"},
@@ -55,34 +59,40 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
 
 
 def urdf(robot: Robot, mark: str = "") -> str:
-    """The robot as URDF text: base, four links, and the frame of the tool tip."""
-    lines = ['<?xml version="1.0"?>', "<!--", f"  Robot {_comment(robot.name)}. {mark}".rstrip()]
-    lines += ["  The base frame has its origin at the remote centre of motion; rad, m, kg.", "  Not in this file:"]
-    lines += [f"  - {text}" for text in ABSENT]
-    gravity = ", ".join(f"{value:.6g}" for value in robot.gravity)
-    lines += [f"  Gravity in the base frame: ({gravity}) m/s^2.", "-->"]
-    lines += [f"<robot name={quoteattr(_name(robot.name))}>", '  <link name="base"/>']
-    parent, frame = "base", np.eye(3)
-    axes = (robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3, robot.geometry.omega3)
-    for link, body, joint, axis in zip(LINKS, robot.bodies, robot.joints, axes, strict=True):
-        lines += _link(link, body, joint)
-        lines += _joint(joint, parent, link, frame.T @ body.frame, body.frame.T @ axis)
-        parent, frame = link, body.frame
-    rotation = frame.T @ robot.geometry.tool_home
-    lines += [
-        f'  <link name="{TOOL}">',
-        f"    <!-- {NO_MASS} -->",
-        *_inertial(SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3)),
-        "  </link>",
-        f'  <joint name="{TOOL}_tip" type="fixed">',
-        f'    <parent link="{parent}"/>',
-        f'    <child link="{TOOL}"/>',
-        f'    <origin xyz="0 0 0" rpy="{_triple(rpy(rotation))}"/>',
-        "  </joint>",
-        *_ros2_control(robot),
-        "</robot>",
-    ]
-    return "\n".join(lines) + "\n"
+    """The robot as URDF text: base, four links, and the frame of the tool tip; mark: said at its beginning."""
+    return _filled(
+        "robot.urdf",
+        escape=True,
+        name=robot.name,
+        mark=mark,
+        absent=ABSENT,
+        gravity=robot.gravity,
+        links=list(_links(robot)),
+        massless=NO_MASS,
+        stand_in=(SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3)),
+        tool=TOOL,
+        tool_rpy=rpy(robot.bodies[-1].frame.T @ robot.geometry.tool_home),
+        plugin=PLUGIN,
+    )
+
+
+def _links(robot: Robot) -> Iterator[dict[str, Any]]:
+    """Every link with its joint, both placed in the frame of the link before it."""
+    parent, frame, geometry = "base", np.eye(3), robot.geometry
+    axes = (geometry.omega1, geometry.omega2, geometry.omega3, geometry.omega3)
+    for name, body, joint, axis in zip(LINKS, robot.bodies, robot.joints, axes, strict=True):
+        yield {
+            "name": name,
+            "parent": parent,
+            "body": body,
+            "joint": joint,
+            "inertia": inertia_about_com(body) if body.mass > 0 else None,
+            "size": (0.12, 0.001) if joint.kind == "prismatic" else (0.08, 0.003),
+            "rpy": rpy(frame.T @ body.frame),
+            "axis": body.frame.T @ axis,
+            "effort": effort_limit(joint),
+        }
+        parent, frame = name, body.frame
 
 
 def rpy(rotation: Array) -> Array:
@@ -106,107 +116,22 @@ def effort_limit(joint: Joint) -> float:
     return max((motor.max_torque - float(rows.coulomb)) / slope - friction_of(drive).b_oc, 0.0)
 
 
-def _link(name: str, body: Body, joint: Joint) -> list[str]:
-    lines = [f'  <link name="{name}">', f"    <!-- {_comment(body.name)} -->"]
-    if body.mass > 0:
-        lines += _inertial(body.mass, body.com, inertia_about_com(body))
-    else:
-        lines += [f"    <!-- {NO_MASS} -->", *_inertial(SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3))]
-    length, radius = (0.12, 0.001) if joint.kind == "prismatic" else (0.08, 0.003)
-    lines += [
-        "    <visual>",
-        f'      <origin xyz="0 0 {length / 2}" rpy="0 0 0"/>',
-        f'      <geometry><cylinder length="{length}" radius="{radius}"/></geometry>',
-        "    </visual>",
-        "    <collision>",
-        f'      <origin xyz="0 0 {length / 2}" rpy="0 0 0"/>',
-        f'      <geometry><cylinder length="{length}" radius="{radius}"/></geometry>',
-        "    </collision>",
-        "  </link>",
-    ]
-    return lines
+def _filled(template: str, escape: bool, **values: Any) -> str:
+    from markupsafe import Markup
 
-
-def _inertial(mass: float, com: Array, i: Array) -> list[str]:
-    return [
-        "    <inertial>",
-        f'      <origin xyz="{_triple(com)}" rpy="0 0 0"/>',
-        f'      <mass value="{_n(mass)}"/>',
-        f'      <inertia ixx="{_n(i[0, 0])}" ixy="{_n(i[0, 1])}" ixz="{_n(i[0, 2])}" iyy="{_n(i[1, 1])}" '
-        f'iyz="{_n(i[1, 2])}" izz="{_n(i[2, 2])}"/>',
-        "    </inertial>",
-    ]
-
-
-def _ros2_control(robot: Robot) -> list[str]:
-    """Interfaces of ros2_control: position commands, position and velocity states; the plugin is a stand-in that mirrors."""
-    lines = ['  <ros2_control name="ssm" type="system">', f"    <hardware><plugin>{PLUGIN}</plugin></hardware>"]
-    for joint in robot.joints:
-        low, high = joint.position
-        lines += [
-            f"    <joint name={quoteattr(joint.name)}>",
-            '      <command_interface name="position">',
-            f'        <param name="min">{_n(low)}</param>',
-            f'        <param name="max">{_n(high)}</param>',
-            "      </command_interface>",
-            '      <state_interface name="position"/>',
-            '      <state_interface name="velocity"/>',
-            "    </joint>",
-        ]
-    return [*lines, "  </ros2_control>"]
-
-
-def controllers(robot: Robot, mark: str = "") -> str:
-    """controllers.yaml for ros2_control: a joint_trajectory_controller that refuses to be off by much."""
-    names = "".join(f"      - {joint.name}\n" for joint in robot.joints)
-    tolerances = "".join(
-        f"      {joint.name}: {{trajectory: {0.01 * (high - low):.7f}, goal: {0.001 * (high - low):.7f}}}\n"
-        for joint in robot.joints
-        for low, high in (joint.position,)
+    environment(PACKAGE, escape).filters.update(
+        exact=_exact,
+        triple=_triple,
+        identifier=lambda text: "".join(c if c.isascii() and c.isalnum() else "_" for c in text) or "robot",
+        comment=lambda text: Markup(one_line(text, without="-<>")),
     )
-    return f"""# Controllers of ros2_control for robot.urdf; rad and m. Tolerances are a hundredth and a thousandth of each
-# joint's range: first values, to be narrowed at the machine. {mark}
-controller_manager:
-  ros__parameters:
-    update_rate: 1000
-    joint_state_broadcaster: {{type: joint_state_broadcaster/JointStateBroadcaster}}
-    joint_trajectory_controller: {{type: joint_trajectory_controller/JointTrajectoryController}}
-joint_trajectory_controller:
-  ros__parameters:
-    joints:
-{names}    command_interfaces: [position]
-    state_interfaces: [position, velocity]
-    allow_nonzero_velocity_at_trajectory_end: false
-    constraints:
-      stopped_velocity_tolerance: 0.01
-{tolerances}"""
-
-
-def _joint(joint: Joint, parent: str, child: str, placed: Array, axis: Array) -> list[str]:
-    low, high = joint.position
-    return [
-        f'  <joint name="{escape(joint.name)}" type="{joint.kind}">',
-        f'    <parent link="{parent}"/>',
-        f'    <child link="{child}"/>',
-        f'    <origin xyz="0 0 0" rpy="{_triple(rpy(placed))}"/>',
-        f'    <axis xyz="{_triple(axis)}"/>',
-        f'    <limit lower="{_n(low)}" upper="{_n(high)}" velocity="{_n(joint.velocity)}" '
-        f'effort="{_n(effort_limit(joint))}"/>',
-        "  </joint>",
-    ]
+    return render(PACKAGE, template, escape, **values)
 
 
 def _triple(values: Array) -> str:
-    return " ".join(_n(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
+    return " ".join(_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
 
 
-def _n(value: float) -> str:
+def _exact(value: float) -> str:
+    """All digits, without a negative zero."""
     return repr(float(value) + 0.0)
-
-
-def _name(text: str) -> str:
-    return "".join(c if c.isascii() and c.isalnum() else "_" for c in text) or "robot"
-
-
-def _comment(text: str) -> str:
-    return one_line(text, without="-<>")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -41,6 +43,17 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     return value
+
+
+def robot_hash(robot: Robot) -> str:
+    """SHA-256 of a robot's resolved values, whatever files they came from."""
+
+    def values(data: Any) -> Any:
+        if isinstance(data, dict):
+            return {key: values(item) for key, item in data.items() if key != "file"}
+        return [values(item) for item in data] if isinstance(data, list) else data
+
+    return hashlib.sha256(json.dumps(values(plain(robot)), sort_keys=True).encode()).hexdigest()
 
 
 def _fields(value: Any) -> dict[str, Any]:

@@ -149,7 +149,7 @@ class Violations:
         from plans import read_back
 
         from ssm_planner.formats.joint_trajectory import Message
-        from ssm_planner.formats.rosbag import write_bag
+        from ssm_planner.formats.ros2 import write_bag
 
         plan = read_back(self.folder / "plan.json", self.robot, self.trajectory)
         empty: list[Any]

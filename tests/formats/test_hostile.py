@@ -119,7 +119,7 @@ def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    from ssm_planner.formats.rosbag import _Messages
+    from ssm_planner.formats.ros2 import _Messages
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -152,7 +152,7 @@ def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
     pytest.importorskip("rosbags")
     from rosbags.typesys import Stores, get_typestore
 
-    from ssm_planner.formats.rosbag import _Messages, _of_states
+    from ssm_planner.formats.ros2 import _Messages, _of_states
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)

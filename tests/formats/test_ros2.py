@@ -13,7 +13,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.export import export
 from ssm_planner.formats.joint_trajectory import REST, controller_faults, message_from
-from ssm_planner.formats.rosbag import link_poses, quaternion
+from ssm_planner.formats.ros2 import link_poses, quaternion
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
