@@ -22,6 +22,8 @@ from ssm_planner.formats.epos4_setup import (
     INT16,
     INT32,
     MODES,
+    NOT_VERIFIED,
+    PLACEHOLDER,
     Axis,
     axes_of,
     fits,
@@ -35,12 +37,12 @@ from ssm_planner.formats.spline_points import at_times
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
+from ssm_planner.units import rpm
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.ends import end_velocities
 
 LARGEST_PERIOD = 100
 """ms; object 0x60C2."""
-RPM = 60 / (2 * np.pi)
 REST = 1e-7
 """rad/s or m/s: slower is at rest."""
 
@@ -95,6 +97,7 @@ def export_epos4(
         "units": {"inc": "increments (quadcounts)", "mrpm": "1e-3 rpm at the motor", "permille": "of rated torque"},
         "axes": listed,
         "stretch": stretch,
+        "not_verified": list(NOT_VERIFIED),
         "notes": [*_notes(plan, axes, t), *_moving_notes(plan), *_rounding_notes(plan, listed)],
     }
 
@@ -173,7 +176,7 @@ def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
 
 
 def _stream(mode: str, axis: Axis, counts: Array, motion: dict[str, Array], i: int) -> Stream:
-    speed = axis.direction * motion["speed"][:, i] * RPM * 1000
+    speed = axis.direction * motion["speed"][:, i] / rpm * 1000
     torque = axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000
     speed = fits(np.round(speed), INT32, axis.name, "velocity", "mrpm")
     torque = fits(np.round(torque), INT16, axis.name, "torque", "per mille of rated torque (INT16)")
@@ -196,7 +199,7 @@ def _write(path: Path, t: Array, columns: Stream, time: str = "time_s") -> None:
 
 def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=["joint", "object", "name", "value", "unit", "reason"])
+        writer = csv.DictWriter(file, fieldnames=["joint", "object", "name", "value", "unit", "reason", "known"])
         writer.writeheader()
         writer.writerows(rows)
 
@@ -205,13 +208,18 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array) -> list[str]:
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     for i, joint in enumerate(plan.robot.joints):
         travel = float(np.ptp(plan.motion.sample(plan.motion.breaks).q[:, i]))
-        if joint.name not in axes and travel > 0:
-            unit = "rad" if joint.kind == "revolute" else "m"
-            notes.append(
-                f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {travel:.4g} {unit}"
-            )
-        elif joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
+        axis = axes.get(joint.name)
+        if axis is None:
+            if travel > 0:
+                unit = "rad" if joint.kind == "revolute" else "m"
+                notes.append(
+                    f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {travel:.4g} {unit}"
+                )
+            continue
+        if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
             notes.append(f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure")
+        if axis.encoder.startswith(PLACEHOLDER):
+            notes.append(f"joint {joint.name}: the encoder behind its increments is a placeholder figure")
     return notes
 
 
@@ -292,7 +300,7 @@ def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
     """Offsets (n,) in mrpm and per mille on the joint's side."""
     if joint.drive is None or joint.motor is None:
         raise TrajectoryError(f"joint {joint.name} of the robot has no drive or no motor")
-    to_speed = joint.motor_direction / (1000 * RPM * joint.drive.ratio)
+    to_speed = joint.motor_direction * rpm / (1000 * joint.drive.ratio)
     to_torque = joint.motor_direction * joint.motor.nominal_torque / 1000
     return Offsets(speed * to_speed, torque * to_torque, 0.5 * abs(to_speed), 0.5 * abs(to_torque))
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ssm_planner.formats.epos4 import RPM, Stream
+from ssm_planner.formats.epos4 import Stream
 from ssm_planner.formats.epos4_setup import Axis
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import FRICTION, INTEGRAL, MOTOR, QD, STATE, ArmPlant, Compliance, W
 from ssm_planner.typing import Array
+from ssm_planner.units import rpm
 
 STEPS = 1
 """Of the plant in one period of the position loop."""
@@ -82,7 +83,7 @@ def commands(
         coming = np.minimum(np.floor(t / period + 1e-9).astype(int) + 1, len(sent) - 1)
         increment = 2.0 * np.pi / axis.counts_per_turn * axis.direction
         columns["demand"][:, k] = increment * np.interp(t, sent, stream["target_position_inc"])
-        speed = axis.direction * stream["velocity_offset_mrpm"] / (1000.0 * RPM)
+        speed = axis.direction * stream["velocity_offset_mrpm"] * rpm / 1000.0
         bend = np.append(np.diff(speed), 0.0) / period
         columns["speed"][:, k], columns["acceleration"][:, k] = speed[coming], bend[np.maximum(coming - 1, 0)]
         if controller.torque_offset:

@@ -1,7 +1,8 @@
 """A CiA 402 drive in cyclic synchronous position mode on a virtual CAN bus: its state machine, its limits, its faults.
 
-It takes a setpoint at every SYNC and refuses what a real drive refuses: a SYNC that does not come at the interpolation
-period, a target beyond the software limits, a step larger than the speed limit or the following-error window.
+Its PDOs are what a client maps by SDO. It takes a setpoint at every SYNC and refuses what a real drive refuses: a SYNC that
+does not come at the interpolation period, a target beyond the software limits, a step larger than the speed limit or the
+following-error window, a PDO of another length than its mapping.
 """
 
 from __future__ import annotations
@@ -13,40 +14,47 @@ U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 I8, I16, I32 = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32
 VARIABLES = {
     (0x1017, 0): ("Producer heartbeat time", U16, 0),
+    (0x30B0, 0): ("Home position", I32, 0),
+    (0x30B1, 0): ("Home offset move distance", I32, 0),
     (0x6040, 0): ("Controlword", U16, 0),
     (0x6041, 0): ("Statusword", U16, 0x0240),
     (0x6060, 0): ("Modes of operation", I8, 0),
     (0x6061, 0): ("Modes of operation display", I8, 0),
     (0x6064, 0): ("Position actual value", I32, 0),
     (0x6065, 0): ("Following error window", U32, 2000),
-    (0x6072, 0): ("Max torque", U16, 1000),
+    (0x606C, 0): ("Velocity actual value", I32, 0),
     (0x6076, 0): ("Motor rated torque", U32, 0),
+    (0x6077, 0): ("Torque actual value", I16, 0),
     (0x607A, 0): ("Target position", I32, 0),
     (0x607F, 0): ("Max profile velocity", U32, 50_000),
     (0x6080, 0): ("Max motor speed", U32, 50_000),
+    (0x6098, 0): ("Homing method", I8, 7),
     (0x60A9, 0): ("SI unit velocity", U32, 0x00B44700),
     (0x60B1, 0): ("Velocity offset", I32, 0),
     (0x60B2, 0): ("Torque offset", I16, 0),
     (0x60C5, 0): ("Max acceleration", U32, 10_000),
-    (0x6502, 0): ("Supported drive modes", U32, 0x0380),
+    (0x6502, 0): ("Supported drive modes", U32, 0x03A0),
 }
 ARRAYS = {
+    0x3001: ("Motor data", U32, (0, 0)),
     0x607D: ("Software position limit", I32, (-(2**31), 2**31 - 1)),
     0x60C2: ("Interpolation time period", I8, (1, -3)),
 }
-RECEIVED = ((0x6040, 16), (0x6060, 8), (0x60B2, 16)), ((0x607A, 32), (0x60B1, 32))
-SENT = (((0x6041, 16), (0x6061, 8), (0x6064, 32)),)
+PDOS, MAPPED = 4, 8
 READ_ONLY = 0x6076
-CSP = 8
+HOMING, CSP = 6, 8
+PRESENT_POSITION = 37
 MILLI_RPM = 0xFDB44700
 WINDOW = 40
 """SYNCs over which their period is judged."""
 STATES = {"disabled": 0x0240, "ready": 0x0221, "switched on": 0x0223, "enabled": 0x0227, "fault": 0x0208}
-PERIOD_FAULT, LIMIT_FAULT, SPEED_FAULT, LAG_FAULT = 0x6320, 0x8612, 0x8402, 0x8611
+HOMED = 0x1400
+PERIOD_FAULT, LIMIT_FAULT, SPEED_FAULT, LAG_FAULT, LENGTH_FAULT = 0x6320, 0x8612, 0x8402, 0x8611, 0x8210
+DISABLED = 1 << 31
 
 
 def dictionary(node_id: int) -> canopen.ObjectDictionary:
-    """The object dictionary of the drive, built in code; transmission type 255, so that nothing waits for a SYNC."""
+    """The object dictionary of the drive, built in code; nothing is mapped."""
     od = canopen.ObjectDictionary()
     od.node_id = node_id
     for (index, sub), (name, kind, default) in VARIABLES.items():
@@ -56,10 +64,11 @@ def dictionary(node_id: int) -> canopen.ObjectDictionary:
         for sub, default in enumerate((len(defaults), *defaults)):
             array.add_member(_variable(f"{name} {sub}", index, sub, kind if sub else U8, default))
         od.add_object(array)
-    for k, mapped in enumerate(RECEIVED):
-        _pdo(od, 0x1400 + k, 0x1600 + k, 0x200 + 0x100 * k + node_id, mapped)
-    for k, mapped in enumerate(SENT):
-        _pdo(od, 0x1800 + k, 0x1A00 + k, 0x180 + 0x100 * k + node_id, mapped)
+    for k in range(PDOS):
+        for base, cob_id in ((0x1400, 0x200), (0x1800, 0x180)):
+            cob = DISABLED | (cob_id + 0x100 * k + node_id)
+            _record(od, base + k, ((U8, 2), (U32, cob), (U8, 255)))
+            _record(od, base + 0x200 + k, ((U8, 0), *((U32, 0),) * MAPPED))
     return od
 
 
@@ -69,22 +78,17 @@ def _variable(name: str, index: int, sub: int, kind: int, default: int) -> ODVar
     return variable
 
 
-def _pdo(
-    od: canopen.ObjectDictionary, com: int, mapping: int, cob_id: int, mapped: tuple[tuple[int, int], ...]
-) -> None:
-    record = ODRecord(f"PDO communication {com:X}", com)
-    for sub, (kind, value) in enumerate(((U8, 2), (U32, cob_id), (U8, 255))):
-        record.add_member(_variable(f"{com:X} sub {sub}", com, sub, kind, value))
+def _record(od: canopen.ObjectDictionary, index: int, members: tuple[tuple[int, int], ...]) -> None:
+    record = ODRecord(f"PDO {index:X}", index)
+    for sub, (kind, value) in enumerate(members):
+        record.add_member(_variable(f"{index:X} sub {sub}", index, sub, kind, value))
     od.add_object(record)
-    array = ODRecord(f"PDO mapping {mapping:X}", mapping)
-    entries = [len(mapped), *((index << 16) | size for index, size in mapped)]
-    for sub, value in enumerate(entries):
-        array.add_member(_variable(f"{mapping:X} sub {sub}", mapping, sub, U32 if sub else U8, value))
-    od.add_object(array)
 
 
 class SimulatedDrive:
     """One drive on a virtual bus; `position`: where it stands, increments; rated torque in µN·m."""
+
+    counts_per_turn = 4096
 
     def __init__(self, channel: str, node_id: int, position: int, rated_torque: int) -> None:
         self.network = canopen.Network()
@@ -95,14 +99,14 @@ class SimulatedDrive:
         self.received: list[tuple[int, int, int]] = []
         """(target position, velocity offset, torque offset) at every SYNC while enabled."""
         self.syncs: list[float] = []
-        self.enabled = False
+        self.waiting: dict[int, bytes] = {}
+        """What synchronous PDOs brought since the last SYNC, by PDO."""
+        self.homed = False
         self._put(0x6064, position)
         self._put(READ_ONLY, rated_torque)
         self.node.add_write_callback(self._written)
-        for pdo in (self.node.rpdo, self.node.tpdo):
-            pdo.read()
-        for pdo in self.node.rpdo.values():
-            pdo.add_callback(self._pdo_received)
+        for k in range(PDOS):
+            self.network.subscribe(0x200 + 0x100 * k + node_id, lambda _, data, __, k=k: self._pdo(k, bytes(data)))
         self.network.subscribe(0x80, self._sync)
         self.node.nmt.state = "PRE-OPERATIONAL"
 
@@ -117,14 +121,34 @@ class SimulatedDrive:
     def _put(self, index: int, value: int) -> None:
         self.node.data_store.setdefault(index, {})[0] = self.node.object_dictionary[index].encode_raw(value)
 
-    def _pdo_received(self, pdo: canopen.pdo.PdoMap) -> None:
-        for variable in pdo:
-            self._put(variable.index, variable.raw)
-            if variable.index == 0x6040:
-                self._control(int(variable.raw))
-            if variable.index == 0x6060:
-                self._put(0x6061, int(variable.raw))
-        self._report()
+    def _mapped(self, communication: int, k: int) -> list[tuple[int, int]]:
+        """(index, bytes) of the objects of a PDO; none where it is disabled."""
+        if self.value(communication + k, 1) & DISABLED:
+            return []
+        entries = [
+            self.value(communication + 0x200 + k, sub + 1) for sub in range(self.value(communication + 0x200 + k))
+        ]
+        return [(entry >> 16, (entry & 0xFF) // 8) for entry in entries]
+
+    def _pdo(self, k: int, data: bytes) -> None:
+        mapped = self._mapped(0x1400, k)
+        if not mapped:
+            return
+        if len(data) != sum(size for _, size in mapped):
+            self._fail(LENGTH_FAULT)
+        elif self.value(0x1400 + k, 2) >= 254:
+            self._take(mapped, data)
+            self._report()
+        else:
+            self.waiting[k] = data
+
+    def _take(self, mapped: list[tuple[int, int]], data: bytes) -> None:
+        for index, size in mapped:
+            self.node.data_store.setdefault(index, {})[0], data = data[:size], data[size:]
+            if index == 0x6040:
+                self._control(self.value(0x6040))
+            if index == 0x6060:
+                self._put(0x6061, self.value(0x6060))
 
     def _written(self, index: int, subindex: int, od: ODVariable, data: bytes) -> None:
         if index == READ_ONLY:
@@ -134,7 +158,7 @@ class SimulatedDrive:
             self._report()
 
     def _control(self, word: int) -> None:
-        """Transitions of the CiA 402 state machine."""
+        """Transitions of the CiA 402 state machine; homing starts by bit 4."""
         if self.state == "fault":
             if word & 0x80:
                 self.state, self.fault = "disabled", 0
@@ -147,27 +171,36 @@ class SimulatedDrive:
         elif word & 0x0F == 0x0F and self.state in ("ready", "switched on"):
             self.state = "enabled"
             self.syncs = []
+        if self.state == "enabled" and word & 0x10 and self.value(0x6061) == HOMING:
+            assert self.value(0x6098) == PRESENT_POSITION, "no other homing is simulated"
+            self.position, self.homed = self.value(0x30B0), True
 
-    def _report(self) -> None:
-        self._put(0x6041, STATES[self.state])
+    def _report(self, synchronous: bool = False) -> None:
+        self._put(0x6041, STATES[self.state] | (HOMED if self.homed and self.value(0x6061) == HOMING else 0))
         self._put(0x6064, self.position)
-        pdo = self.node.tpdo[1]
-        for variable in pdo:
-            variable.raw = self.value(variable.index)
-        pdo.transmit()
+        for k in range(PDOS):
+            mapped = self._mapped(0x1800, k)
+            if mapped and (self.value(0x1800 + k, 2) < 254) == synchronous:
+                data = b"".join(self.node.get_data(index, 0)[:size] for index, size in mapped)
+                self.network.send_message(self.value(0x1800 + k, 1) & 0x7FF, data)
 
     def _sync(self, can_id: int, data: bytes, timestamp: float) -> None:
-        if self.state != "enabled" or self.value(0x6061) != CSP:
-            return
-        self.syncs.append(timestamp)
-        target = self.value(0x607A)
-        fault = self._refused(target)
-        if fault:
-            self.state, self.fault = "fault", fault
-            self.node.emcy.send(fault, 0x21)
-        else:
-            self.received.append((target, self.value(0x60B1), self.value(0x60B2)))
-            self.position = target
+        for k in sorted(self.waiting):
+            self._take(self._mapped(0x1400, k), self.waiting.pop(k))
+        if self.state == "enabled" and self.value(0x6061) == CSP:
+            self.syncs.append(timestamp)
+            target = self.value(0x607A)
+            fault = self._refused(target)
+            if fault:
+                self._fail(fault)
+            else:
+                self.received.append((target, self.value(0x60B1), self.value(0x60B2)))
+                self.position = target
+        self._report(synchronous=True)
+
+    def _fail(self, fault: int) -> None:
+        self.state, self.fault = "fault", fault
+        self.node.emcy.send(fault, 0x21)
         self._report()
 
     def _refused(self, target: int) -> int:
@@ -184,5 +217,3 @@ class SimulatedDrive:
         rpm = step / period / self.counts_per_turn * 60
         unit = 1e-3 if self.value(0x60A9) == MILLI_RPM else 1.0
         return SPEED_FAULT if rpm > self.value(0x607F) * unit else 0
-
-    counts_per_turn = 4096

@@ -133,6 +133,29 @@ def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
     )
     _, manifest = export(certified(equipped), "epos4", tmp_path)
     assert manifest["axes"]["roll"]["increments_per_motor_turn"] == COUNTS
+    assert not any("encoder" in note for note in manifest["notes"])
+    guessed = dataclasses.replace(
+        joints[0].motor, placeholders=("encoder_counts",), sources={"encoder_counts": "a rig's"}
+    )
+    joints = (dataclasses.replace(joints[0], motor=guessed), *joints[1:])
+    unsure = dataclasses.replace(
+        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
+    )
+    _, manifest = export(certified(unsure), "epos4", tmp_path)
+    assert manifest["axes"]["roll"]["encoder"] == "PLACEHOLDER: a rig's"
+    assert any("joint roll: the encoder behind its increments is a placeholder" in note for note in manifest["notes"])
+
+
+def test_what_is_not_verified_is_said(plan: Plan, tmp_path: Path) -> None:
+    """Objects whose number, unit or effect was found nowhere are marked where they stand, and why in the manifest."""
+    _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
+    with (tmp_path / "objects.csv").open(encoding="utf-8", newline="") as file:
+        marked = {row["object"] for row in csv.DictReader(file) if row["known"] != "quoted"}
+    mapped = [entry for pdo in manifest["pdo"]["receive"] for entry in pdo["objects"]]
+    marked |= {entry["object"] for entry in mapped if entry["known"] != "quoted"}
+    assert marked == {"0x6080:00", "0x60B1:00"}
+    said = " ".join(manifest["not_verified"])
+    assert all(key[:6] in said for key in (*marked, "0x60C5", "0x30B0"))
 
 
 def test_modes_of_velocity_and_torque(plan: Plan, tmp_path: Path) -> None:
@@ -210,7 +233,9 @@ def test_limits_inside_the_drive_leave_room_for_the_stream(plan: Plan, tmp_path:
 def test_homing_pdo_mapping_and_sync(mode: str, plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, mode=mode, rate=500.0)
     assert manifest["sync"]["period_ms"] == manifest["interpolation_period_ms"] == 2
+    assert [pdo["transmission_type"] for pdo in manifest["pdo"]["receive"]][:2] == [255, 1]
     for pdos in manifest["pdo"].values():
+        assert len(pdos) <= 4
         for pdo in pdos:
             assert sum(entry["bits"] for entry in pdo["objects"]) <= 64
             for entry in pdo["objects"]:
@@ -240,38 +265,67 @@ def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
 # --- played back to simulated drives --------------------------------------------------------------------------------
 
 
+def map_pdos(node, mapping: dict) -> None:
+    """Map the PDOs of a client's node, and so of its drive, as the manifest says."""
+    for pdos, exported in ((node.rpdo, mapping["receive"]), (node.tpdo, mapping["transmit"])):
+        for number, pdo in enumerate(exported, start=1):
+            target = pdos[number]
+            target.clear()
+            for entry in pdo["objects"]:
+                index, sub = (int(part, 16) for part in entry["object"].split(":"))
+                target.add_variable(index, sub, entry["bits"])
+            target.cob_id = int(pdo["cob_id"].split()[0], 16) + node.id
+            target.trans_type, target.enabled = pdo["transmission_type"], True
+            target.save()
+            assert [m.raw for m in node.sdo[int(pdo["mapping"], 16)].values()][: len(pdo["objects"])] == [
+                int(entry["value"], 16) for entry in pdo["objects"]
+            ]
+
+
 @contextmanager
 def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple[dict, dict]]:
-    """(drives, clients) of the driven joints on one virtual bus; the clients are set up with the exported objects."""
+    """(drives, clients) of the driven joints on one virtual bus, set up, mapped and homed as the export says."""
     canopen = pytest.importorskip("canopen", reason="the package canopen (extra test) plays the client")
     from canopen.profiles.p402 import BaseNode402
     from simulated_drive import SimulatedDrive, dictionary
 
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     network = canopen.Network()
     network.connect(interface="virtual", channel=channel)
     drives, clients = {}, {}
     try:
         for number, joint in enumerate(DRIVEN, start=1):
-            first = int(stream(folder, joint)["target_position_inc"][0])
-            drives[joint] = SimulatedDrive(channel, number, first, round(rated[joint] * 1e6))
+            drives[joint] = SimulatedDrive(channel, number, position=17, rated_torque=round(rated[joint] * 1e6))
             clients[joint] = network.add_node(BaseNode402(number, dictionary(number)))
         for joint, node in clients.items():
             node.nmt.state = "PRE-OPERATIONAL"
+            map_pdos(node, manifest["pdo"])
             node.setup_402_state_machine()
             for (index, sub), value in objects(folder, joint).items():
                 variable = node.sdo[index] if sub == 0 else node.sdo[index][sub]
                 if index == 0x6076:
                     assert variable.raw == value
-                else:
+                elif index != 0x6060:
                     variable.raw = value
-            node.op_mode = "CYCLIC SYNCHRONOUS POSITION"
             node.nmt.state = "OPERATIONAL"
+            node.op_mode = "HOMING"
             node.state = "OPERATION ENABLED"
+            homing = manifest["axes"][joint]["homing"]
+            for entry in (homing["home_position"], homing["home_offset"], homing["method"]):
+                node.sdo[int(entry["object"][:6], 16)].raw = entry["value"]
+            node.controlword = 0x1F
+            assert settled(lambda node=node: node.statusword & 0x1400 == 0x1400)
+            assert node.sdo[0x6064].raw == stream(folder, joint)["target_position_inc"][0]
+            node.controlword = 0x0F
+            node.op_mode = "CYCLIC SYNCHRONOUS POSITION"
         yield drives, clients
     finally:
         network.disconnect()
         for drive in drives.values():
             drive.close()
+
+
+COLUMNS = {0x607A: "target_position_inc", 0x60B1: "velocity_offset_mrpm", 0x60B2: "torque_offset_permille"}
 
 
 def play(folder: Path, clients: dict, period: float) -> None:
@@ -281,12 +335,13 @@ def play(folder: Path, clients: dict, period: float) -> None:
     begin = time.monotonic()
     for k in range(len(streams["roll"]["time_s"])):
         for joint, node in clients.items():
-            rows = streams[joint]
-            node.rpdo[2]["Target position"].raw = int(rows["target_position_inc"][k])
-            node.rpdo[2]["Velocity offset"].raw = int(rows["velocity_offset_mrpm"][k])
-            node.rpdo[1]["Torque offset"].raw = int(rows["torque_offset_permille"][k])
-            node.rpdo[2].transmit()
-            node.rpdo[1].transmit()
+            for pdo in node.rpdo.values():
+                columns = [COLUMNS.get(variable.index) for variable in pdo]
+                for variable, column in zip(pdo, columns, strict=True):
+                    if column is not None:
+                        variable.raw = int(streams[joint][column][k])
+                if any(columns):
+                    pdo.transmit()
         network.sync.transmit()
         if any(node.state == "FAULT" for node in clients.values()):
             return
@@ -325,6 +380,9 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
             rows = stream(tmp_path, joint.name)
             assert np.array_equal(received[:, 1], rows["velocity_offset_mrpm"])
             assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
+            assert abs(drives[joint.name].position - exact[-1]) <= 1
+            reported, target = clients[joint.name].tpdo[2][0], int(received[-1, 0])
+            assert settled(lambda reported=reported, target=target: reported.raw == target)
 
 
 def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
