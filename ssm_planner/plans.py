@@ -27,8 +27,7 @@ from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.seal import broken_seal
+from ssm_planner.verification.certificate import Certificate, broken_seal
 
 if TYPE_CHECKING:  # the check reads plans, and never loads the planner
     from ssm_planner.planning.reason import Reason

@@ -1,15 +1,26 @@
-"""The certificate: for every named limit the worst value found, its margin, joint and time."""
+"""The certificate: for every named limit the worst value found, its margin, joint and time; and its seal.
+
+The seal is SHA-256 over what was checked and what was found, so that a change of either shows.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.limits import Limit
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain
+from ssm_planner.trajectory import Trajectory
 
 TOLERANCE = 1e-6
 """A limit counts as kept while it is exceeded by no more than this share of itself (rounding)."""
+BLOCK = 65_536
+"""Pieces at a time."""
 
 
 @dataclass(frozen=True)
@@ -41,24 +52,15 @@ class LimitCheck:
 
     def to_dict(self) -> dict[str, Any]:
         """An entry of `limits` in what `check --json` prints; SI."""
-        return {
-            "name": self.name,
-            "joint": self.joint,
-            "worst": self.worst,
-            "limit": self.limit,
-            "margin": self.margin,
-            "time": self.time,
-            "unit": self.unit,
-        }
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> LimitCheck:
         """Read back what `to_dict` wrote. Raises TrajectoryError."""
         try:
+            numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
             joint = None if data["joint"] is None else str(data["joint"])
-            worst, limit, margin, time = (float(data[key]) for key in ("worst", "limit", "margin", "time"))
-            unit = str(data["unit"])
-            return cls(str(data["name"]), joint, worst=worst, limit=limit, margin=margin, time=time, unit=unit)
+            return cls(str(data["name"]), joint, **numbers, unit=str(data["unit"]))
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
 
@@ -72,7 +74,7 @@ class Certificate:
     instants: int
     unchecked: tuple[str, ...] = ()
     sha256: str | None = None
-    """Seal of what was checked and found (verification/seal.py); None where nobody asked for it."""
+    """Seal of what was checked and found (`sealed`); None where nobody asked for it."""
 
     def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
         """With further limits."""
@@ -119,3 +121,37 @@ class Certificate:
             return replace(found, sha256=seal)
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
+
+
+def sealed(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> Certificate:
+    """The certificate with the seal of what it was found for."""
+    return replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
+
+
+def broken_seal(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> str | None:
+    """Why a certificate says nothing of this trajectory with this robot and these limits; None where it does."""
+    if not certificate.limits:
+        return "its certificate names no limits"
+    if certificate.sha256 is None:
+        return "its certificate has no seal (of an earlier version, or removed): it says nothing of this trajectory"
+    if certificate.sha256 != _digest(certificate, trajectory, robot, limits):
+        return "the trajectory, the robot, a limit or the certificate was changed after the check"
+    return None
+
+
+def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> str:
+    rates = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
+    found = {**certificate.to_dict(), "sha256": None}
+    stated = {"robot": _without_files(plain(robot)), "limits": {**plain(limits), **rates}, "found": found}
+    digest = hashlib.sha256(json.dumps(stated, sort_keys=True).encode())
+    digest.update(trajectory.breaks.astype("<f8").tobytes())
+    for first in range(0, len(trajectory.breaks) - 1, BLOCK):
+        digest.update(trajectory.pieces(slice(first, first + BLOCK)).astype("<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _without_files(data: Any) -> Any:
+    """Resolved values, whatever files they came from."""
+    if isinstance(data, dict):
+        return {key: _without_files(item) for key, item in data.items() if key != "file"}
+    return [_without_files(item) for item in data] if isinstance(data, list) else data

@@ -14,14 +14,12 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
-from ssm_planner.verification.certificate import Certificate, LimitCheck
-from ssm_planner.verification.ends import end_checks
+from ssm_planner.verification.certificate import Certificate, LimitCheck, sealed
+from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Worst, quantities
-from ssm_planner.verification.pieces import Jumps, pieces_of
+from ssm_planner.verification.pieces import find_extremes, pieces_of
 from ssm_planner.verification.polylines import linear_limits
-from ssm_planner.verification.polynomial_extremes import find_extremes
 from ssm_planner.verification.sampled_extremes import SampledExtremes
-from ssm_planner.verification.seal import sealed
 
 RATE = 10_000.0
 INSTANTS = 3_000_000

@@ -1,4 +1,4 @@
-"""Speeds at which a motion starts and ends: at rest, unless end speeds are declared."""
+"""Where a motion may not jump: at its breaks, and at both ends, where it rests unless end speeds are declared."""
 
 from __future__ import annotations
 
@@ -8,13 +8,54 @@ import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joint_rates
-from ssm_planner.problem.limits import TASK, EndVelocity
+from ssm_planner.problem.limits import TASK, EndVelocity, Jump
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP
+from ssm_planner.verification.pieces import Pieces
+
+
+class Jumps:
+    """Worst jumps of position, velocity and acceleration of the four joints, block after block."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.worst = np.zeros((3, 4))
+        self.time = np.zeros((3, 4))
+        self._last: Array | None = None
+
+    def look(self, pieces: Pieces) -> None:
+        starts, ends = pieces.ends
+        before, after, time = ends[:, :, :-1], starts[:, :, 1:], pieces.start[1:]
+        if self._last is not None:
+            before = np.concatenate([self._last[:, :, None], before], axis=2)
+            after, time = starts, pieces.start
+        self._last = ends[:, :, -1]
+        if not len(time):
+            return
+        jump = np.abs(after - before)
+        k = jump.argmax(axis=2)
+        largest = np.take_along_axis(jump, k[:, :, None], axis=2)[:, :, 0]
+        self.time = np.where(largest > self.worst, time[k], self.time)
+        self.worst = np.maximum(largest, self.worst)
+
+    def checks(self, straight: bool = False) -> list[LimitCheck]:
+        """Joint by joint; of acceleration where the jerk is limited. straight: of position alone."""
+        checks = []
+        for i, joint in enumerate(self.robot.joints):
+            slides = joint.kind == "prismatic"
+            limits = [Jump(joint.name, JUMP, slides)]
+            if not straight:
+                limits.append(Jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
+            if not straight and joint.jerk is not None:
+                limits.append(Jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
+            for limit in limits:
+                worst, time = (float(values[limit.derivative, i]) for values in (self.worst, self.time))
+                checks.append(LimitCheck.of(limit, worst, time))
+        return checks
 
 
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:

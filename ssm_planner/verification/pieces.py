@@ -1,29 +1,30 @@
-"""A stretch of a trajectory's pieces, each on s ∈ [0, 1], with what a check asks of them."""
+"""A stretch of a trajectory's pieces, each on s ∈ [0, 1], with what a check asks of them, and the extremes of polynomials.
+
+Coefficients come first and pieces last, as in scipy's BPoly: operations then run along rows that lie together in memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.dynamics.motors import STILL
-from ssm_planner.problem.limits import Jump
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask
 from ssm_planner.verification import bernstein
-from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import JUMP
+from ssm_planner.verification.limits import Worst
 
-Flags = NDArray[np.bool_]
 State = tuple[Array, Array, Array]
 """q, qd, qdd, (…, 4) each."""
 
 BLOCK = 8192
 """Pieces at a time: what is worked out of them stays small."""
+EXACT = 1e-10
+"""Share of a limit to which the extreme of a polynomial is exact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ class Pieces:
     def time(self, piece: Indices, s: Array) -> Array:
         return self.start[piece] + s * self.length[piece]
 
-    def moving(self, robot: Robot) -> Flags:
+    def moving(self, robot: Robot) -> Mask:
         """(m, 4): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
         fastest = np.abs(self.bernstein[1]).max(axis=0).T
         return np.asarray(fastest > still(robot))
@@ -118,41 +119,18 @@ def _horner(powers: Array, s: Array) -> Array:
     return np.moveaxis(value, 0, -1)
 
 
-class Jumps:
-    """Worst jumps of position, velocity and acceleration of the four joints, block after block."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot = robot
-        self.worst = np.zeros((3, 4))
-        self.time = np.zeros((3, 4))
-        self._last: Array | None = None
-
-    def look(self, pieces: Pieces) -> None:
-        starts, ends = pieces.ends
-        before, after, time = ends[:, :, :-1], starts[:, :, 1:], pieces.start[1:]
-        if self._last is not None:
-            before = np.concatenate([self._last[:, :, None], before], axis=2)
-            after, time = starts, pieces.start
-        self._last = ends[:, :, -1]
-        if not len(time):
-            return
-        jump = np.abs(after - before)
-        k = jump.argmax(axis=2)
-        largest = np.take_along_axis(jump, k[:, :, None], axis=2)[:, :, 0]
-        self.time = np.where(largest > self.worst, time[k], self.time)
-        self.worst = np.maximum(largest, self.worst)
-
-    def checks(self, straight: bool = False) -> list[LimitCheck]:
-        """Joint by joint; of acceleration where the jerk is limited. straight: of position alone."""
-        checks = []
-        for i, joint in enumerate(self.robot.joints):
-            slides = joint.kind == "prismatic"
-            limits = [Jump(joint.name, JUMP, slides)]
-            if not straight:
-                limits.append(Jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
-            if not straight and joint.jerk is not None:
-                limits.append(Jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
-            for limit in limits:
-                worst, time = (float(values[limit.derivative, i]) for values in (self.worst, self.time))
-                checks.append(LimitCheck.of(limit, worst, time))
-        return checks
+def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
+    """Bring the worst values of polynomial quantities up to date with these pieces."""
+    for each in worst:
+        quantity = each.quantity
+        if quantity.order is None:
+            continue
+        bounds = [quantity.scale * bound[quantity.order, quantity.index] for bound in pieces.bounds]
+        for sign, limit in ((1.0, quantity.limit.high), (-1.0, -quantity.limit.low)):
+            known = limit + each.excess * quantity.limit.half_width
+            if max(sign * bound for bound in bounds) <= known:
+                continue
+            coefficients = pieces.bernstein[quantity.order][:, quantity.index] * (sign * quantity.scale)
+            value, piece, s = bernstein.largest(coefficients, EXACT * quantity.limit.half_width, known)
+            time = float(pieces.start[piece] + s * pieces.length[piece])
+            each.offer((value - limit) / quantity.limit.half_width, sign * value, time)

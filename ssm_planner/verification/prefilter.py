@@ -12,8 +12,8 @@ import numpy as np
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
-from ssm_planner.verification.pieces import Flags, Pieces, State, pieces_of, still
+from ssm_planner.typing import Array, Mask
+from ssm_planner.verification.pieces import Pieces, State, pieces_of, still
 
 WORTHWHILE = 20_000
 """Pieces above which the prefilter saves time."""
@@ -76,7 +76,7 @@ def spread(pieces: Pieces, state: State, slopes: Array) -> Array:
     return CAUTION * sum(distance @ slope for distance, slope in zip(moved, slopes, strict=True))
 
 
-def starting(pieces: Pieces, robot: Robot) -> Flags:
+def starting(pieces: Pieces, robot: Robot) -> Mask:
     """(m,): a driven joint stands at an end of the piece and moves within it, so that friction may be static."""
     driven = np.array([joint.drive is not None for joint in robot.joints])
     speed = np.abs(pieces.bernstein[1])

@@ -32,15 +32,15 @@ from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.problem.limits import MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.limits import ContinuousTorque, MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask
 from ssm_planner.verification import prefilter
+from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import Quantity, Worst
-from ssm_planner.verification.pieces import Flags, Pieces, State, still
-from ssm_planner.verification.rms_torque import RmsTorques
+from ssm_planner.verification.pieces import Pieces, State, still
 
 CLOSE = 1e-8
 """Share of a limit below which a possible worse value is not searched for."""
@@ -53,6 +53,10 @@ INSTANTS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
 """Of an interval, as shares of its width."""
 LONG = 10.0
 """Mean lengths of a piece, beyond which one look at its middle does not stand for the whole of it."""
+FOUR_EIGHTHS = np.array([1.0, 3.0, 3.0, 1.0]) / 8
+"""Weights of four instants at equal distances: exact for cubics (Simpson's 3/8 rule)."""
+WITHOUT_FIRST = np.array([0.0, 3.0, 0.0, 1.0]) / 4
+"""The same without the first instant: exact for parabolas (Radau's rule of two points)."""
 
 
 class SampledExtremes:
@@ -123,7 +127,7 @@ class SampledExtremes:
         self._keep_worst(values, pieces.time(at.piece, s).ravel())
         return values.reshape(4, len(at.piece), -1)
 
-    def _suspicious(self, pieces: Pieces, slopes: Array, certain: Flags) -> Flags:
+    def _suspicious(self, pieces: Pieces, slopes: Array, certain: Mask) -> Mask:
         """(m,): pieces that may hold something worse than what is known, or friction at rest.
 
         The others count in the RMS torque by their middle, but for the certain ones, which are searched in any case.
@@ -150,7 +154,7 @@ class SampledExtremes:
         return np.max([w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0)
 
 
-def bracket(values: Array, kinked: Flags) -> tuple[Array, Array]:
+def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
     """(lowest, highest), (n, k) each: between them the quantities are taken to stay in intervals with these values.
 
     values (4, n, k) at the INSTANTS; kinked (k,). The inner Bernstein coefficients of the cubic through v0 … v3 are
@@ -177,7 +181,7 @@ class Intervals:
     """(n,), in s."""
     direction: Array
     """(n, 4): in which the joints move; 0: they stand."""
-    starting: Flags
+    starting: Mask
     """(n, 4): the joint starts from rest where the interval begins, so that friction there is static."""
 
     @classmethod
@@ -203,6 +207,41 @@ class Intervals:
         begin[1::2] += width[1::2]
         starting[1::2] = False
         return Intervals(self.piece[twice], begin, width, self.direction[twice], starting)
+
+
+class RmsTorques:
+    """∫ τ² dt of every motor torque among k quantities, stretch after stretch: the motor's heat goes with it.
+
+    A start from rest is an instant without duration: static friction there counts as a peak, not as heat.
+    """
+
+    def __init__(self, quantities: Sequence[Quantity]) -> None:
+        self.columns = [k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)]
+        self.joints = [quantities[k].index for k in self.columns]
+        self.integrals = np.zeros(len(self.columns))
+
+    def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
+        """n intervals with values (4, n, k) at four instants and durations (n,).
+
+        starting (n, 4): the joint starts there, so that its torque at the first instant is static.
+        """
+        for i, (column, joint) in enumerate(zip(self.columns, self.joints, strict=True)):
+            square = values[:, :, column] ** 2
+            mean = np.where(starting[:, joint], WITHOUT_FIRST @ square, FOUR_EIGHTHS @ square)
+            self.integrals[i] += mean @ duration
+
+    def add_middles(self, values: Array, duration: Array) -> None:
+        """n short pieces with values (n, k) at their middle and durations (n,)."""
+        self.integrals += duration @ values[:, self.columns] ** 2
+
+    def checks(self, robot: Robot, trajectory: Trajectory) -> list[LimitCheck]:
+        """RMS torque against what the motor may give for all time, motor by motor; of the whole motion, so at its end."""
+        checks = []
+        for i, integral in zip(self.joints, self.integrals, strict=True):
+            limit = robot.joints[i].limit(ContinuousTorque)
+            rms, end = float(np.sqrt(integral / trajectory.duration)), float(trajectory.breaks[-1])
+            checks.append(LimitCheck.of(limit, rms, end))
+        return checks
 
 
 @lru_cache(maxsize=8)
