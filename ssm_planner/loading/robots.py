@@ -17,7 +17,12 @@ from ssm_planner.problem.robot import JOINTS, Joint, Robot, frozen
 from ssm_planner.problem.value import Sign
 from ssm_planner.typing import Range
 
-_ACTUATION = {"drive": (Reference | None, None), "motor": (Reference | None, None), "motor_direction": (Sign, 1)}
+_ACTUATION: dict[str, Any] = {
+    "drive": (Reference | None, None),
+    "motor": (Reference | None, None),
+    "alternatives": (list[Reference], []),
+    "motor_direction": (Sign, 1),
+}
 
 
 def _model(*kinds: str) -> Any:
@@ -89,6 +94,9 @@ def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
 def _joint(section: Section, name: str, model: Any) -> Joint:
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
+    others = range(len(model.alternatives))
+    alternatives = tuple(motor_from(follow(section, "alternatives", i, kind="motor")) for i in others)
     kind = "prismatic" if name == "insertion" else "revolute"
     with located(section):
-        return Joint(**{**dict(model), "name": name, "kind": kind, "drive": drive, "motor": motor})
+        found = {"drive": drive, "motor": motor, "alternatives": alternatives}
+        return Joint(**{**dict(model), "name": name, "kind": kind, **found})

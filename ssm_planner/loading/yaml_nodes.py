@@ -266,14 +266,17 @@ def _node(data: Any, depth: int = 0) -> Node:
     return Node(data, None)
 
 
-def follow(section: Section, *path: str | int) -> Section:
-    """The mapping that a key holds, or that the file named there holds: relative to the file that names it, or shipped."""
+def follow(section: Section, *path: str | int, kind: str | None = None) -> Section:
+    """The mapping that a key holds, or that the file named there holds: relative to the file that names it, or shipped.
+
+    kind: robot, drive or motor; that of the key unless given.
+    """
     here = section.sub(*path)
     if isinstance(here.value, dict):
         return here
     target = Path(os.path.normpath((Path() if section.file is None else section.file.parent) / here.value))
     try:
-        shipped = shipped_names(f"{path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
+        shipped = shipped_names(f"{kind or path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
         if shipped is not None and not target.exists():
             return read(shipped)
         problem = "" if target.is_file() else "is not a file" if target.exists() else "does not exist"

@@ -36,6 +36,8 @@ class Motor(Value):
     """K."""
     torque_constant_per_kelvin: float | None = None
     """Relative change of the torque constant with the magnets' temperature, 1/K, negative."""
+    mass: Positive | None = None
+    """kg."""
     encoder_counts: Annotated[int, Bound(above=0)] | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()

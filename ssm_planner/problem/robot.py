@@ -115,6 +115,8 @@ class Joint(Value):
     jerk: Positive | None = None
     drive: Drive | None = None
     motor: Motor | None = None
+    alternatives: tuple[Motor, ...] = ()
+    """Motors that it may be instead, where what is known of the robot leaves it open; `size` judges them beside."""
     motor_direction: Sign = 1
     """Sense in which the motor's controller counts when the joint moves forward."""
 
@@ -129,6 +131,8 @@ class Joint(Value):
                 f"side of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it"
             )
             raise self._wrong("motor", reason, "a drive whose input_inertia counts the rotor in", motor.name)
+        if self.alternatives and motor is None:
+            raise self._wrong("alternatives", "instead of which motor?", "none, or a motor beside them")
         revolute = self.kind == "revolute"
         if drive.friction is None:
             raise self._wrong("drive", "the friction of this drive is still to be identified", "friction", drive.name)

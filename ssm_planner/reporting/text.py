@@ -260,10 +260,11 @@ def _candidates(sizing: Sizing) -> list[str]:
     margins_of = (name.replace("_", " ") for name in MOTOR_MARGINS)
     head = ("joint", "motor", "adequate", "binds", *margins_of, "gear", "winding")
     rows = []
-    for verdict in sizing.verdicts:
+    for verdict in (*sizing.verdicts, *sizing.alternatives):
         margins = {check.name: check for check in verdict.checks}
         gear = [check.margin for check in verdict.gear if check.margin is not None]
         name = verdict.motor.name + (" *" if verdict.motor.placeholder else "")
+        name = f"or {name}" if verdict in sizing.alternatives else name
         shown = [_percent(margins[key]) for key in MOTOR_MARGINS]
         binds = (verdict.binds or "–").replace("_", " ")
         through_gear = f"{100 * min(gear):+.1f} %" if gear else "–"
@@ -293,7 +294,8 @@ def _gears(sizing: Sizing) -> list[str]:
 def _not_checked(sizing: Sizing) -> list[str]:
     """What was not checked, one line for each motor, gear and joint, with the figures that are missing."""
     groups: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
-    pairs = [(_subject(verdict, check), check) for verdict in sizing.verdicts for check in verdict.checks]
+    judged = (*sizing.verdicts, *sizing.alternatives)
+    pairs = [(_subject(verdict, check), check) for verdict in judged for check in verdict.checks]
     pairs += [(joint.load.drive.name, check) for joint in sizing.joints for check in joint.gear]
     for subject, check in pairs:
         if check.needs is not None:
@@ -315,18 +317,20 @@ def _subject(verdict: MotorVerdict, check: Check) -> str:
 
 def _notes(sizing: Sizing) -> list[str]:
     lines = []
-    for verdict in sizing.verdicts:
+    judged = (*sizing.verdicts, *sizing.alternatives)
+    for verdict in judged:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
             until = f"reaches {heat.limit - 273.15:.0f} °C after {heat.time_until_limit:.4g} s"
             lines.append(f"joint {verdict.joint}, {verdict.motor.name}: the winding {until}")
-    return [*lines, *dict.fromkeys(note for verdict in sizing.verdicts for note in verdict.notes)]
+    return [*lines, *dict.fromkeys(note for verdict in judged for note in verdict.notes)]
 
 
 def _verdict(sizing: Sizing) -> list[str]:
     lines = ["Verdicts"]
     for joint in sizing.joints:
         lines.append(f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}")
+        lines += [f"  {'':10} if it is {each.motor.name}: {LOUD[each.adequate]}" for each in joint.alternatives]
     of_what = "motors and gears" if sizing.joints else "no joint has a drive: there is nothing to judge"
     return [*lines, f"  all        {LOUD[sizing.adequate]} ({of_what})"]
 

@@ -32,6 +32,7 @@ class JointLoad:
     joint: str
     drive: Drive
     motor: Motor | None
+    alternatives: tuple[Motor, ...]
     t: Array
     q: Array
     qd: Array
@@ -135,6 +136,7 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
             joint=joint.name,
             drive=joint.drive,
             motor=joint.motor,
+            alternatives=joint.alternatives,
             t=samples.t,
             q=samples.q[:, i],
             qd=samples.qd[:, i],

@@ -34,6 +34,8 @@ class JointSizing:
     band: Band
     gear: tuple[Check, ...]
     candidates: tuple[MotorVerdict, ...]
+    alternatives: tuple[MotorVerdict, ...] = ()
+    """Motors that the joint may have instead of its own: judged, but not part of the answer."""
 
     @property
     def smallest(self) -> MotorVerdict | None:
@@ -94,6 +96,11 @@ class Sizing:
         """Of every candidate on every joint."""
         return tuple(verdict for joint in self.joints for verdict in joint.candidates)
 
+    @property
+    def alternatives(self) -> tuple[MotorVerdict, ...]:
+        """Of the motors that joints may have instead of their own."""
+        return tuple(verdict for joint in self.joints for verdict in joint.alternatives)
+
     def to_dict(self) -> dict[str, Any]:
         """The object that `size --json` prints; SI units, radians, kelvin."""
         smallest = {joint.load.joint: joint.smallest for joint in self.joints}
@@ -101,6 +108,7 @@ class Sizing:
             "adequate": self.adequate,
             "confidence": self.conditions.confidence,
             "motors": [verdict.to_dict() for verdict in self.verdicts],
+            "alternatives": [verdict.to_dict() for verdict in self.alternatives],
             "gears": [joint.gear_dict() for joint in self.joints],
             "smallest": {name: None if best is None else best.motor.name for name, best in smallest.items()},
             "requirements": [joint.requirement_dict(self.conditions.confidence) for joint in self.joints],
@@ -140,15 +148,15 @@ def size_motion(trajectory: Trajectory, robot: Robot) -> Sizing:
 
 
 def _joint(load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions) -> JointSizing:
+    others = load.alternatives if candidates is None else ()
     if candidates is None:
         candidates = [] if load.motor is None else [load.motor]
-    verdicts = [assess(load, motor, conditions) for motor in candidates]
+    verdicts, alternatives = ([assess(load, motor, conditions) for motor in each] for each in (candidates, others))
     verdicts.sort(key=lambda verdict: (verdict.motor.nominal_torque, verdict.motor.max_torque))
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(load, None, spread, conditions)
-    return JointSizing(
-        load, motor_requirement(load), band, gear_checks(load, band, spread, conditions), tuple(verdicts)
-    )
+    gear = gear_checks(load, band, spread, conditions)
+    return JointSizing(load, motor_requirement(load), band, gear, tuple(verdicts), tuple(alternatives))
 
 
 HEAVIEST = 50.0

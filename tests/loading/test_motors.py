@@ -13,7 +13,7 @@ EC13 = "motors/maxon_ec_13_6w.yaml"
 @pytest.mark.parametrize(
     ("file", "old", "new", "parts"),
     [
-        (M22, "value: 36.7 mN*m", "value: 26 mN*m", ("nominal_torque", "36.7 mN*m", "25 %", "one winding")),
+        (M22, "value: 36.7 mN*m", "value: 26 mN*m", ("nominal_torque", "36.7 mN*m", "35 %", "one winding")),
         (M22, "value: 645 rpm/V", "value: 500 rpm/V", ("speed_constant", "contradicts torque_constant", "645.2 rpm/V")),
         (M22, "value: 2480 mA", "value: 2480 A", ("nominal_current.value", "did you mean mA")),
         (M22, "value: 14.8 mN*m/A", "value: 14.8 mN*m", ("a torque, not a torque constant", "14.8 mN*m/A")),

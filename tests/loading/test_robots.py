@@ -223,7 +223,7 @@ def test_axes_and_angles_exclude_each_other(files: Any) -> None:
 
 
 def test_rotor_heavier_than_the_input_side(files: Any) -> None:
-    files.edit("motors/maxon_ecx_speed_13_m.yaml", "rotor_inertia: 0.165 g*cm^2", "rotor_inertia: 1.65 g*cm^2")
+    files.edit("motors/maxon_ecx_speed_13_m.yaml", "rotor_inertia: 0.244 g*cm^2", "rotor_inertia: 2.44 g*cm^2")
     message = files.rejection(ROBOT, "../motors/maxon_ecx_speed_13_m.yaml", "../motors/maxon_ecx_speed_13_m.yaml")
     assert "joints.insertion.motor" in message
     assert "more inertia than the whole input side" in message

@@ -99,6 +99,25 @@ def test_slips_in_a_motor_file(tmp_path: Path, edits: list[tuple[str, str]], key
     assert "allowed" in message
 
 
+def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path: Path) -> None:
+    """The paper names neither winding of joint 4: the robot has one, and the other beside it."""
+    insertion = robot.joints[3]
+    orders = {"standard": "ECXZ13M1VF40N1IL1D561A", "high-power": "ECXZ13M2KN48N1IL1D497A"}
+    for motor, (winding, order) in zip((insertion.motor, *insertion.alternatives), orders.items(), strict=True):
+        assert winding in motor.name
+        assert not motor.placeholders
+        assert all(order in motor.sources[name] for name in ("nominal_torque", "rotor_inertia", "stall_torque", "mass"))
+        assert "no rating" in motor.sources["max_torque"]
+    rig = load_motor(SHIPPED / "motors/rig_motor.yaml")
+    assert (rig.encoder_counts, rig.mass, rig.placeholders) == (1024, pytest.approx(0.072), ())
+    assert "inferred" in rig.sources["rotor_inertia"]
+    path = written(Path(insertion.motor.file), tmp_path, ("stall_torque: 28.4 mN*m", "stall_torque: 83.9 mN*m"))
+    with pytest.raises(ProblemError, match=r"stall_torque.*contradicts .* 28.44 mN\*m"):
+        load_motor(path)
+    again = robot_from_plain(json.loads(json.dumps(plain(robot))))
+    assert again.joints[3].alternatives == insertion.alternatives
+
+
 def test_the_complete_motor_file() -> None:
     motor = load_motor(MOTOR)
     assert motor.placeholders == ()

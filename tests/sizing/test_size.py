@@ -209,6 +209,25 @@ def test_an_unknown_rotor_is_said(complete: DutyCycle, which: str) -> None:
     assert verdict.to_dict()["not_checked"]["rotor_inertia"]
 
 
+def test_a_motor_that_the_joint_may_have_instead_is_judged_beside_it(robot: Robot, trajectory) -> None:
+    duty = DutyCycle.of_trajectory(trajectory, robot)
+    found = size(duty)
+    (other,) = found.to_dict()["alternatives"]
+    assert other["joint"] == "insertion"
+    assert other["motor"] == robot.joints[3].alternatives[0].name
+    assert {**other, "file": None} == {
+        **size(duty, {"insertion": robot.joints[3].alternatives}).joints[2].candidates[0].to_dict(),
+        "file": None,
+    }
+    weak = replace(robot.joints[3].alternatives[0], max_torque=1e-5, nominal_torque=1e-5)
+    joints = (*robot.joints[:3], replace(robot.joints[3], alternatives=(weak,)))
+    beside = size(DutyCycle.of_trajectory(trajectory, replace(robot, joints=joints)))
+    assert beside.to_dict()["alternatives"][0]["adequate"] is False
+    assert beside.adequate is found.adequate
+    with pytest.raises(ProblemError, match="instead of which motor"):
+        replace(robot.joints[3], motor=None)
+
+
 def test_the_smallest_that_suffices(complete: DutyCycle) -> None:
     weak = replace(COMPLETE, name="weak", nominal_torque=1e-5, max_torque=2e-5)
     strong = replace(COMPLETE, name="strong", nominal_torque=0.3, max_torque=0.5)

@@ -166,7 +166,7 @@ def _motors(plan: Plan) -> Table:
 def _sizing(plan: Plan) -> dict[str, Any]:
     """Which motors and gears suffice, by what margins (one column for each motor), and which figures are missing."""
     found = judged(plan)
-    columns = [_motor_column(motor, found) for motor in found["motors"]]
+    columns = [_motor_column(motor, found) for motor in (*found["motors"], *found["alternatives"])]
     rows = [(name, *(column[name] for column in columns)) for name in columns[0]] if columns else [("joint",)]
     return {
         "verdict": ": ".join(filter(None, motors_verdict(found)[1:])),
