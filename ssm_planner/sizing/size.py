@@ -156,7 +156,9 @@ def _joint(load: JointLoad, candidates: Sequence[Motor] | None, conditions: Cond
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(load, None, spread, conditions)
     gear = gear_checks(load, band, spread, conditions)
-    return JointSizing(load, motor_requirement(load), band, gear, tuple(verdicts), tuple(alternatives))
+    return JointSizing(
+        load, motor_requirement(load), band, gear, candidates=tuple(verdicts), alternatives=tuple(alternatives)
+    )
 
 
 HEAVIEST = 50.0
