@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,18 @@ SHORTEST, LONGEST = 1e-12, 1e9
 """s: of pieces, and of times."""
 LARGEST = 1e9
 """rad or m: more is no position of a joint, and derivatives of it overflow."""
+BLOCK = 65_536
+"""Pieces at a time: what is worked out of them stays small."""
 Side = Literal["left", "right"]
+
+
+class Blocks(Protocol):
+    """Coefficients (m, 6, 4) of a very long trajectory, worked out for the pieces that are asked for."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, chosen: Indices | slice, /) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -44,11 +55,12 @@ class Samples:
 class Trajectory:
     """q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k on piece i.
 
-    breaks (m + 1,) in s, strictly increasing; coefficients (m, 6, 4) in rad/s^k and m/s^k, read-only.
+    breaks (m + 1,) in s, strictly increasing; coefficients (m, 6, 4) in rad/s^k and m/s^k, read-only, or what gives them
+    block by block.
     """
 
     breaks: Array
-    coefficients: Array
+    coefficients: Array | Blocks
     phases: tuple[Span, ...]
 
     def __post_init__(self) -> None:
@@ -58,21 +70,24 @@ class Trajectory:
                 f"a trajectory of {pieces} pieces needs coefficients of shape ({pieces}, {DEGREE + 1}, 4), "
                 f"got {self.coefficients.shape}"
             )
-        if not (np.all(np.isfinite(self.breaks)) and np.all(np.isfinite(self.coefficients))):
-            raise TrajectoryError("a trajectory holds only finite numbers")
-        if np.any(np.diff(self.breaks) <= 0):
-            raise TrajectoryError("the breaks of a trajectory must increase")
         length = np.diff(self.breaks)
-        if length.min() < SHORTEST or np.abs(self.breaks).max() > LONGEST:
+        finite = bool(np.isfinite(self.breaks).all())
+        if finite and length.min() <= 0:
+            raise TrajectoryError("the breaks of a trajectory must increase")
+        if finite and (length.min() < SHORTEST or np.abs(self.breaks[[0, -1]]).max() > LONGEST):
             raise TrajectoryError(f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s")
-        for k in range(DEGREE + 1):
+        for first in range(0, pieces, BLOCK):
+            block = slice(first, first + BLOCK)
+            coefficients = self.pieces(block)
+            if not (finite and np.isfinite(coefficients).all()):
+                raise TrajectoryError("a trajectory holds only finite numbers")
             with np.errstate(over="ignore"):
-                values = self.coefficients[:, k]
-                largest = max(float(values.max()), -float(values.min()))
-                if largest * length.max() ** k > LARGEST and (np.abs(values) * length[:, None] ** k).max() > LARGEST:
-                    raise TrajectoryError(f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none")
+                moved = np.abs(coefficients) * length[block, None, None] ** np.arange(DEGREE + 1)[:, None]
+            if moved.max() > LARGEST:
+                raise TrajectoryError(f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none")
         self.breaks.setflags(write=False)
-        self.coefficients.setflags(write=False)
+        if isinstance(self.coefficients, np.ndarray):
+            self.coefficients.setflags(write=False)
 
     @property
     def duration(self) -> float:
@@ -122,7 +137,7 @@ class Trajectory:
         """What plan.json holds: JSON types, s, rad, m."""
         return {
             "breaks_s": self.breaks.tolist(),
-            "coefficients": self.coefficients.tolist(),
+            "coefficients": self.pieces(slice(None)).tolist(),
             "phases": [{"name": p.name, "start_s": p.start, "end_s": p.end} for p in self.phases],
         }
 
@@ -145,7 +160,12 @@ def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, 
 
     breaks (m + 1,); start and end hold (q, qd, qdd), each (m, 4). Returns coefficients (m, 6, 4).
     """
-    h = np.diff(breaks)[:, None]
+    return quintics(np.diff(breaks), start, end)
+
+
+def quintics(length: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]) -> Array:
+    """`hermite` for pieces of lengths (m,), which need not follow one another."""
+    h = length[:, None]
     q0, v0, a0 = start
     q1, v1, a1 = end
     # remainders after the quadratic that matches the start

@@ -6,10 +6,13 @@ Trajectories in CSV files: a header that names joints and units, one row for eac
 from __future__ import annotations
 
 import re
+import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -18,7 +21,7 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_setup import INT32, axes_of, fits
-from ssm_planner.formats.points import Points, Reading, join_points
+from ssm_planner.formats.points import LONG, Points, Reading, Table, join_points
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -26,8 +29,8 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Samples, Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.trajectory import BLOCK, Samples, Trajectory
+from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
@@ -200,27 +203,62 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     """The trajectory in a CSV file. Raises TrajectoryError naming file, line and fault."""
     layout = _layout(path)
     found, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
-    wanted = sorted(found.values(), key=lambda heading: heading.column)
-    rows = _data_rows(path, layout, [heading.column for heading in wanted])
-    place = {heading: k for k, heading in enumerate(wanted)}
-
-    def gather(order: int) -> Array | None:
-        chosen = [found.get((order, i)) for i in range(4)]
-        if any(heading is None for heading in chosen):
-            return None
-        values: Array = rows[:, [place[heading] for heading in chosen if heading is not None]]
-        values *= [heading.factor for heading in chosen if heading is not None]
-        return values
-
-    q, qd, qdd = (gather(order) for order in range(3))
-    time = found[(-1, 0)]
-    if q is None:
-        raise TrajectoryError(f"{path}: positions of all four joints are needed")
-    resolution = None if qd is not None else _resolution(path, layout, [found[(0, i)] for i in range(4)])
-    t = rows[:, place[time]] * time.factor
+    # time, then positions, velocities, accelerations
+    wanted = [found[key] for key in sorted(found)]
+    rows = _data_rows(path, layout, wanted)
+    q = rows.columns(0)
+    qd, qdd = (rows.columns(4 * order) if (order, 0) in found else None for order in (1, 2))
+    resolution = None if qd is not None else _resolution(path, layout, wanted[1:])
+    t = np.concatenate(rows.times)
     points = Points(t, q, qd, qdd, resolution=resolution, place=lambda k: f"{path}:{_line_of(path, layout, k)}")
     notes = (f"columns not used: {', '.join(ignored)}",) if ignored else ()
     return join_points(points, robot, notes)
+
+
+class _Rows:
+    """Rows of a table, block after block: in memory, and beyond LONG of them in a temporary file."""
+
+    def __init__(self) -> None:
+        self.times: list[Array] = []
+        self.blocks: list[Array] = []
+        self.count = 0
+        self.file: IO[bytes] | None = None
+
+    def add(self, rows: Array) -> None:
+        """Rows (m, 1 + k): time and the other columns."""
+        self.times.append(rows[:, 0].copy())
+        self.blocks.append(rows[:, 1:])
+        self.count += len(rows)
+        if self.count > LONG:
+            self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - open as long as it is read
+            for block in self.blocks:
+                self.file.write(block.tobytes())
+            self.blocks = [rows[:0, 1:]]
+
+    def columns(self, first: int) -> Table:
+        """Columns (n, 4) from one after the time on."""
+        if self.file is None:
+            return np.concatenate([block[:, first : first + 4] for block in self.blocks])
+        self.file.flush()
+        return _InFile(self.file, (self.count, self.blocks[0].shape[1]), first)
+
+
+@dataclass(frozen=True, eq=False)
+class _InFile:
+    """Four columns of a table of this shape in a file, which goes away with the last of its readers."""
+
+    file: IO[bytes]
+    shape: tuple[int, ...]
+    first: int
+
+    def __getitem__(self, chosen: Indices | slice, /) -> Array:
+        count, width = self.shape
+        if not isinstance(chosen, slice):
+            return np.concatenate([self[k : k + 1] for k in chosen.tolist()])
+        first, end, _ = chosen.indices(count)
+        self.file.seek(8 * width * first)
+        rows: Array = np.frombuffer(self.file.read(8 * width * (end - first))).reshape(-1, width)
+        return rows[:, self.first : self.first + 4].copy()
 
 
 def _layout(path: Path) -> Layout:
@@ -242,40 +280,44 @@ def _layout(path: Path) -> Layout:
     raise TrajectoryError(f"{path}: the file is empty")
 
 
-def _data_rows(path: Path, layout: Layout, columns: list[int]) -> Array:
+def _data_rows(path: Path, layout: Layout, wanted: Sequence[Heading]) -> _Rows:
+    """The wanted columns of all rows, SI."""
+    columns, factors = [heading.column for heading in wanted], [heading.factor for heading in wanted]
+    all_columns = sorted(columns) == list(range(len(layout.names)))  # then their number is looked at too
+    read, found = _Rows(), None
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which is said below
-            rows = np.loadtxt(
-                path,
-                comments=None,
-                delimiter=layout.separator,
-                skiprows=layout.header + 1,
-                usecols=None if columns == list(range(len(layout.names))) else columns,
-                ndmin=2,
-                encoding="utf-8",
-            )
+        with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a block without rows
+            for _ in range(layout.header + 1):
+                file.readline()
+            while found is None or len(found) == BLOCK:
+                used = None if all_columns else columns
+                found = np.loadtxt(
+                    file, comments=None, delimiter=layout.separator, usecols=used, ndmin=2, max_rows=BLOCK
+                )
+                if len(found):
+                    read.add((found[:, columns] if all_columns else found) * factors)
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ValueError as error:
-        raise TrajectoryError(_fault(path, layout, str(error))) from error
+        raise TrajectoryError(_fault(path, layout, str(error), read.count)) from error
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
     except OverflowError as error:
         raise TrajectoryError(f"{path}: holds a number that no float can hold") from error
-    if not len(rows):
+    if not read.count:
         raise TrajectoryError(f"{path}: the header is there, but no row follows it")
     width = len(layout.names)
     last = _last_line(path)
     if last and len(last.split(layout.separator)) < width:
         raise TrajectoryError(f"{path}: the last row has fewer than {width} columns: cut off")
-    return rows
+    return read
 
 
-def _fault(path: Path, layout: Layout, message: str) -> str:
-    """What is wrong with the first bad row."""
+def _fault(path: Path, layout: Layout, message: str, first: int) -> str:
+    """What is wrong with the first bad row, which is not before this one."""
     width = len(layout.names)
-    for k, line in _data_lines(path, layout):
+    for k, line in islice(_data_lines(path, layout), first, None):
         fields = [field.strip() for field in line.split(layout.separator)]
         if len(fields) != width:
             return f"{path}:{k + 1}: {len(fields)} columns where the header has {width}"

@@ -18,24 +18,25 @@ from numpy.typing import NDArray
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import DEGREE, Span, Trajectory, hermite
-from ssm_planner.typing import Array
+from ssm_planner.trajectory import BLOCK, DEGREE, Blocks, Span, Trajectory, quintics
+from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck
 
-BLOCK = 65_536
-"""Pieces made at a time: temporaries stay small."""
+LONG = 1_000_000
+"""Points beyond which pieces are made when they are asked for, block by block."""
 
 Flags = NDArray[np.bool_]
+Table = Array | Blocks
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """n points of a joint motion, in the order of the robot's joints; rad, m, s."""
+    """n points of a joint motion, in the order of the robot's joints; rad, m, s. Tables (n, 4), in memory or in a file."""
 
     t: Array
-    q: Array
-    qd: Array | None = None
-    qdd: Array | None = None
+    q: Table
+    qd: Table | None = None
+    qdd: Table | None = None
     has_qd: Flags | None = None
     """(n,): the point has velocities; None: all have, where qd is given."""
     has_qdd: Flags | None = None
@@ -76,10 +77,8 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     acceleration = none if points.qdd is None else ~none if points.has_qdd is None else points.has_qdd
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
-    coefficients = np.empty((n - 1, DEGREE + 1, 4))
-    for start in range(0, n - 1, BLOCK):
-        block = slice(start, min(start + BLOCK, n - 1))
-        coefficients[block] = _pieces(points, block, cubic[block], quintic[block])
+    pieces = PiecesOfPoints(points, cubic, quintic)
+    coefficients = pieces if n > LONG else pieces[:]
     trajectory = Trajectory(points.t, coefficients, (Span("points", float(points.t[0]), float(points.t[-1])),))
     straight = not cubic.all()
     resolution = None
@@ -105,43 +104,68 @@ def check_points(points: Points, robot: Robot) -> None:
     t, n = points.t, len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
-    for name, values in (("time", t), ("position", points.q), ("velocity", points.qd), ("acceleration", points.qdd)):
-        if values is not None and not np.isfinite(values).all():
-            k = int(np.argwhere(~np.isfinite(values))[0][0])
-            raise TrajectoryError(f"{points.place(k)}: {name} is not a finite number")
-    back = np.flatnonzero(np.diff(t) <= 0)
+    named = (("time", t), ("position", points.q), ("velocity", points.qd), ("acceleration", points.qdd))
+    for name, values in named:
+        for first in range(0, n, BLOCK):
+            finite = np.isfinite(values[first : first + BLOCK] if values is not None else 0.0)
+            if not finite.all():
+                k = first + int(np.argwhere(~finite)[0][0])
+                raise TrajectoryError(f"{points.place(k)}: {name} is not a finite number")
+    back = np.flatnonzero(t[1:] <= t[:-1])
     if len(back):
         k = int(back[0]) + 1
         fault = "the same time twice" if t[k] == t[k - 1] else "time goes back"
         raise TrajectoryError(f"{points.place(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s")
-    check_magnitudes(points.q, robot, points.place)
+    for first in range(0, n, BLOCK):
+        check_magnitudes(points.q[first : first + BLOCK], robot, points.place, first)
     if points.qd is not None and points.has_qd is None:
         check_derivatives(t, points.q, points.qd, robot, ("positions", "velocities"))
         if points.qdd is not None and points.has_qdd is None:
             check_derivatives(t, points.qd, points.qdd, robot, ("velocities", "accelerations"))
 
 
-def _pieces(points: Points, block: slice, cubic: Flags, quintic: Flags) -> Array:
-    """Coefficients (m, 6, 4) of the pieces of one block."""
-    ahead = slice(block.start + 1, block.stop + 1)
-    breaks = points.t[block.start : block.stop + 1]
-    h = np.diff(breaks)[:, None]
-    q0, q1 = points.q[block], points.q[ahead]
-    if points.qd is not None and points.qdd is not None and quintic.all():
-        start, end = ((points.q[b], points.qd[b], points.qdd[b]) for b in (block, ahead))
-        return hermite(breaks, start, end)
-    out = np.zeros((len(h), DEGREE + 1, 4))
-    out[:, 0], out[:, 1] = q0, (q1 - q0) / h
-    if points.qd is not None and cubic.any():
-        v0, v1 = points.qd[block], points.qd[ahead]
-        slope = (q1 - q0) / h
-        parts = (q0, v0, (3 * slope - 2 * v0 - v1) / h, (v0 + v1 - 2 * slope) / h**2)
-        for k, part in enumerate(parts):
-            out[:, k] = np.where(cubic[:, None], part, out[:, k])
-        if points.qdd is not None and quintic.any():
-            whole = hermite(breaks, (q0, v0, points.qdd[block]), (q1, v1, points.qdd[ahead]))
-            out[quintic] = whole[quintic]
-    return out
+@dataclass(frozen=True, eq=False)
+class PiecesOfPoints:
+    """Coefficients (n − 1, 6, 4) of the pieces between n points, made where they are asked for."""
+
+    points: Points
+    cubic: Flags
+    """(n − 1,)"""
+    quintic: Flags
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return len(self.points.t) - 1, DEGREE + 1, 4
+
+    def __getitem__(self, chosen: Indices | slice, /) -> Array:
+        if not isinstance(chosen, slice):
+            return self._made(chosen, chosen + 1, self.cubic[chosen], self.quintic[chosen])
+        first, end, _ = chosen.indices(self.shape[0])
+        out = np.empty((max(end - first, 0), *self.shape[1:]))
+        for start in range(first, end, BLOCK):
+            here = slice(start, min(start + BLOCK, end))
+            ahead = slice(here.start + 1, here.stop + 1)
+            out[start - first : here.stop - first] = self._made(here, ahead, self.cubic[here], self.quintic[here])
+        return out
+
+    def _made(self, here: Indices | slice, ahead: Indices | slice, cubic: Flags, quintic: Flags) -> Array:
+        points = self.points
+        length = points.t[ahead] - points.t[here]
+        h, q0, q1 = length[:, None], points.q[here], points.q[ahead]
+        if points.qd is not None and points.qdd is not None and quintic.all():
+            return quintics(length, (q0, points.qd[here], points.qdd[here]), (q1, points.qd[ahead], points.qdd[ahead]))
+        out = np.zeros((len(h), DEGREE + 1, 4))
+        out[:, 0], out[:, 1] = q0, (q1 - q0) / h
+        if points.qd is not None and cubic.any():
+            v0, v1 = points.qd[here], points.qd[ahead]
+            slope = (q1 - q0) / h
+            parts = (q0, v0, (3 * slope - 2 * v0 - v1) / h, (v0 + v1 - 2 * slope) / h**2)
+            for k, part in enumerate(parts):
+                out[:, k] = np.where(cubic[:, None], part, out[:, k])
+            if points.qdd is not None and quintic.any():
+                whole = quintics(length, (q0, v0, points.qdd[here]), (q1, v1, points.qdd[ahead]))
+                out[quintic] = whole[quintic]
+        return out
 
 
 LARGEST_ANGLE = 8 * math.pi
@@ -159,8 +183,8 @@ UNLIKE = 2.0
 FACTORS = ((180 / math.pi, "degrees where radians are meant"), (1000.0, "millimetres where metres are meant"))
 
 
-def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str]) -> None:
-    """Refuse positions q (n, 4) that no joint of its kind has. Raises TrajectoryError naming the point."""
+def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first: int) -> None:
+    """Refuse positions q (n, 4) that no joint of its kind has. Raises TrajectoryError naming the point, from `first` on."""
     for i, joint in enumerate(robot.joints):
         revolute = joint.kind == "revolute"
         k = int(np.argmax(np.abs(q[:, i])))
@@ -168,12 +192,12 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str]) -> Non
         if abs(value) > (LARGEST_ANGLE if revolute else LARGEST_STROKE):
             unit, meant = ("rad", "degrees") if revolute else ("m", "millimetres")
             raise TrajectoryError(
-                f"{place(k)}: position of joint {joint.name} = {value:.6g} {unit}: more than this kind of joint has; "
+                f"{place(first + k)}: position of joint {joint.name} = {value:.6g} {unit}: more than this kind of joint has; "
                 f"are these {meant}, or are columns swapped?"
             )
 
 
-def check_derivatives(t: Array, value: Array, derivative: Array, robot: Robot, names: tuple[str, str]) -> None:
+def check_derivatives(t: Array, value: Table, derivative: Table, robot: Robot, names: tuple[str, str]) -> None:
     """Derivatives that are not those of the values (n, 4): another unit, or another joint's. Raises TrajectoryError."""
     if len(t) <= FEW:
         return

@@ -253,13 +253,14 @@ def simulate(
 
 def slower(motion: Trajectory, speed: float) -> Trajectory:
     """The same path at a share of its speed."""
-    powers = speed ** np.arange(motion.coefficients.shape[1])[None, :, None]
+    coefficients = motion.pieces(slice(None))
+    powers = speed ** np.arange(coefficients.shape[1])[:, None]
     begin = motion.breaks[0]
     spans = tuple(
         replace(span, start=begin + (span.start - begin) / speed, end=begin + (span.end - begin) / speed)
         for span in motion.phases
     )
-    return Trajectory(begin + (motion.breaks - begin) / speed, motion.coefficients * powers, spans)
+    return Trajectory(begin + (motion.breaks - begin) / speed, coefficients * powers, spans)
 
 
 class _Stage:

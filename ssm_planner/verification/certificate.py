@@ -15,12 +15,10 @@ from ssm_planner.problem.limits import Limit
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import BLOCK, Trajectory
 
 TOLERANCE = 1e-6
 """A limit counts as kept while it is exceeded by no more than this share of itself (rounding)."""
-BLOCK = 65_536
-"""Pieces at a time."""
 
 
 @dataclass(frozen=True)

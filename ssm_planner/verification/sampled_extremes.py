@@ -73,6 +73,7 @@ class SampledExtremes:
         self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
+        self._law = _law(robot, eye, self.quantities) if self.quantities else None
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
         self.instants = 0
@@ -106,7 +107,8 @@ class SampledExtremes:
 
     def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
         """The quantities (n, k) at a state q, qd, qdd (n, 4), directions of motion (n, 4) and breakaways (n, 4)."""
-        values = _law(self.robot, self.eye, self.quantities)(*state, direction, breakaway)[0]
+        assert self._law is not None
+        values = self._law(*state, direction, breakaway)[0]
         for k, quantity in enumerate(self.quantities):
             if isinstance(quantity.limit, TaskRange):
                 values[:, k] = nearest_turn(values[:, k], 0.0)

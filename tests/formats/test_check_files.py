@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,6 @@ from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.points import Points, join_points
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
@@ -333,12 +332,47 @@ def test_text_that_is_no_yaml(robot: Robot, tmp_path: Path) -> None:
         read_trajectory(path, robot)
 
 
-def test_a_million_rows_leave_memory_alone(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pieces are made and looked at block by block: blocks of another size give the same trajectory."""
-    rows = rows_of(robot, 301)
-    points = Points(rows[:, 0], rows[:, 1:5], rows[:, 5:9], rows[:, 9:13])
-    whole = join_points(points, robot).trajectory
-    monkeypatch.setattr("ssm_planner.formats.points.BLOCK", 17)
-    assert np.array_equal(join_points(points, robot).trajectory.coefficients, whole.coefficients)
-    assert isinstance(whole, Trajectory)
-    assert dataclasses.is_dataclass(points)
+@pytest.mark.parametrize("columns", [5, 9, 13])
+def test_a_long_file_is_judged_from_a_file_like_a_short_one_from_memory(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns: int
+) -> None:
+    """Whatever the blocks: the same certificate to the bit, and the same line for a fault deep in the file."""
+    names, rows = [*OWN, *ACCELERATIONS][:columns], rows_of(robot, 301)[:, :columns]
+    path = write(tmp_path / "t.csv", names, rows)
+    short = certificate_of(path, robot)
+    rows[200, 0] = rows[100, 0]
+    broken = write(tmp_path / "broken.csv", names, rows)
+    in_blocks(monkeypatch, 17)
+    assert certificate_of(path, robot) == short
+    with pytest.raises(TrajectoryError, match=r"broken.csv:202: time goes back"):
+        certificate_of(broken, robot)
+    lines = broken.read_text(encoding="utf-8").splitlines()
+    broken.write_text("\n".join([*lines[:251], lines[251] + ",5", *lines[252:]]), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match=rf"broken.csv:252: {columns + 1} columns where the header has {columns}"):
+        certificate_of(broken, robot)
+
+
+def test_memory_of_a_long_file_grows_with_its_times_alone(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row has 104 bytes of numbers and its piece 192: no more than four copies of its time stay in memory."""
+    in_blocks(monkeypatch, 2048)
+
+    def peak(count: int) -> int:
+        path = write(tmp_path / "t.csv", [*OWN, *ACCELERATIONS], rows_of(robot, count))
+        tracemalloc.start()
+        try:
+            assert certificate_of(path, robot).limits
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(100)  # what is made once
+    assert peak(75_000) - peak(25_000) < 50_000 * 4 * 8
+
+
+def in_blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    for module in ("formats.csv", "formats.points"):
+        monkeypatch.setattr(f"ssm_planner.{module}.LONG", size)
+    for module in ("formats.csv", "formats.points", "trajectory"):
+        monkeypatch.setattr(f"ssm_planner.{module}.BLOCK", size)
