@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,15 +20,6 @@ LARGEST = 1e9
 BLOCK = 65_536
 """Pieces at a time: what is worked out of them stays small."""
 Side = Literal["left", "right"]
-
-
-class Blocks(Protocol):
-    """Coefficients (m, 6, 4) of a very long trajectory, worked out for the pieces that are asked for."""
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-
-    def __getitem__(self, chosen: Indices | slice, /) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -60,7 +51,7 @@ class Trajectory:
     """
 
     breaks: Array
-    coefficients: Array | Blocks
+    coefficients: Array
     phases: tuple[Span, ...]
 
     def __post_init__(self) -> None:

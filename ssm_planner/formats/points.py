@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import BLOCK, DEGREE, Blocks, Span, Trajectory, quintics
+from ssm_planner.trajectory import BLOCK, DEGREE, Span, Trajectory, quintics
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck
 
@@ -26,6 +27,17 @@ LONG = 1_000_000
 """Points beyond which pieces are made when they are asked for, block by block."""
 
 Flags = NDArray[np.bool_]
+
+
+class Blocks(Protocol):
+    """A table that stays in a file, or is worked out: what is asked for comes into memory."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, chosen: Indices | slice, /) -> Array: ...
+
+
 Table = Array | Blocks
 
 
@@ -78,7 +90,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     pieces = PiecesOfPoints(points, cubic, quintic)
-    coefficients = pieces if n > LONG else pieces[:]
+    coefficients = cast("Array", pieces) if n > LONG else pieces[:]  # an array as far as a trajectory needs one
     trajectory = Trajectory(points.t, coefficients, (Span("points", float(points.t[0]), float(points.t[-1])),))
     straight = not cubic.all()
     resolution = None
