@@ -1,4 +1,4 @@
-"""A CasADi Function as the body of a C99 function: one statement for each operation."""
+"""A CasADi Function as the body of a C99 function, in double or single precision: one statement for each operation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,24 @@ import casadi as ca
 
 from ssm_planner.codegen.vectorised import OPERATIONS, steps
 
+REAL = """\
+#ifdef SSM_FLOAT32
+typedef float ssm_real;
+#define SSM_R(x) x##f
+#define SSM_F(function) function##f
+#else
+typedef double ssm_real;
+#define SSM_R(x) x
+#define SSM_F(function) function
+#endif
+"""
+"""The one type of all numbers, a constant of it, and a function of math.h for it."""
+SIGN = "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < SSM_R(0.0))); }\n"
+
 
 @dataclass(frozen=True)
 class Argument:
-    """A C argument: an array of `size` doubles, or one double where size is 0."""
+    """A C argument: an array of `size` numbers, or one number where size is 0."""
 
     name: str
     size: int
@@ -22,7 +36,10 @@ class Argument:
 def write_function(
     declaration: str, function: ca.Function, inputs: Sequence[Argument], outputs: Sequence[Argument]
 ) -> str:
-    """C text of a function; all inputs are read before any output is written where they may overlap."""
+    """C text of a function; it needs REAL and SIGN.
+
+    All inputs are read before any output is written, for they may overlap.
+    """
     place: dict[int, str] = {}
     used: dict[int, None] = {}
     body: list[str] = []
@@ -31,7 +48,7 @@ def write_function(
     for step in steps(function):
         operands = [place[k] for k in step.operands]
         if step.name == "const":
-            place[step.out] = _literal(step.constant)
+            place[step.out] = literal(step.constant)
         elif step.name == "input":
             argument = inputs[step.argument]
             place[step.out] = argument.name if argument.size == 0 else f"{argument.name}[{step.index}]"
@@ -48,15 +65,14 @@ def write_function(
         body.append(f"{target} = r{k};")
     unused = [f"(void){argument.name};" for i, argument in enumerate(inputs) if i not in read]
     names = [f"w{k}" for k in sorted(used)] + [f"r{k}" for k in range(len(results))]
-    lines = [f"    double {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
+    lines = [f"    ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
     return "\n".join([declaration, "{", *lines, *(f"    {line}" for line in (*unused, *body)), "}", ""])
 
 
-def _literal(value: float) -> str:
-    if math.isnan(value):
-        return "NAN"
-    if math.isinf(value):
-        return "INFINITY" if value > 0 else "(-INFINITY)"
-    text = repr(float(value))
-    text = text if any(c in text for c in ".e") else text + ".0"
-    return f"({text})" if value < 0 or text.startswith("-") else text
+def literal(value: float) -> str:
+    """A constant of type `ssm_real`."""
+    if not math.isfinite(value):
+        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
+    text = repr(abs(float(value)))
+    text = f"SSM_R({text if any(c in text for c in '.e') else text + '.0'})"
+    return f"(-{text})" if math.copysign(1.0, value) < 0 else text

@@ -1,33 +1,54 @@
-"""Kinematics, inverse dynamics and motor torques of one robot as C99 without dependencies, for a control loop.
+"""Kinematics, inverse dynamics and motor torques of one robot, and a plan's motion, as C99 for a control loop.
 
 The functions are the program's own expressions, written out operation by operation; no second law is written here.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from ssm_planner.codegen.c import Argument, write_function
+from ssm_planner.codegen.c import REAL, SIGN, Argument, literal, write_function
 from ssm_planner.codegen.vectorised import dense
+from ssm_planner.display import render
 from ssm_planner.dynamics.motors import directions_law, motor_law
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.formats.spline_points import REST
 from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.limits import (
+    JointAcceleration,
+    JointJerk,
+    JointVelocity,
+    Limit,
+    MotorSpeed,
+    MotorTorque,
+)
+from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.problem.serialization import robot_hash
 from ssm_planner.publishing import one_line
 from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.ends import end_velocities
 
-NAME = "ssm_robot"
-SIGN = "static double sign_of(double x) { return (double)((x > 0.0) - (x < 0.0)); }\n\n"
-UNITS = "rad, m, N*m, N, s; joints in the order {names}"
+PACKAGE = "ssm_planner.formats"
+"""Whose templates are filled in."""
+ROBOT, TRAJECTORY = "ssm_robot", "ssm_trajectory"
+UNITS = f"rad, m, N*m, N, s; joints in the order {', '.join(JOINTS)}"
+LIMITS: dict[str, type[Limit]] = {
+    "velocity": JointVelocity,
+    "acceleration": JointAcceleration,
+    "jerk": JointJerk,
+    "motor_torque": MotorTorque,
+    "motor_speed": MotorSpeed,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,48 +63,76 @@ class CFunction:
 
 
 def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
-    """Write ssm_robot.h and ssm_robot.c into a folder; returns what the manifest says of them."""
-    header, source = c_code(
-        plan.robot, [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *_mark(suffix)], suffix
-    )
-    (folder / f"{NAME}{suffix}.h").write_text(header, encoding="utf-8")
-    (folder / f"{NAME}{suffix}.c").write_text(source, encoding="utf-8")
+    """Write ssm_robot and ssm_trajectory, .h and .c, into a folder; returns what the manifest says of them."""
+    mark = ["UNVERIFIED: the plan has no passed certificate."] if suffix else []
+    remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *mark]
+    texts = (c_code(plan.robot, remarks, suffix), c_trajectory(plan, remarks, suffix))
+    for name, pair in zip((ROBOT, TRAJECTORY), texts, strict=True):
+        for ending, text in zip("hc", pair, strict=True):
+            (folder / f"{name}{suffix}.{ending}").write_text(text, encoding="utf-8")
     notes = [f"joint {j.name} has no drive: its motor torque is 0" for j in plan.robot.joints if j.drive is None]
-    return {"units": {"all": UNITS.format(names=_names(plan.robot))}, "rate_hz": None, "notes": notes}
+    return {"units": {"all": UNITS}, "rate_hz": None, "notes": notes}
 
 
 def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
     """(header, source) of a robot as C99."""
     functions = c_functions(robot)
+    limits = joint_limits(robot)
+    bodies = "\n".join(write_function(_declaration(f), f.function, f.inputs, f.outputs) for f in functions)
+    values = {
+        "comment": _comment(robot, remarks),
+        "header": f"{ROBOT}{suffix}.h",
+        "real": REAL,
+        "names": [*limits, *(f.name for f in functions)],
+        "limits": [(name, [literal(value) for value in each]) for name, each in limits.items()],
+        "functions": [(_declaration(f), f.comment) for f in functions],
+        "sign": SIGN if "sign_of(" in bodies else "",
+        "bodies": bodies,
+    }
+    return _filled("robot", values)
+
+
+def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
+    """(header, source) of a plan's motion as C99: a sampler with constant tables."""
+    motion = plan.motion
+    values = {
+        "comment": _comment(plan.robot, remarks),
+        "robot": f"{ROBOT}{suffix}.h",
+        "header": f"{TRAJECTORY}{suffix}.h",
+        "breaks": [literal(t) for t in motion.breaks - motion.breaks[0]],
+        "pieces": [[[literal(x) for x in row] for row in piece] for piece in motion.coefficients.tolist()],
+        "moves": [(np.abs(velocity) > REST).astype(int).tolist() for velocity in end_velocities(motion)],
+    }
+    return _filled("trajectory", values)
+
+
+def joint_limits(robot: Robot) -> dict[str, list[float]]:
+    """Limits of the four joints by the name of their constant; infinite where there is none."""
+
+    def limit(joint: Joint, kind: type[Limit]) -> float:
+        return next((each.high for each in joint.limits if isinstance(each, kind)), math.inf)
+
+    joints = robot.joints
+    return {
+        "ssm_position_min": [joint.position[0] for joint in joints],
+        "ssm_position_max": [joint.position[1] for joint in joints],
+        **{f"ssm_{name}_max": [limit(joint, kind) for joint in joints] for name, kind in LIMITS.items()},
+    }
+
+
+def _filled(template: str, values: dict[str, Any]) -> tuple[str, str]:
+    header, source = (render(PACKAGE, f"{template}.{ending}", escape=False, **values) for ending in "hc")
+    return header, source
+
+
+def _comment(robot: Robot, remarks: Sequence[str]) -> str:
     about = [
         f"Robot {c_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
         *remarks,
-        f"SI units: {UNITS.format(names=_names(robot))}.",
+        f"SI units: {UNITS}.",
         "No allocation, no state, no dependency but the C library's mathematics (-lm); all functions are reentrant.",
     ]
-    comment = "/*\n" + "\n".join(f" * {line}" for line in about) + "\n */\n"
-    guard = "SSM_ROBOT_H"
-    declarations = "\n\n".join(f"/* {f.comment} */\n{_declaration(f)};" for f in functions)
-    header = f"""{comment}#ifndef {guard}
-#define {guard}
-
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-{declarations}
-
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
-"""
-    bodies = "\n".join(write_function(_declaration(f), f.function, f.inputs, f.outputs) for f in functions)
-    source = (
-        f'{comment}#include "{NAME}{suffix}.h"\n\n#include <math.h>\n\n{SIGN if "sign_of(" in bodies else ""}{bodies}'
-    )
-    return header, source
+    return "/*\n" + "\n".join(f" * {line}" for line in about) + "\n */"
 
 
 def c_text(name: str) -> str:
@@ -138,13 +187,5 @@ def c_functions(robot: Robot) -> list[CFunction]:
 
 
 def _declaration(f: CFunction) -> str:
-    inputs = [f"double {a.name}" if a.size == 0 else f"const double {a.name}[{a.size}]" for a in f.inputs]
-    return f"void {f.name}({', '.join([*inputs, *(f'double {a.name}[{a.size}]' for a in f.outputs)])})"
-
-
-def _names(robot: Robot) -> str:
-    return ", ".join(joint.name for joint in robot.joints)
-
-
-def _mark(suffix: str) -> list[str]:
-    return ["UNVERIFIED: the plan has no passed certificate."] if suffix else []
+    inputs = [f"ssm_real {a.name}" if a.size == 0 else f"const ssm_real {a.name}[{a.size}]" for a in f.inputs]
+    return f"void {f.name}({', '.join([*inputs, *(f'ssm_real {a.name}[{a.size}]' for a in f.outputs)])})"

@@ -33,7 +33,7 @@ from ssm_planner.formats.epos4_setup import (
     sync_setup,
 )
 from ssm_planner.formats.points import Points, Reading, join_points
-from ssm_planner.formats.spline_points import at_times
+from ssm_planner.formats.spline_points import REST, at_times
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
@@ -43,8 +43,6 @@ from ssm_planner.verification.ends import end_velocities
 
 LARGEST_PERIOD = 100
 """ms; object 0x60C2."""
-REST = 1e-7
-"""rad/s or m/s: slower is at rest."""
 
 Stream = dict[str, Array]
 """Whole numbers by column name."""

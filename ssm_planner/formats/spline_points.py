@@ -26,6 +26,8 @@ SMOOTH = 1e-6
 """Largest jump of acceleration at a break, as a share of its limit, that quintics through the breaks do not mind."""
 LARGEST_STRETCH = 1e-3
 TRIALS = 4
+REST = 1e-7
+"""rad/s or m/s: slower is at rest."""
 ROUNDED = 1e-9
 """s; times are rounded to no coarser ticks."""
 

@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.codegen.c import Argument, write_function
+from ssm_planner.codegen.c import REAL, SIGN, Argument, write_function
 from ssm_planner.codegen.vectorised import OPERATIONS, dense, steps
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.formats.c import c_code
+from ssm_planner.formats.c import c_code, c_text, c_trajectory, joint_limits
 from ssm_planner.formats.export import export
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse_task
@@ -29,16 +29,19 @@ from ssm_planner.trajectory import Samples
 
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or cc) on this machine")
-STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wstrict-prototypes"]
+STRICT = ["-std=c99", "-Wpedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wstrict-prototypes"]
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] or [COMPILER]
+SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+SINGLE = "-DSSM_FLOAT32"
 STATES = 100_000
 AGREEMENT = 1e-12
 DRIVER = """
 #include "ssm_robot.h"
-void all(long n, const double *q, const double *qd, const double *qdd, const double *qddd,
-         double *rotation, double *position, double *tau, double *tau_motor);
-void inverse(long n, const double *task, const double *branch, const double *near, double *q);
-void all(long n, const double *q, const double *qd, const double *qdd, const double *qddd,
-         double *rotation, double *position, double *tau, double *tau_motor)
+void all(long n, const ssm_real *q, const ssm_real *qd, const ssm_real *qdd, const ssm_real *qddd,
+         ssm_real *rotation, ssm_real *position, ssm_real *tau, ssm_real *tau_motor);
+void inverse(long n, const ssm_real *task, const ssm_real *branch, const ssm_real *near, ssm_real *q);
+void all(long n, const ssm_real *q, const ssm_real *qd, const ssm_real *qdd, const ssm_real *qddd,
+         ssm_real *rotation, ssm_real *position, ssm_real *tau, ssm_real *tau_motor)
 {
     for (long k = 0; k < n; ++k) {
         ssm_forward(q + 4 * k, rotation + 9 * k, position + 3 * k);
@@ -46,27 +49,73 @@ void all(long n, const double *q, const double *qd, const double *qdd, const dou
         ssm_motor_torque(q + 4 * k, qd + 4 * k, qdd + 4 * k, qddd + 4 * k, tau_motor + 4 * k);
     }
 }
-void inverse(long n, const double *task, const double *branch, const double *near, double *q)
+void inverse(long n, const ssm_real *task, const ssm_real *branch, const ssm_real *near, ssm_real *q)
 {
     for (long k = 0; k < n; ++k) ssm_inverse(task + 4 * k, branch[k], near + 4 * k, q + 4 * k);
 }
 """
 
 
-def compiled(folder: Path, robot: Robot, *flags: str) -> ctypes.CDLL:
-    header, source = c_code(robot)
-    (folder / "ssm_robot.h").write_text(header, encoding="utf-8")
-    (folder / "ssm_robot.c").write_text(source, encoding="utf-8")
-    (folder / "driver.c").write_text(DRIVER, encoding="utf-8")
-    command = [COMPILER, *STRICT, *flags, "-shared", "-fPIC", "-o", "robot.so", "ssm_robot.c", "driver.c", "-lm"]
+SAMPLER = """
+#include "ssm_trajectory.h"
+void sample(long n, const ssm_real *t, ssm_real *q, ssm_real *qd, ssm_real *qdd, ssm_real *tau_motor);
+void sample(long n, const ssm_real *t, ssm_real *q, ssm_real *qd, ssm_real *qdd, ssm_real *tau_motor)
+{
+    for (long k = 0; k < n; ++k) ssm_sample(t[k], q + 4 * k, qd + 4 * k, qdd + 4 * k, tau_motor + 4 * k);
+}
+"""
+HARSH = """
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include "ssm_trajectory.h"
+int main(void)
+{
+    const ssm_real odd[] = {NAN, INFINITY, -INFINITY, SSM_R(0.0), -SSM_R(1.0), SSM_R(1e30)};
+    ssm_real q[4], qd[4], qdd[4], tau[4], rotation[9], position[3], sum = SSM_R(0.0);
+    for (int k = 0; k < 20000; ++k) {
+        const ssm_real t = k < 6 ? odd[k] : ssm_duration * (ssm_real)(k - 500) / SSM_R(19000.0);
+        ssm_sample(t, q, qd, qdd, k % 2 ? tau : 0);
+        ssm_forward(q, rotation, position);
+        ssm_inverse_dynamics(q, qd, qdd, tau);
+        for (int j = 0; j < 4; ++j) {
+            if (!(SSM_F(fabs)(qd[j]) <= ssm_velocity_max[j] * SSM_R(1.0001))) return 2;
+            sum += q[j] + tau[j];
+        }
+    }
+    printf("%.9g\\n", (double)sum);
+    return 0;
+}
+"""
+
+
+def built(folder: Path, texts: dict[str, str], target: str, *flags: str, compiler: str | None = COMPILER) -> Path:
+    """The C texts by file name, compiled without a warning into a file."""
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    sources = [name for name in texts if name.endswith(".c")]
+    command = [str(compiler), *STRICT, *flags, "-o", target, *sources, "-lm"]
     result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert not result.stderr
-    return ctypes.CDLL(str(folder / "robot.so"))
+    return folder / target
+
+
+def texts_of(robot: Robot, plan: Plan | None = None) -> dict[str, str]:
+    """The exported files of a robot, and of a plan."""
+    made = {"ssm_robot": c_code(robot)}
+    if plan is not None:
+        made["ssm_trajectory"] = c_trajectory(plan)
+    return {f"{name}.{ending}": text for name, pair in made.items() for ending, text in zip("hc", pair, strict=True)}
+
+
+def compiled(folder: Path, robot: Robot, *flags: str) -> ctypes.CDLL:
+    texts = {**texts_of(robot), "driver.c": DRIVER}
+    return ctypes.CDLL(str(built(folder, texts, "robot.so", *flags, "-shared", "-fPIC")))
 
 
 def pointers(*arrays: np.ndarray) -> list:
-    return [array.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for array in arrays]
+    return [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +132,12 @@ def states(count: int, seed: int) -> Samples:
     return Samples(np.arange(count, dtype=float), q, qd, qdd, qddd)
 
 
-def run_all(library: ctypes.CDLL, s: Samples) -> tuple[np.ndarray, ...]:
+def run_all(library: ctypes.CDLL, s: Samples, dtype: type = np.float64) -> tuple[np.ndarray, ...]:
     n = len(s.t)
-    out = np.empty((n, 9)), np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 4))
-    library.all(ctypes.c_long(n), *pointers(s.q, s.qd, s.qdd, s.qddd, *out))
-    return out
+    out = tuple(np.empty((n, size), dtype) for size in (9, 3, 4, 4))
+    inputs = (np.ascontiguousarray(x, dtype) for x in (s.q, s.qd, s.qdd, s.qddd))
+    library.all(ctypes.c_long(n), *pointers(*(kept := [*inputs, *out])))
+    return tuple(kept[4:])
 
 
 def close(found: np.ndarray, expected: np.ndarray) -> None:
@@ -156,11 +206,125 @@ def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:
     assert np.isnan(q[0, 1])
 
 
+def sampled(library: ctypes.CDLL, t: np.ndarray, dtype: type = np.float64) -> tuple[np.ndarray, ...]:
+    """q, qd, qdd and motor torque (n, 4) of the compiled sampler."""
+    out = tuple(np.empty((len(t), 4), dtype) for _ in range(4))
+    library.sample(ctypes.c_long(len(t)), *pointers(t.astype(dtype), *out))
+    return out
+
+
+@pytest.mark.parametrize("which", ["plan", "smooth_plan"])
+def test_the_sampler_equals_python(which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path) -> None:
+    """At 1e5 instants and at every break; before the start and after the end the robot stands and is held."""
+    plan: Plan = request.getfixturevalue(which)
+    texts = {**texts_of(robot, plan), "driver.c": SAMPLER}
+    library = ctypes.CDLL(str(built(tmp_path, texts, "t.so", "-O2", "-shared", "-fPIC")))
+    motion, rng = plan.trajectory, np.random.default_rng(5)
+    t = np.concatenate([rng.uniform(0, motion.duration, STATES), motion.breaks[:-1]])
+    s = motion.sample(t)
+    found = sampled(library, t)
+    for value, expected in zip(found[:3], (s.q, s.qd, s.qdd), strict=True):
+        size = np.maximum(np.abs(expected), 1e-3 * max(np.abs(expected).max(), 1e-300))
+        assert np.max(np.abs(value - expected) / size) <= AGREEMENT
+    driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
+    close(found[3][:, driven], expected_torque(robot, s)[:, driven])
+    begin, end = motion.sample(motion.breaks[[0, -1]], side="left").q
+    for instants, q in (([-1.0, -1e-9, np.nan, -np.inf], begin), ([motion.duration, 1e9, np.inf], end)):
+        rest = sampled(library, np.array(instants))
+        assert np.abs(rest[0] - q).max() <= AGREEMENT
+        assert not np.any(rest[1:])
+    assert ctypes.c_double.in_dll(library, "ssm_duration").value == motion.duration
+
+
+def test_single_precision(plan: Plan, robot: Robot, tmp_path: Path) -> None:
+    """Inverse dynamics within 1e-6 N·m and N in all the range of the joints at their largest speed and acceleration.
+
+    Against double precision at the same, rounded, states.
+    """
+    texts = {**texts_of(robot, plan), "driver.c": DRIVER, "sampler.c": SAMPLER}
+    library = ctypes.CDLL(str(built(tmp_path, texts, "f.so", "-O2", SINGLE, "-shared", "-fPIC")))
+    low, high = np.array([joint.position for joint in robot.joints]).T
+    bounds = np.array([[joint.velocity, joint.acceleration] for joint in robot.joints]).T
+    rng = np.random.default_rng(6)
+    shape = (STATES, 4)
+    drawn = (rng.uniform(low, high, shape), *(rng.uniform(-limit, limit, shape) for limit in bounds), np.zeros(shape))
+    state = [np.asarray(x, np.float32) for x in drawn]
+    s = Samples(np.arange(float(STATES)), *(np.asarray(x, float) for x in state))
+    rotation, position, tau, torque = run_all(library, s, np.float32)
+    expected = forward(Mechanism.from_geometry(robot.geometry), s.q)
+    assert np.abs(rotation - expected[0].reshape(-1, 9)).max() <= 2e-6
+    assert np.abs(position - expected[1]).max() <= 1e-7
+    assert np.abs(tau - RigidBody.from_robot(robot).inverse_dynamics(s.q, s.qd, s.qdd)).max() <= 1e-6
+    driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
+    assert np.abs(torque - expected_torque(robot, s))[:, driven].max() <= 1e-6
+    t = rng.uniform(0, plan.trajectory.duration, 10_000)
+    exact = plan.trajectory.sample(t)
+    found = sampled(library, t, np.float32)
+    assert np.abs(found[0] - exact.q).max() <= 1e-6
+    assert np.abs(found[1] - exact.qd).max() <= 1e-5
+
+
+def test_limits_are_constants(robot: Robot, library: ctypes.CDLL) -> None:
+    found = {name: list((ctypes.c_double * 4).in_dll(library, name)) for name in joint_limits(robot)}
+    assert found == joint_limits(robot)
+    assert found["ssm_velocity_max"] == [joint.velocity for joint in robot.joints]
+    assert found["ssm_position_min"] == [joint.position[0] for joint in robot.joints]
+    motors = [
+        np.inf if joint.motor is None or joint.drive is None else joint.motor.max_torque for joint in robot.joints
+    ]
+    assert found["ssm_motor_torque_max"] == motors
+
+
+@pytest.mark.parametrize("precision", [[], [SINGLE]], ids=["double", "single"])
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_sanitizers_find_nothing(compiler: str, precision: list[str], plan: Plan, tmp_path: Path) -> None:
+    (tmp_path / "try.c").write_text("int main(void) { return 0; }", encoding="utf-8")
+    trial = subprocess.run([compiler, *SANITIZERS, "try.c"], cwd=tmp_path, capture_output=True, check=False)
+    if trial.returncode != 0:
+        pytest.skip(f"{compiler} has no address and undefined-behaviour sanitizers here")
+    texts = {**texts_of(plan.robot, plan), "main.c": HARSH}
+    program = built(tmp_path, texts, "harsh", "-g", "-O1", *precision, *SANITIZERS, compiler=compiler)
+    run = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert not run.stderr
+
+
+def test_both_precisions_in_one_program(plan: Plan, tmp_path: Path) -> None:
+    """No name is defined twice, and a call in the wrong precision does not link."""
+    texts = texts_of(plan.robot, plan)
+    objects = {}
+    for flags, name in (([], "double"), ([SINGLE], "single")):
+        (tmp_path / name).mkdir()
+        for file, text in texts.items():
+            (tmp_path / name / file).write_text(text, encoding="utf-8")
+        command = [COMPILER, *STRICT, *flags, "-c", "ssm_robot.c", "ssm_trajectory.c"]
+        subprocess.run(command, cwd=tmp_path / name, check=True)
+        objects[name] = [f"{name}/{each}.o" for each in ("ssm_robot", "ssm_trajectory")]
+    (tmp_path / "main.c").write_text(HARSH, encoding="utf-8")
+    command = [COMPILER, *STRICT, "-Isingle", SINGLE, "main.c", *objects["single"], *objects["double"], "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    wrong = [COMPILER, "-Idouble", "main.c", *objects["single"], "-lm"]
+    failed = subprocess.run(wrong, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "undefined reference" in failed.stderr
+
+
+HOSTILE = ("*/ int x; /*", "*\\\n/ int x;", "??/\n*/", '" x "', "\r\n#define double int", "//", "\u2028")
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -> None:
+    """What the compiler sees is the same whatever the robot is called."""
+    seen = []
+    for each in ("plain", name):
+        for text in c_code(dataclasses.replace(robot, name=each), [f"Exported with {c_text(each)}."]):
+            (tmp_path / "x.c").write_text(text.replace("#include", "//"), encoding="utf-8")
+            command = [str(COMPILER), "-trigraphs", "-E", "-P", "x.c"]
+            seen.append(subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout)
+    assert seen[:2] == seen[2:]
+
+
 def test_motor_torques_are_fast_enough_for_a_control_loop(robot: Robot, tmp_path: Path) -> None:
     """At most 5 µs for all motors of the arm at -O2, the best of several runs."""
-    header, source = c_code(robot)
-    (tmp_path / "ssm_robot.h").write_text(header, encoding="utf-8")
-    (tmp_path / "ssm_robot.c").write_text(source, encoding="utf-8")
     main = """
 #include <stdio.h>
 #include <time.h>
@@ -183,12 +347,8 @@ int main(void)
     return 0;
 }
 """
-    (tmp_path / "main.c").write_text(main, encoding="utf-8")
-    command = [COMPILER, *STRICT, "-O2", "-o", "time", "ssm_robot.c", "main.c", "-lm"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    best, _ = map(
-        float, subprocess.run([str(tmp_path / "time")], capture_output=True, text=True, check=True).stdout.split()
-    )
+    program = built(tmp_path, {**texts_of(robot), "main.c": main}, "time", "-O2")
+    best, _ = map(float, subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout.split())
     assert best <= 5e-6
 
 
@@ -196,10 +356,11 @@ def test_the_exported_files_compile_also_when_marked(plan: Plan, bad_plan: Plan,
     for source, suffix, force in ((plan, "", False), (bad_plan, "_unverified", True)):
         folder = tmp_path / f"c{suffix}"
         export(source, "c", folder, force=force)
-        command = [COMPILER, *STRICT, "-c", f"ssm_robot{suffix}.c"]
+        command = [COMPILER, *STRICT, "-c", f"ssm_robot{suffix}.c", f"ssm_trajectory{suffix}.c"]
         subprocess.run(command, cwd=folder, check=True)
-        text = (folder / f"ssm_robot{suffix}.c").read_text(encoding="utf-8")
-        assert re.findall(r"#include .*", text) == [f'#include "ssm_robot{suffix}.h"', "#include <math.h>"]
+        included = re.findall(r"#include .*", "".join(path.read_text() for path in sorted(folder.glob("*.[ch]"))))
+        robot, trajectory = (f'#include "{name}{suffix}.h"' for name in ("ssm_robot", "ssm_trajectory"))
+        assert included == [robot, "#include <math.h>", trajectory, robot]
 
 
 def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
@@ -217,11 +378,10 @@ def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
     function = dense("table", [x], [ca.vertcat(*rows)])
     assert set(OPERATIONS) - {step.name for step in steps(function)} == {"assign"}
     text = write_function(
-        "void table(const double x[2], double y[40])", function, [Argument("x", 2)], [Argument("y", 40)]
+        "void table(const ssm_real x[2], ssm_real y[40])", function, [Argument("x", 2)], [Argument("y", 40)]
     )
-    signs = "static double sign_of(double x) { return (double)((x > 0.0) - (x < 0.0)); }\n"
-    prototype = "void table(const double x[2], double y[40]);\n"
-    (tmp_path / "table.c").write_text(f"#include <math.h>\n{prototype}{signs}{text}", encoding="utf-8")
+    prototype = "void table(const ssm_real x[2], ssm_real y[40]);\n"
+    (tmp_path / "table.c").write_text(f"#include <math.h>\n{REAL}{prototype}{SIGN}{text}", encoding="utf-8")
     command = [COMPILER, *STRICT, "-shared", "-fPIC", "-o", "table.so", "table.c", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     library = ctypes.CDLL(str(tmp_path / "table.so"))
