@@ -87,6 +87,11 @@ class Posterior(Value):
             if name != LOAD_OFFSET and column.min() < 0:
                 raise self._wrong("draws", f"friction is not negative: {name}", "0 or more", float(column.min()))
 
+    @property
+    def recordings(self) -> int:
+        """How many stand behind it, as far as it tells."""
+        return sum(len(ripple.torque) for ripple in (self.forwards, self.backwards) if ripple is not None)
+
     def column(self, name: str) -> Array:
         """(sets,) of one parameter."""
         return np.asarray(self.draws[:, self.names.index(name)])

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.problem.limits import JUMPS
-from ssm_planner.sizing.assess import CONFIDENCE, ROTOR, MotorVerdict
+from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
@@ -142,7 +142,7 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
         kept, open_ = _by_outcome(sizing)
         reasons = [
             f"{', '.join(kept)} are enough" if kept else "",
-            f"not checked for want of figures: {', '.join(open_)}",
+            f"not checked or not decided: {', '.join(open_)}",
         ]
         reasons.append(f"placeholder figures: {placeholders}" if placeholders else "")
         return "open", "Motors suffice: not known", "; ".join(filter(None, reasons))
@@ -292,27 +292,29 @@ def _gears(sizing: Sizing) -> list[str]:
 
 
 def _not_checked(sizing: Sizing) -> list[str]:
-    """What was not checked, one line for each motor, gear and joint, with the figures that are missing."""
-    groups: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
+    """What was not checked or not decided, a line for each motor, gear and joint, and what is missing."""
+    groups: dict[tuple[str, str], tuple[dict[str, None], dict[str, None]]] = {}
     judged = (*sizing.verdicts, *sizing.alternatives)
     pairs = [(_subject(verdict, check), check) for verdict in judged for check in verdict.checks]
     pairs += [(joint.load.drive.name, check) for joint in sizing.joints for check in joint.gear]
     for subject, check in pairs:
         if check.needs is not None:
-            names, needs = groups.setdefault(subject, ({}, {}))
+            how = "not checked" if check.margin is None else "not decided"
+            names, needs = groups.setdefault((subject, how), ({}, {}))
             names[check.name.replace("_", " ")] = None
             needs.update(dict.fromkeys(check.needs.split(" and ")))
-    lines = []
-    for subject, (names, needs) in groups.items():
-        how = "not accounted for" if list(names) == ["rotor inertia"] else "not checked"
-        lines.append(f"{subject}: {', '.join(names)} {how}: needs {'; '.join(needs)}")
-    return lines
+    return [
+        f"{subject}: {', '.join(names)} {how}: needs {'; '.join(needs)}"
+        for (subject, how), (names, needs) in groups.items()
+    ]
 
 
 def _subject(verdict: MotorVerdict, check: Check) -> str:
-    if check.name == CONFIDENCE:
-        return f"joint {verdict.joint}, friction"
-    return f"joint {verdict.joint}" if check.name == ROTOR else verdict.motor.name
+    return (
+        f"joint {verdict.joint}, friction"
+        if check.name == CONFIDENCE
+        else f"joint {verdict.joint}, {verdict.motor.name}"
+    )
 
 
 def _notes(sizing: Sizing) -> list[str]:
@@ -341,7 +343,7 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
         mark = " (placeholder figures)" if best.motor.placeholder else ""
         return f"{best.motor.name} suffices with at least {100 * confidence:g} %: the smallest that does{mark}"
     if joint.adequate is None:
-        return "not known: see above for the figures that are missing" if joint.candidates else "no motor given"
+        return "not known: see above for what would decide it" if joint.candidates else "no motor given"
     return "no motor of the list suffices" if len(joint.candidates) > 1 else "the motor does NOT suffice"
 
 

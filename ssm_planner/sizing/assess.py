@@ -11,8 +11,17 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
-from ssm_planner.sizing.checks import Check, above, all_of, below, binding, gear_checks, unchecked
-from ssm_planner.sizing.demand import Band, DemandName, FrictionSpread, linear_band, monte_carlo, spread_of
+from ssm_planner.sizing.checks import TOLERANCE, Case, Check, all_of, below, binding, gear_checks, unchecked
+from ssm_planner.sizing.demand import (
+    ELECTRICAL,
+    Band,
+    DemandName,
+    Demands,
+    FrictionSpread,
+    linear_band,
+    monte_carlo,
+    spread_of,
+)
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
@@ -21,15 +30,15 @@ from ssm_planner.sizing.motor_limits import (
     continuous_torque,
     missing,
     operating_shares,
+    rotor_range,
     supply,
     torque_constant,
 )
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.sizing.thermal_network import FIGURES
-from ssm_planner.typing import Array
+from ssm_planner.typing import Range
 
 CONFIDENCE = "confidence"
-ROTOR = "rotor_inertia"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +75,7 @@ class MotorVerdict:
     def binds(self) -> str | None:
         """The limit with the smallest margin, of motor or gear."""
         first = binding(check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE)
-        failed = [check.name for check in self.checks if check.passed is False]
+        failed = [check.name for check in self.checks if check.margin is not None and not check.passed]
         if failed == [CONFIDENCE]:
             return CONFIDENCE
         return None if first is None else first.name
@@ -81,7 +90,7 @@ class MotorVerdict:
             "adequate": self.adequate,
             "binds": self.binds,
             "probability": self.probability,
-            "margins": {check.name: check.margin for check in checks if check.name not in (CONFIDENCE, ROTOR)},
+            "margins": {check.name: check.margin for check in checks if check.name != CONFIDENCE},
             "not_checked": {check.name: check.needs for check in checks if check.passed is None},
             "checks": [check.to_dict() for check in checks],
             "heat": None if self.heat is None else self.heat.to_dict(),
@@ -93,36 +102,34 @@ class MotorVerdict:
 
 def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdict:
     """Judge a motor on a joint by the motion in `load`, repeated for ever with the pause of the conditions."""
-    drive, rotor = with_rotor(load, motor)
+    drive, inertia, rotors = with_rotor(load, motor)
     load = replace(load, drive=drive, motor=motor)
-    spread = spread_of(drive, conditions.spread)
-    band = band_of(load, motor, spread, conditions)
+    spread = replace(spread_of(drive, conditions.spread), inertia=inertia, rotors=rotors)
+    case = Case(load, band_of(load, motor, spread, conditions), spread, conditions)
     share = math.sqrt(load.duration / (load.duration + conditions.pause))
-    heat = heat_of(load, motor, conditions, share * band.high("rms_torque", conditions.confidence))
+    heat = heat_of(load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence))
     limits = _limits(motor, conditions, share, heat)
-    made = [_check(band, conditions, name, *limit) for name, limit in limits.items()]
+    made = [_check(case, name, limit) for name, limit in limits.items()]
     made.insert(1, below("speed", float(np.abs(load.speed()).max()), motor.max_speed, "rad/s"))
-    probability = _together(band, limits) if spread.known else None
-    confidence = (
-        unchecked(
-            CONFIDENCE,
-            "posterior, covariance or friction_ranges in the drive file, or a stated spread of the friction",
-        )
-        if probability is None
-        else above(CONFIDENCE, probability, conditions.confidence, "")
-    )
+    confidence = _confidence(case, limits)
     requirement = motor_requirement(load)
+    notes = tuple(_notes(load, motor, conditions))
+    if inertia is not None:
+        ends = " to ".join(f"{1e7 * end:.3g}" for end in inertia)
+        notes += (
+            f"joint {load.joint}: {' and '.join(rotors)} not stated: input inertia {ends} g·cm², looked at whole",
+        )
     return MotorVerdict(
         load=load,
         motor=motor,
         requirement=requirement,
-        band=band,
-        checks=(*made, *rotor, confidence),
-        gear=gear_checks(load, band, spread, conditions),
-        probability=probability,
+        band=case.band,
+        checks=(*made, confidence),
+        gear=gear_checks(case),
+        probability=confidence.worst,
         heat=heat,
         regions=operating_shares(motor, conditions, requirement.speed, requirement.torque, load.weight),
-        notes=tuple(_notes(load, motor, conditions)),
+        notes=notes,
     )
 
 
@@ -133,25 +140,25 @@ def band_of(load: JointLoad, motor: Motor | None, spread: FrictionSpread, condit
     return linear_band(load, load.drive, spread, motor)
 
 
-def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, tuple[Check, ...]]:
+def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tuple[str, ...]]:
     """The joint's drive with the motor's rotor in place of the one that its input inertia includes.
 
-    Where a rotor inertia is missing the drive stays as it is, and a check says what is needed.
+    Where a rotor's inertia is not stated: the largest input inertia that there can be, the range of it (kg·m²), and the
+    names of the figures that would settle it.
     """
-    original = load.motor
+    original, drive = load.motor, load.drive
     if original is not None and (original.name, original.rotor_inertia) == (motor.name, motor.rotor_inertia):
-        return load.drive, ()
-    needs = []
+        return drive, None, ()
+    old = (0.0, drive.input_inertia) if original is None else rotor_range(original)
+    new = rotor_range(motor)
+    low = max(drive.input_inertia - old[1], 0.0) + new[0]
+    high = max(drive.input_inertia - old[0], 0.0) + new[1]
+    missing_from = [each for each in (original, motor) if each is not None and each.rotor_inertia is None]
+    rotors = [f"rotor_inertia of {each.name}" for each in missing_from]
     if original is None:
-        needs.append("the motor whose rotor input_inertia includes")
-    elif original.rotor_inertia is None:
-        needs.append(f"rotor_inertia of {original.name}")
-    if motor.rotor_inertia is None:
-        needs.append(f"rotor_inertia of {motor.name}")
-    if needs or original is None or original.rotor_inertia is None or motor.rotor_inertia is None:
-        return load.drive, (unchecked(ROTOR, *needs),)
-    inertia = load.drive.input_inertia - original.rotor_inertia + motor.rotor_inertia
-    return replace(load.drive, input_inertia=inertia), ()
+        rotors.insert(0, "the motor whose rotor input_inertia includes")
+    drive = replace(drive, input_inertia=high)
+    return (drive, (low, high), tuple(rotors)) if rotors else (drive, None, ())
 
 
 Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
@@ -161,7 +168,7 @@ Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
 def _limits(motor: Motor, conditions: Conditions, share: float, heat: Heat | None) -> dict[str, Limit]:
     torque, torque_needs = _peak_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
-    voltage_needs = missing(motor, "torque_constant", "terminal_resistance", "max_winding_temperature")
+    voltage_needs = missing(motor, *ELECTRICAL)
     voltage = supply(motor, conditions)
     if voltage is None:
         voltage_needs = (*voltage_needs, "nominal_voltage or a supply voltage")
@@ -184,32 +191,33 @@ def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tup
     return min(motor.max_torque, hot * conditions.current_limit), ()
 
 
-def _check(
-    band: Band,
-    conditions: Conditions,
-    name: str,
-    demand: DemandName,
-    factor: float,
-    limit: float | None,
-    unit: str,
-    needs: tuple[str, ...],
-) -> Check:
-    if limit is None:
-        return unchecked(name, *needs)
-    worst, nominal = factor * band.high(demand, conditions.confidence), factor * band.at(demand)
-    if math.isinf(limit):
-        return Check(name, 1.0, worst=worst, limit=None, unit=unit, nominal=nominal, probability=1.0)
-    probability = float(np.mean(factor * getattr(band.worst, demand) <= limit)) if band.known else None
-    return below(name, worst, limit=limit, unit=unit, nominal=nominal, probability=probability)
+def _check(case: Case, name: str, limit: Limit) -> Check:
+    demand, factor, largest, unit, needs = limit
+    return unchecked(name, *needs) if largest is None else case.below(name, demand, largest, unit, factor)
 
 
-def _together(band: Band, limits: dict[str, Limit]) -> float:
+def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
+    """That all limits of the motor hold together with the stated confidence; `worst` is the probability."""
+    least = case.conditions.confidence
+    if not case.spread.known:
+        needs = "posterior, covariance or friction_ranges in the drive file, or a stated spread of the friction"
+        return unchecked(CONFIDENCE, needs)
+    probability, at_best = (_together(demands, limits) for demands in (case.band.worst, case.band.best))
+    margin, best = (probability - least) / least, (at_best - (1 - least)) / least
+    check = Check(
+        CONFIDENCE, margin, worst=probability, limit=least, nominal=probability, best_margin=max(margin, best)
+    )
+    return check if check.passed is not None else replace(check, needs="what decides the limits that are open")
+
+
+def _together(demands: Demands, limits: dict[str, Limit]) -> float:
     """Share of the draws in which every limit that is known holds."""
-    holds: Array = np.ones(len(band.worst.peak_torque), dtype=bool)
-    for demand, factor, limit, _, _ in limits.values():
-        if limit is not None:
-            holds = holds & (factor * getattr(band.worst, demand) <= limit)
-    return float(np.mean(holds))
+    kept = [
+        factor * getattr(demands, name) <= limit * (1 + TOLERANCE)
+        for name, factor, limit, _, _ in limits.values()
+        if limit is not None
+    ]
+    return float(np.mean(np.all(np.broadcast_arrays(*kept), axis=0)))
 
 
 def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import self_locking_margin
-from ssm_planner.problem.drive import Drive, Ratings, ScrewEnds
+from ssm_planner.problem.drive import Ratings, ScrewEnds
 from ssm_planner.sizing.demand import Band, DemandName, FrictionSpread
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.typing import Array
+from ssm_planner.units import RPM
 
 TOLERANCE = 1e-9
 
@@ -28,7 +30,7 @@ class Check:
     """One limit: what is needed against what is allowed; SI.
 
     margin = (limit − worst)/limit with `worst` taken at the stated confidence; for a lower limit (worst − limit)/limit.
-    A check that lacks a figure has no margin, and `needs` names the figure.
+    A check that lacks a figure has no margin; `needs` names the figure, or what would decide an open answer.
     """
 
     name: str
@@ -41,11 +43,16 @@ class Check:
     probability: float | None = None
     """That the limit holds; None where nothing is known of the friction's uncertainty."""
     needs: str | None = None
+    best_margin: float | None = None
+    """At the favourable end of what is not known; None: nothing is open, it is `margin`."""
 
     @property
     def passed(self) -> bool | None:
-        """None: not checked."""
-        return None if self.margin is None else self.margin >= -TOLERANCE
+        """None: lacks a figure, or holds at one end of what is not known and fails at the other."""
+        if self.margin is None:
+            return None
+        best = self.margin if self.best_margin is None else self.best_margin
+        return True if self.margin >= -TOLERANCE else False if best < -TOLERANCE else None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types; SI."""
@@ -53,6 +60,7 @@ class Check:
             "name": self.name,
             "passed": self.passed,
             "margin": self.margin,
+            "best_margin": self.margin if self.best_margin is None else self.best_margin,
             "worst": self.worst,
             "nominal": self.nominal,
             "limit": self.limit,
@@ -67,39 +75,73 @@ def unchecked(name: str, *needs: str) -> Check:
     return Check(name, needs=" and ".join(needs))
 
 
-def below(
-    name: str, worst: float, limit: float, unit: str, nominal: float | None = None, probability: float | None = 1.0
-) -> Check:
-    """A check of an upper limit; where the limit is 0 nothing is allowed and the margin is −1."""
-    margin = (limit - worst) / limit if limit > 0 else -1.0
-    return Check(
-        name,
-        margin,
-        worst=worst,
-        limit=limit,
-        unit=unit,
-        nominal=worst if nominal is None else nominal,
-        probability=probability,
-    )
+def below(name: str, worst: float, limit: float, unit: str) -> Check:
+    """A check of an upper limit against a figure of the motion alone, which is certain."""
+    return Check(name, _margin(worst, limit), worst, limit=limit, unit=unit, nominal=worst, probability=1.0)
 
 
-def above(name: str, worst: float, limit: float, unit: str, nominal: float | None = None) -> Check:
-    """A check of a lower limit > 0."""
-    return Check(
-        name,
-        (worst - limit) / limit,
-        worst=worst,
-        limit=limit,
-        unit=unit,
-        nominal=worst if nominal is None else nominal,
-        probability=1.0,
-    )
+def _margin(worst: float, limit: float) -> float:
+    """(limit − worst)/limit; where the limit is 0 nothing is allowed and the margin is −1."""
+    return (limit - worst) / limit if limit > 0 else -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What the checks of one joint are made of."""
+
+    load: JointLoad
+    band: Band
+    spread: FrictionSpread
+    conditions: Conditions
+
+    def below(self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0) -> Check:
+        """A check of an upper limit against a demand, times a factor, that is uncertain."""
+        band, confidence = self.band, self.conditions.confidence
+        worst, nominal = factor * band.high(demand, confidence), factor * band.at(demand)
+        if math.isinf(limit):
+            return Check(name, 1.0, worst=worst, unit=unit, nominal=nominal, probability=1.0)
+        drawn = factor * getattr(band.worst, demand)
+        made = Check(
+            name,
+            _margin(worst, limit),
+            worst=worst,
+            limit=limit,
+            unit=unit,
+            nominal=nominal,
+            probability=float(np.mean(drawn <= limit)) if band.known else None,
+            best_margin=_margin(factor * band.low(demand, confidence), limit),
+        )
+        if made.passed is not None:
+            return made
+        smooth = drawn if band.smooth is None else factor * getattr(band.smooth, demand)
+        return replace(made, needs=self.deciding(smooth, limit))
+
+    def deciding(self, values: Array, limit: float) -> str:
+        """Which figure or recordings would decide whether values (draws,), without ripple, exceed a limit."""
+        spread, confidence = self.spread, self.conditions.confidence
+        needs = list(spread.rotors)
+        if spread.ranges:
+            needs.append(f"narrower ranges of {', '.join(spread.ranges)}")
+        if not spread.names:
+            return " and ".join(needs)
+        posterior = spread.posterior
+        middle = float(np.median(values))
+        end = float(np.quantile(values, confidence if middle <= limit else 1 - confidence))
+        if (end - limit) * (middle - limit) > 0:
+            return " and ".join([*needs, "the ripple under this load: recordings with more of it"])
+        share = (limit - middle) / (end - middle)
+        speed = f"at motor speeds up to {float(np.abs(self.load.speed()).max()) * RPM:.0f} rpm"
+        count = 0 if posterior is None else posterior.recordings
+        if count and share**2 * 100 > 1:
+            more = math.ceil(count * (1 / share**2 - 1))
+            return " and ".join([*needs, f"about {more} more recordings {speed} beside the {count} used"])
+        return " and ".join([*needs, f"recordings {speed} that leave {share:.2g} of the spread of now"])
 
 
 def binding(checks: Iterable[Check]) -> Check | None:
-    """The check with the smallest margin; None where none was made."""
+    """Of the failing checks, else of all, the one with the smallest margin; None where none was made."""
     made = [check for check in checks if check.margin is not None]
-    return min(made, key=lambda check: check.margin or 0.0) if made else None
+    return min(made, key=lambda check: (check.passed is not False, check.margin or 0.0)) if made else None
 
 
 def all_of(answers: Iterable[bool | None]) -> bool | None:
@@ -132,15 +174,15 @@ COLUMN: dict[ScrewEnds, float] = {
 """Effective by free length of a column (Euler)."""
 
 
-def gear_checks(load: JointLoad, band: Band, spread: FrictionSpread, conditions: Conditions) -> tuple[Check, ...]:
+def gear_checks(case: Case) -> tuple[Check, ...]:
     """Every check of a joint's gear or screw; those without figures say what they need."""
-    drive = load.drive
+    load, drive = case.load, case.load.drive
     ratings = drive.ratings or Ratings()
-    checks = [_speed(load, ratings), *_output(drive, ratings, band, conditions), _duty(load, ratings, conditions)]
+    checks = [_speed(load, ratings), *_output(case, ratings), _duty(load, ratings, case.conditions)]
     if drive.self_locking:
-        checks.append(_locking(drive, spread, conditions))
+        checks.append(_locking(case))
     if drive.kind != "worm":
-        checks += _screw(load, ratings, band, conditions)
+        checks += _screw(case, ratings)
     return tuple(checks)
 
 
@@ -160,26 +202,15 @@ def _speed(load: JointLoad, ratings: Ratings) -> Check:
     return below("gear_speed", float(np.abs(load.speed()).max()), ratings.input_speed, "rad/s")
 
 
-def _output(drive: Drive, ratings: Ratings, band: Band, conditions: Conditions) -> Iterator[Check]:
-    unit = "N·m" if drive.kind == "worm" else "N"
+def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
+    unit = "N·m" if case.load.drive.kind == "worm" else "N"
     pairs: tuple[tuple[str, DemandName, str], ...] = (
         ("gear_peak_output", "peak_effort", "peak_output"),
         ("gear_continuous_output", "continuous_effort", "continuous_output"),
     )
     for name, demand, key in pairs:
         limit = getattr(ratings, key)
-        if limit is None:
-            yield unchecked(name, f"ratings.{key}")
-        else:
-            probability = float(np.mean(getattr(band.worst, demand) <= limit)) if band.known else None
-            yield below(
-                name,
-                band.high(demand, conditions.confidence),
-                limit=limit,
-                unit=unit,
-                nominal=band.at(demand),
-                probability=probability,
-            )
+        yield unchecked(name, f"ratings.{key}") if limit is None else case.below(name, demand, limit, unit)
 
 
 def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
@@ -189,42 +220,36 @@ def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
     return below("gear_duty", share, ratings.duty, "")
 
 
-def _locking(drive: Drive, spread: FrictionSpread, conditions: Conditions) -> Check:
+def _locking(case: Case) -> Check:
     """μ against cos θ_n·tan λ at the lowest plausible friction; without knowing that, only the margin at μ is known."""
+    drive, spread, confidence = case.load.drive, case.spread, case.conditions.confidence
     friction = friction_of(drive)
-    lowest = spread.lowest_mu(drive, conditions.confidence)
-    spare, _ = self_locking_margin(drive, lowest)
-    needed = lowest - float(spare)
+    lowest, highest = spread.mu_ends(drive, confidence)
+    spare, _ = self_locking_margin(drive, friction.mu)
+    needed = friction.mu - float(spare)
+    check = Check("self_locking", limit=needed, unit="μ", nominal=friction.mu)
     if friction.mu_lowest is None and "mu" not in spread.ranges and "mu" not in spread.names:
-        needs = "friction.mu_lowest, or a range or covariance of mu"
-        return Check("self_locking", limit=needed, unit="μ", nominal=friction.mu, needs=needs)
+        return replace(check, needs="friction.mu_lowest, or a range or covariance of mu")
+    low, high = ((mu - needed) / needed for mu in (lowest, highest))
+    check = replace(check, margin=low, best_margin=high, worst=lowest)
     if "mu" in spread.names:
-        highest = spread.likely_mu(drive, conditions.confidence)
-        if lowest < needed < highest:
-            needs = (
-                f"mu, which the data leave between {lowest:.3g} and {highest:.3g}: recordings with another payload, or "
-                "friction.mu_lowest from a test of holding"
-            )
-            return Check("self_locking", limit=needed, unit="μ", nominal=friction.mu, needs=needs)
-    return above("self_locking", lowest, needed, "μ", friction.mu)
+        check = replace(check, probability=float(np.mean(spread.draws("mu") > needed)))
+    if check.passed is not None:
+        return check
+    needs = f"mu, which is known to lie between {lowest:.3g} and {highest:.3g}: a test of holding (friction.mu_lowest)"
+    if "mu" in spread.names:
+        needs += f", recordings with another payload, or {case.deciding(spread.draws('mu'), needed)}"
+    return replace(check, needs=needs)
 
 
-def _screw(load: JointLoad, ratings: Ratings, band: Band, conditions: Conditions) -> list[Check]:
+def _screw(case: Case, ratings: Ratings) -> list[Check]:
     length, diameter, ends = ratings.free_length, ratings.root_diameter, ratings.ends
     if length is None or diameter is None or ends is None:
         needs = [f"ratings.{k}" for k in ("free_length", "root_diameter", "ends") if getattr(ratings, k) is None]
         return [unchecked("critical_speed", *needs), unchecked("buckling", *needs)]
     whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
     column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
-    probability = float(np.mean(band.worst.peak_effort <= column)) if band.known else None
     return [
-        below("critical_speed", float(np.abs(load.speed()).max()), whirl, "rad/s"),
-        below(
-            "buckling",
-            band.high("peak_effort", conditions.confidence),
-            limit=column,
-            unit="N",
-            nominal=band.at("peak_effort"),
-            probability=probability,
-        ),
+        below("critical_speed", float(np.abs(case.load.speed()).max()), whirl, "rad/s"),
+        case.below("buckling", "peak_effort", column, "N"),
     ]

@@ -21,11 +21,20 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior
 from ssm_planner.problem.value import unchecked
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, missing, required_voltage
+from ssm_planner.sizing.motor_limits import (
+    REFERENCE_TEMPERATURE,
+    figure,
+    missing,
+    required_voltage,
+    resistance,
+    torque_constant,
+)
 from ssm_planner.typing import Array, Indices, Range
 
 DemandName = Literal["peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"]
 DEMANDS: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")
+ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
+"""What the voltage check needs of a motor file."""
 LINEAR_DRAWS = 20_000
 SHARE = 500
 """Instants of a motion that a Monte Carlo looks at, beside those where torque jumps or peaks."""
@@ -64,7 +73,7 @@ class Band:
     worst: Demands
     best: Demands
     known: bool
-    """False: nothing is known of the uncertainty, all three are the nominal figures."""
+    """False: nothing is known of the friction's uncertainty, it is taken as stated."""
     smooth: Demands | None = None
     """`worst` without the ripple of the drive, where its peaks include one."""
 
@@ -97,9 +106,9 @@ def demands(load: JointLoad, drive: Drive, motor: Motor | None = None) -> Demand
 
 def _voltage(torque: Array, load: JointLoad, drive: Drive, motor: Motor | None) -> Array:
     """The larger need of a cold motor (more back-EMF) and a hot one (more resistance, more current)."""
-    if motor is None or missing(motor, "torque_constant", "terminal_resistance", "max_winding_temperature"):
+    if motor is None or missing(motor, *ELECTRICAL):
         return np.full(len(torque), np.nan)
-    hottest = motor.max_winding_temperature or REFERENCE_TEMPERATURE
+    hottest = figure(motor, "max_winding_temperature")
     speed = load.speed(drive)
     cold, hot = (required_voltage(torque, speed, motor, at).max(axis=1) for at in (REFERENCE_TEMPERATURE, hottest))
     return np.maximum(cold, hot)
@@ -110,16 +119,36 @@ def linear_band(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Mo
 
     The sets of a posterior are few enough for the exact law: they are taken as they are.
     """
-    nominal = demands(load, drive, motor)
-    if not spread.known:
-        return Band(nominal, nominal, nominal, False)
     if spread.posterior is not None:
         return monte_carlo(load, drive, spread, len(spread.posterior.draws), motor)
-    corners = np.concatenate([demands(load, drawn(drive, corner), motor).array() for corner in spread.corners()])
+    nominal, corners = demands(load, drive, motor), _at_corners(load, drive, spread, motor)
     moved = spread.deviations(LINEAR_DRAWS) @ _secants(load, drive, spread, motor)
-    floor = 0.0 * nominal.array()
-    worst, best = (np.maximum(ends + moved, floor) for ends in (corners.max(axis=0), corners.min(axis=0)))
-    return Band(nominal, Demands.of(worst), Demands.of(best), True)
+    worst, best = np.maximum(corners.max(axis=0) + moved, 0.0), corners.min(axis=0) + moved
+    return Band(nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known)
+
+
+def _at_corners(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Array:
+    """(corners, 5)"""
+    return np.concatenate([demands(load, drawn(drive, corner), motor).array() for corner in spread.corners()])
+
+
+def _lowest(best: Array, load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Demands:
+    """Demands (draws, 5) of the best corner, lowered to what no inertia within its range falls below.
+
+    Peaks and RMS are convex in the inertia J: between its ends they are at least their mean less (J₂ − J₁)/2 · |ẇ|.
+    """
+    low, high = spread.inertia or (0.0, 0.0)
+    wd = np.abs(load.acceleration(drive))
+    peak, rms = ((high - low) / 2 * value for value in (float(wd.max()), float(load.rms(wd))))
+    return Demands.of(np.maximum(best - [peak, rms, peak * _volts_per_torque(motor), 0.0, 0.0], 0.0))
+
+
+def _volts_per_torque(motor: Motor | None) -> float:
+    """R/k of the hot motor, V/(N·m): of what is added to its torque; NaN where figures are missing."""
+    if motor is None or missing(motor, *ELECTRICAL):
+        return np.nan
+    hottest = figure(motor, "max_winding_temperature")
+    return resistance(motor, hottest) / torque_constant(motor, hottest)
 
 
 def _secants(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Array:
@@ -136,27 +165,25 @@ def _secants(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor
 
 def monte_carlo(load: JointLoad, drive: Drive, spread: FrictionSpread, count: int, motor: Motor | None = None) -> Band:
     """The band by `count` draws of the identified parameters, each evaluated by the exact law."""
-    nominal = demands(load, drive, motor)
-    if not spread.known:
-        return Band(nominal, nominal, nominal, False)
+    nominal, at_corners = demands(load, drive, motor), _at_corners(load, drive, spread, motor)
+    if not spread.names:
+        worst, best = at_corners.max(axis=0, keepdims=True), at_corners.min(axis=0, keepdims=True)
+        return Band(nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known)
     corners = spread.corners()
-    at_corners = np.concatenate([demands(load, drawn(drive, corner), motor).array() for corner in corners])
     few = thinned(load, drive)
     deviations = spread.deviations(count)
-    worst, best = (
-        {int(extreme(np.nan_to_num(column))) for column in at_corners.T} for extreme in (np.argmax, np.argmin)
-    )
+    ends = [{int(extreme(np.nan_to_num(column))) for column in at_corners.T} for extreme in (np.argmax, np.argmin)]
     tables = {
         i: _drawn_demands(few, drive, spread=spread, deviations=deviations, corner=corners[i], motor=motor)
-        for i in sorted(worst | best)
+        for i in sorted(ends[0] | ends[1])
     }
-    high = reduce(np.maximum, (tables[i] for i in worst))
-    low = reduce(np.minimum, (tables[i] for i in best))
+    high, low = (reduce(take, (tables[i] for i in of)) for take, of in zip((np.maximum, np.minimum), ends, strict=True))
     smooth = Demands.of(high)
-    return Band(nominal, _with_ripple(smooth, load, drive), Demands.of(low), True, smooth)
+    ripple = _with_ripple(smooth, load, drive, motor)
+    return Band(nominal, ripple, _lowest(low, load, drive, spread, motor), True, None if ripple is smooth else smooth)
 
 
-def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive) -> Demands:
+def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive, motor: Motor | None) -> Demands:
     """Demands whose peaks include what the torque of screw or worm departs from its mean (draws,).
 
     Ripple is that of the recordings, larger in proportion where the torque is larger than there.
@@ -167,8 +194,9 @@ def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive) -> Demands:
     if ripple is None:
         return smooth
     beyond = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
-    scale = np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
-    return replace(smooth, peak_torque=smooth.peak_torque + scale * beyond)
+    beyond *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
+    voltage = smooth.peak_voltage + beyond * _volts_per_torque(motor)
+    return replace(smooth, peak_torque=smooth.peak_torque + beyond, peak_voltage=voltage)
 
 
 def _drawn_demands(
@@ -191,8 +219,6 @@ def _drawn_demands(
     for start in range(0, len(deviations), step):
         block = {name: value[start : start + step, None] for name, value in values.items()}
         tables.append(demands(part, drawn(drive, {**block, **corner}), motor).array())
-        if not spread.names:
-            tables[-1] = np.repeat(tables[-1], len(deviations[start : start + step]), axis=0)
     table = np.concatenate(tables)
     if idle:
         k = DEMANDS.index("peak_effort")
@@ -232,6 +258,10 @@ class FrictionSpread:
     ranges: Mapping[str, Range] = field(default_factory=dict)
     posterior: Posterior | None = None
     """Equally likely sets of the parameters, in place of mean and covariance."""
+    inertia: Range | None = None
+    """Of the motor shaft, kg·m², where a rotor's is not stated."""
+    rotors: tuple[str, ...] = ()
+    """Which rotor inertias would settle it."""
 
     @property
     def known(self) -> bool:
@@ -245,8 +275,8 @@ class FrictionSpread:
 
     def corners(self) -> tuple[dict[str, float], ...]:
         """Every combination of the ends of the ranges; one empty one without ranges."""
-        names = list(self.ranges)
-        return tuple(dict(zip(names, ends, strict=True)) for ends in itertools.product(*self.ranges.values()))
+        ranges = {**self.ranges, **({} if self.inertia is None else {"input_inertia": self.inertia})}
+        return tuple(dict(zip(ranges, ends, strict=True)) for ends in itertools.product(*ranges.values()))
 
     def deviations(self, count: int) -> Array:
         """Draws of the uncertain parameters less their means, (count, k), always the same.
@@ -254,7 +284,7 @@ class FrictionSpread:
         A covariance is drawn log-normal, with these means and this covariance: friction is not negative.
         """
         if not self.names:
-            return np.zeros((count, 0))
+            return np.zeros((1, 0))
         if self.posterior is not None:
             sets = self.posterior.values(count)
             return np.column_stack([sets[name] for name in self.names]) - self.mean
@@ -270,20 +300,18 @@ class FrictionSpread:
         """Parameters by name, (count,) each, for deviations (count, k) from the means."""
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
-    def lowest_mu(self, drive: Drive, confidence: float) -> float:
-        """Smallest plausible kinetic coefficient: the least of file, ranges and lower quantile."""
+    def draws(self, name: str) -> Array:
+        """(draws,) of one of `names`."""
+        return self.values(self.deviations(LINEAR_DRAWS))[name]
+
+    def mu_ends(self, drive: Drive, confidence: float) -> Range:
+        """Smallest and largest plausible kinetic coefficient, each by file, ranges and quantile of the draws."""
         friction = friction_of(drive)
         lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
-        if "mu" in self.ranges:
-            lowest = min(lowest, self.ranges["mu"][0])
-        return min(lowest, self.likely_mu(drive, 1 - confidence))
-
-    def likely_mu(self, drive: Drive, probability: float) -> float:
-        """The kinetic coefficient that is not exceeded with a probability, as far as data speak of it."""
-        if "mu" not in self.names:
-            return friction_of(drive).mu
-        draws = self.values(self.deviations(LINEAR_DRAWS))["mu"]
-        return float(np.quantile(draws, probability))
+        ends = [lowest, friction.mu, *self.ranges.get("mu", ())]
+        if "mu" in self.names:
+            ends += np.quantile(self.draws("mu"), [1 - confidence, confidence]).tolist()
+        return min(ends), max(ends)
 
 
 def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
@@ -319,18 +347,18 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
 
 
 def drawn(drive: Drive, values: Mapping[str, Any]) -> Drive:
-    """The drive with friction parameters (and preload) replaced; arrays (count, 1) stand for many drives at once.
+    """The drive with friction parameters (preload, input_inertia) replaced; arrays (count, 1) stand for many drives at once.
 
     The static coefficient keeps its ratio to the coefficient in motion unless it is among the values.
     """
-    friction: dict[str, Any] = {name: value for name, value in values.items() if name != "preload"}
+    own = {name: values[name] for name in ("preload", "input_inertia") if name in values}
+    friction: dict[str, Any] = {name: value for name, value in values.items() if name not in own}
     given = friction_of(drive)
     moving = given.mu + given.mu_stribeck
     if "mu_static" not in friction and moving > 0 and {"mu", "mu_stribeck"} & set(friction):
         now = friction.get("mu", given.mu) + friction.get("mu_stribeck", given.mu_stribeck)
         friction["mu_static"] = given.mu_static / moving * now
-    preload: Any = values.get("preload", drive.preload)
-    return unchecked(drive, friction=unchecked(given, **friction), preload=preload)
+    return unchecked(drive, friction=unchecked(given, **friction), **own)
 
 
 def _value(drive: Drive, name: str) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Range
 
 REFERENCE_TEMPERATURE = 298.15
 """Datasheets state resistance, torque constant and nominal torque at 25 °C, K."""
@@ -72,6 +72,16 @@ def figure(motor: Motor, name: str) -> float:
     if value is None:
         raise ProblemError("missing: this figure is needed", file=motor.file, key=name)
     return float(value)
+
+
+SLOWEST_START = 2e4
+"""rad/s², nominal torque by rotor inertia; 48 motors of 13 to 22 mm (maker's pages, 2020) have 2.9e4 to 1.9e5."""
+
+
+def rotor_range(motor: Motor) -> Range:
+    """Rotor inertia, kg·m²: as stated, else from 0 to a bound by the nominal torque of motors of this class."""
+    stated = motor.rotor_inertia
+    return (0.0, motor.nominal_torque / SLOWEST_START) if stated is None else (stated, stated)
 
 
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:

@@ -16,7 +16,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of
-from ssm_planner.sizing.checks import Check, all_of, binding, gear_checks
+from ssm_planner.sizing.checks import Case, Check, all_of, binding, gear_checks
 from ssm_planner.sizing.demand import Band, DemandName, spread_of
 from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -155,7 +155,7 @@ def _joint(load: JointLoad, candidates: Sequence[Motor] | None, conditions: Cond
     verdicts.sort(key=lambda verdict: (verdict.motor.nominal_torque, verdict.motor.max_torque))
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(load, None, spread, conditions)
-    gear = gear_checks(load, band, spread, conditions)
+    gear = gear_checks(Case(load, band, spread, conditions))
     return JointSizing(
         load, motor_requirement(load), band, gear, candidates=tuple(verdicts), alternatives=tuple(alternatives)
     )

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sizing_cases import with_covariance
 
 from ssm_planner.problem.drive import Ratings
-from ssm_planner.sizing.checks import BENDING, COLUMN, DENSITY, YOUNG, buckling_load, critical_speed, gear_checks
+from ssm_planner.sizing.checks import BENDING, COLUMN, DENSITY, YOUNG, Case, buckling_load, critical_speed, gear_checks
 from ssm_planner.sizing.demand import linear_band, spread_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -67,7 +67,7 @@ def checks_of(load: JointLoad, ratings: Ratings | None, conditions: Conditions |
     conditions = conditions or Conditions()
     spread = spread_of(load.drive, conditions.spread)
     band = linear_band(load, load.drive, spread)
-    return {check.name: check for check in gear_checks(load, band, spread, conditions)}
+    return {check.name: check for check in gear_checks(Case(load, band, spread, conditions))}
 
 
 def test_without_ratings_nothing_passes(loads: tuple[JointLoad, ...]) -> None:
@@ -109,7 +109,12 @@ def test_self_locking_at_the_lowest_plausible_friction(loads: tuple[JointLoad, .
     mu = load.drive.friction.mu
     sigma = math.sqrt(math.log1p(0.05**2))
     assert check.worst == pytest.approx(mu * math.exp(-2.326347874 * sigma - sigma**2 / 2), rel=5e-3)
-    assert checks_of(load, None, Conditions(spread=0.5))["self_locking"].passed is False
+    # a range whose one end locks and whose other does not leaves it open; one that lies below does not
+    straddling = checks_of(load, None, Conditions(spread=0.5))["self_locking"]
+    assert straddling.passed is None
+    assert "between 0.085 and 0.255" in straddling.needs
+    slippery = replace(load.drive, friction=replace(load.drive.friction, mu=0.05))
+    assert checks_of(replace(load, drive=slippery), None, Conditions(spread=0.5))["self_locking"].passed is False
     # at the stated coefficient alone nothing is claimed, but its figure is there
     bare = checks_of(load, None)["self_locking"]
     assert (bare.passed, bare.nominal, bare.limit) == (None, mu, pytest.approx(needed))

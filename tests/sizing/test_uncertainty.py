@@ -88,7 +88,7 @@ def test_a_stated_range_replaces_the_covariance_of_that_parameter(loads: tuple[J
     assert spread.names == ("b_c", "b_v", "b_oc")
     assert spread.ranges["mu"] == (0.1, 0.2)
     assert spread.ranges["b_ov"] == pytest.approx((0.5 * drive.friction.b_ov, 1.5 * drive.friction.b_ov))
-    assert spread.lowest_mu(drive, 0.99) == 0.1
+    assert spread.mu_ends(drive, 0.99) == (0.1, 0.2)
 
 
 def test_the_static_coefficient_moves_with_the_kinetic_one(loads: tuple[JointLoad, ...]) -> None:
