@@ -1,0 +1,114 @@
+"""Drives identified from the rigs' recordings, handed on to sizing: peaks against 20 000 draws computed apart."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner import identify
+from ssm_planner.loading.shipped import shipped_names
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.motorisation import Motorisation, Stroke
+from ssm_planner.problem.posterior import Posterior, Ripple
+from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.sizing.demand import spread_of
+from ssm_planner.sizing.duty import DutyCycle
+from ssm_planner.sizing.joint_load import JointLoad
+from ssm_planner.sizing.size import size
+from ssm_planner.typing import Array
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+RIGS = {
+    "rig1_lead_screw": ("drive1_lead_screw", "insertion"),
+    "rig2_antibacklash_screw": ("drive2_antibacklash_screw", "insertion"),
+    "rig3_worm": ("drive3_worm", "tilt"),
+}
+"""Recordings of each rig, and a joint that its kind of drive can move."""
+STROKES = {"insertion": Stroke("insertion", -0.015, 0.01, 0.02, 0.1), "tilt": Stroke("tilt", 0.0, 1.5, 1.13, 3.49)}
+DRAWS = 20_000
+
+
+def reference_peaks(load: JointLoad, drive: Drive, posterior: Posterior) -> Array:
+    """(DRAWS,) largest |torque| with ripple: the law as the paper prints it, and a further recording's peak beyond it."""
+    rng = np.random.default_rng(11)
+    rows = posterior.draws[rng.integers(len(posterior.draws), size=DRAWS)]
+    moving = load.direction != 0
+    # the torque is largest at one of few instants: those of the largest effort, speed and acceleration each way
+    keep = np.unique(np.linspace(0, moving.sum() - 1, 300).astype(int))
+    keep = np.append(keep, np.flatnonzero(load.breakaway[moving] > 0))
+    way, qd, qdd, rigid, start = (
+        part[moving][keep] for part in (load.direction, load.qd, load.qdd, load.tau_rigid, load.breakaway > 0)
+    )
+    peaks = np.empty(DRAWS)
+    for n, row in enumerate(rows):
+        values = {name: getattr(drive.friction, name) for name in ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")}
+        values |= {"mu_stribeck": drive.friction.mu_stribeck, "stribeck_speed": drive.friction.stribeck_speed}
+        values |= {"preload": drive.preload} | dict(zip(posterior.names, row, strict=True))
+        peaks[n] = np.abs(torque(drive, values, way, qd, qdd, rigid, start)).max()
+    biggest = load.torque(drive)[np.argmax(np.abs(load.torque(drive)))]
+    ripple = posterior.ripple(1 if biggest >= 0 else -1)
+    return peaks if ripple is None else peaks + beyond(ripple, peaks, rng)
+
+
+def torque(
+    drive: Drive, values: dict[str, float], way: Array, qd: Array, qdd: Array, rigid: Array, start: Array
+) -> Array:
+    """(n,) motor torque; the static coefficient keeps its ratio to that just after the start."""
+    friction, w = drive.friction, drive.ratio * qd
+    mu = np.full(len(w), values["mu"])
+    if friction.law != "coulomb":
+        x = np.abs(w) / values["stribeck_speed"]
+        mu = mu + values["mu_stribeck"] * (np.exp(-2 * x) if friction.law.endswith("exponential") else np.exp(-(x**2)))
+    ratio = friction.mu_static / (friction.mu + friction.mu_stribeck)
+    mu = np.where(start, np.maximum(mu, ratio * (values["mu"] + values["mu_stribeck"])), mu)
+    effort = rigid + drive.output_inertia * qdd + values["b_oc"] * way + values["b_ov"] * qd
+    phi, lead, gamma = np.arctan(mu / np.cos(drive.pressure_angle)), drive.lead_angle, drive.gamma
+    own = drive.input_inertia * drive.ratio * qdd + values["b_c"] * way + values["b_v"] * w
+    if drive.kind != "antibacklash_screw":
+        return own + gamma * np.tan(lead + np.sign(effort * way) * phi) * effort
+    second = values["preload"] + drive.second_nut_mass * qdd
+    return own + gamma * (np.tan(lead - way * phi) * (effort - values["preload"]) + np.tan(lead + way * phi) * second)
+
+
+def beyond(ripple: Ripple, peaks: Array, rng: np.random.Generator) -> Array:
+    logs = np.log(ripple.peak)
+    t = rng.standard_t(len(logs) - 1, size=len(peaks))
+    departures = np.exp(logs.mean() + logs.std(ddof=1) * np.sqrt(1 + 1 / len(logs)) * t)
+    return departures * np.maximum(peaks / np.median(ripple.torque), 1.0)
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+@pytest.mark.parametrize("rig", RIGS)
+def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
+    folder, joint = RIGS[rig]
+    files = sorted((RECORDINGS / folder / "steady_state").glob("*.csv"))
+    drive = identify(shipped_names("drives")[rig], files).drive
+    posterior = drive.friction.posterior
+    assert posterior is not None
+    i = JOINTS.index(joint)
+    motor = Motor("any", nominal_torque=0.02, max_torque=0.05, max_speed=5000.0)
+    joints = tuple(
+        replace(each, drive=drive, motor=motor, alternatives=()) if k == i else each
+        for k, each in enumerate(robot.joints)
+    )
+    duty = DutyCycle.of_motorisation(Motorisation("one axis", replace(robot, joints=joints), (STROKES[joint],)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (found,) = size(duty).joints
+        expected = reference_peaks(found.load, drive, posterior)
+    band = found.band
+    for confidence in (0.5, 0.9, 0.99):
+        assert band.high("peak_torque", confidence) == pytest.approx(np.quantile(expected, confidence), rel=0.1)
+    assert np.isfinite(expected).all()
+    assert band.at("peak_torque") < band.high("peak_torque", 0.99) < 20 * band.at("peak_torque")
+    # every draw is a set of the posterior as it stands: none is clipped
+    spread = spread_of(drive)
+    taken = spread.values(spread.deviations(len(posterior.draws)))
+    for name, column in taken.items():
+        assert column == pytest.approx(posterior.column(name), rel=1e-9, abs=1e-15)
+        assert column.min() >= 0
