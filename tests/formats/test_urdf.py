@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,7 +11,7 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.formats.export import export
-from ssm_planner.formats.urdf import effort_limit, rpy, urdf
+from ssm_planner.formats.urdf import LINKS, SMALLEST_MASS, effort_limit, rpy, urdf
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
@@ -19,6 +20,8 @@ from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 
 RNG = np.random.default_rng(11)
 AGREEMENT = 1e-9
+Evaluate = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+"""q, qd, qdd (4,) → rotation and position of the tool, joint torques."""
 
 
 def another_robot(robot: Robot, seed: int) -> Robot:
@@ -51,32 +54,90 @@ def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Ro
     assert total == pytest.approx(sum(body.mass for body in robot.bodies), abs=1e-8)
 
 
+def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
+    pin = pytest.importorskip("pinocchio", reason="package pin, extra test")
+    model = pin.buildModelFromUrdf(str(path))
+    model.gravity.linear = np.array(robot.gravity)
+    data, tool = model.createData(), model.getFrameId("tool")
+    assert [model.names[k] for k in range(1, 5)] == [joint.name for joint in robot.joints]
+    for k, joint in enumerate(robot.joints):
+        assert (model.lowerPositionLimit[k], model.upperPositionLimit[k]) == pytest.approx(joint.position, abs=1e-12)
+        assert model.velocityLimit[k] == pytest.approx(joint.velocity, abs=1e-12)
+
+    def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
+        pin.framesForwardKinematics(model, data, q)
+        return data.oMf[tool].rotation, data.oMf[tool].translation, pin.rnea(model, data, q, qd, qdd)
+
+    masses = {link: model.inertias[k + 1].mass for k, link in enumerate(LINKS)}
+    masses["stage"] -= SMALLEST_MASS  # it is one body with the tool
+    return masses, evaluate
+
+
+def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
+    mj = pytest.importorskip("mujoco", reason="package mujoco, extra test")
+    whole = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # the tool stays a body of its own
+    model = mj.MjModel.from_xml_string(path.read_text(encoding="utf-8").replace("</robot>", whole))
+    model.opt.gravity[:] = robot.gravity
+    model.opt.disableflags |= mj.mjtDisableBit.mjDSBL_CONSTRAINT  # limits and contacts
+    data, tool = mj.MjData(model), model.body("tool").id
+
+    def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
+        mj.mj_inverse(model, data)
+        return data.xmat[tool].reshape(3, 3), data.xpos[tool], data.qfrc_inverse
+
+    return {link: float(model.body(link).mass[0]) for link in LINKS}, evaluate
+
+
+def pybullet(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
+    bullet = pytest.importorskip("pybullet", reason="package pybullet, extra test: wheels for Linux up to Python 3.11")
+    client = bullet.connect(bullet.DIRECT)
+    bullet.setGravity(*robot.gravity, physicsClientId=client)
+    flags = bullet.URDF_USE_INERTIA_FROM_FILE
+    body = bullet.loadURDF(str(path), useFixedBase=True, flags=flags, physicsClientId=client)
+    links = [bullet.getJointInfo(body, k, client)[12].decode() for k in range(5)]
+
+    def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
+        for k in range(4):
+            bullet.resetJointState(body, k, q[k], qd[k], client)
+        # of the centre of mass, which is the tool's origin: that of the frame comes in single precision
+        place, turn, *_ = bullet.getLinkState(body, links.index("tool"), 0, True, client)
+        torque = bullet.calculateInverseDynamics(body, q.tolist(), qd.tolist(), qdd.tolist(), physicsClientId=client)
+        return np.reshape(bullet.getMatrixFromQuaternion(turn), (3, 3)), np.array(place), np.array(torque)
+
+    return {link: bullet.getDynamicsInfo(body, links.index(link), client)[0] for link in LINKS}, evaluate
+
+
+def yourdfpy(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
+    model = pytest.importorskip("yourdfpy", reason="package yourdfpy, extra test").URDF.load(str(path))
+
+    def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
+        model.update_cfg(q)
+        placed = model.get_transform("tool", "base")
+        return placed[:3, :3], placed[:3, 3]  # it knows no dynamics
+
+    return {link: model.link_map[link].inertial.mass for link in LINKS}, evaluate
+
+
+@pytest.mark.parametrize("reader", [pinocchio, mujoco, pybullet, yourdfpy])
 @pytest.mark.parametrize("seed", [None, 1, 2, 3])
-def test_pinocchio_finds_equal_kinematics_and_dynamics(robot: Robot, tmp_path: Path, seed: int | None) -> None:
-    pin = pytest.importorskip("pinocchio", reason="Pinocchio (package pin, extra test) is the independent reader")
+def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
+    robot: Robot, tmp_path: Path, seed: int | None, reader: Callable[[Path, Robot], tuple[dict[str, float], Evaluate]]
+) -> None:
     robot = robot if seed is None else another_robot(robot, seed)
     path = tmp_path / "robot.urdf"
     path.write_text(urdf(robot), encoding="utf-8")
-    model = pin.buildModelFromUrdf(str(path))
-    model.gravity.linear = np.array(robot.gravity)
-    data = model.createData()
-    assert [model.names[k] for k in range(1, 5)] == [joint.name for joint in robot.joints]
-    assert model.nq == model.nv == 4
+    masses, evaluate = reader(path, robot)
+    given = [body.mass or SMALLEST_MASS for body in robot.bodies]
+    assert list(masses.values()) == pytest.approx(given, rel=1e-12)
     mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
     q = RNG.uniform(-3, 3, (50, 4)) * [1, 1, 1, 0.05]
     qd, qdd = RNG.normal(size=(50, 4)), RNG.normal(size=(50, 4)) * 5
     rotations, positions = forward(mechanism, q)
-    tau = body.inverse_dynamics(q, qd, qdd)
-    tool = model.getFrameId("tool")
-    for k in range(50):
-        pin.framesForwardKinematics(model, data, q[k])
-        assert np.abs(data.oMf[tool].rotation - rotations[k]).max() <= AGREEMENT
-        assert np.abs(data.oMf[tool].translation - positions[k]).max() <= AGREEMENT
-        assert np.abs(pin.rnea(model, data, q[k], qd[k], qdd[k]) - tau[k]).max() <= AGREEMENT
-    for k, joint in enumerate(robot.joints):
-        assert model.lowerPositionLimit[k] == pytest.approx(joint.position[0], abs=1e-12)
-        assert model.upperPositionLimit[k] == pytest.approx(joint.position[1], abs=1e-12)
-        assert model.velocityLimit[k] == pytest.approx(joint.velocity, abs=1e-12)
+    wanted = zip(rotations, positions, body.inverse_dynamics(q, qd, qdd), strict=True)
+    for k, ours in enumerate(wanted):
+        for mine, theirs in zip(ours, evaluate(q[k], qd[k], qdd[k]), strict=False):
+            assert np.abs(mine - theirs).max() <= AGREEMENT
 
 
 def test_rpy_is_accurate_next_to_its_singularity() -> None:
