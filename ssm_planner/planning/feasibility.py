@@ -1,29 +1,49 @@
-"""Whether a motion stays where limits allow: joint ranges and the eye, along straight paths and at the points of others."""
+"""What stands in the way of a motion, told without a solver: ranges, the eye, end speeds, weak motors, short durations.
+
+`infeasible_place` looks along straight paths and at the points of other motions, `with_boundary_rates` at the speeds with
+which all motions begin and end, `no_motion`, where a solver found none, at what may be the cause.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import breakaway_torque
+from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.planning.phases import Phase, branch_of, driven_joints
+from ssm_planner.kinematics.task import joint_rates, task_from_joints
+from ssm_planner.planning.phases import Phase, straight_path
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.retiming.paths import StraightPath
-from ssm_planner.problem.limits import TASK, JointPosition, RetinaClearance, TaskRange
+from ssm_planner.planning.retiming.paths import JointPath
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.limits import (
+    TASK,
+    Direction,
+    Duration,
+    JointAcceleration,
+    JointPosition,
+    JointVelocity,
+    Limit,
+    MotorTorque,
+    RetinaClearance,
+    TaskRange,
+)
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 from ssm_planner.units import shown
 
 SAMPLES = 201
+"""Of a path."""
 TOLERANCE = 1e-9
-"""Share of a range, or m and shares of the lens, by which a joint or the tip may miss it."""
+"""Share of a range, or m and shares of the lens, by which a joint or the tip may miss it; of a speed or acceleration."""
 AT_POINTS = 1e-6
 """rad or m by which a task coordinate that follows from joints may miss its range; the check of the motion is finer."""
 
@@ -31,15 +51,21 @@ AT_POINTS = 1e-6
 def infeasible_place(problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]) -> Reason | None:
     """The first place that a limit forbids: range of a joint or of a task coordinate, the retina's clearance or the lens."""
     for phase in phases:
-        q = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES)).q if phase.path is not None else phase.points
-        reason = (
-            _beyond_range(problem.robot, phase, q)
-            or _beyond_task_range(problem, mechanism, phase)
-            or blocked_by_eye(problem, mechanism, phase, q)
-        )
+        q = _joints(phase)
+        reason = _beyond_range(problem, mechanism, phase, q) or blocked_by_eye(problem, mechanism, phase, q)
         if reason is not None:
             return reason
     return None
+
+
+def _joints(phase: Phase) -> Array:
+    """Joints along a straight path, or at the points of another motion, (n, 4)."""
+    return phase.points if phase.path is None else _along(phase.path)
+
+
+def _along(path: JointPath) -> Array:
+    """Joints along a path, (SAMPLES, 4)."""
+    return path.sample(np.linspace(0.0, 1.0, SAMPLES)).q
 
 
 def _where(phase: Phase, k: int, count: int) -> str:
@@ -51,45 +77,30 @@ def _where(phase: Phase, k: int, count: int) -> str:
     return f"{phase.motion.name}, {100 * k / (count - 1):.0f} % of the way"
 
 
-def _beyond_range(robot: Robot, phase: Phase, q: Array) -> Reason | None:
-    """The first joint that leaves its range at one of these samples (n, 4), where it does so most."""
-    for i, joint in enumerate(robot.joints):
-        low, high = joint.position
-        over = np.maximum(low - q[:, i], q[:, i] - high)
-        if over.max() <= TOLERANCE * (high - low):
-            continue
-        k = int(np.argmax(over))
-        value, limit = float(q[k, i]), low if q[k, i] < low else high
-        position = joint.limit(JointPosition)
-        unit, scale = shown(position.unit)
-        where = _where(phase, k, len(q))
-        text = (
-            f"joint {joint.name} would have to reach {value * scale:.6g} {unit}, its range ends at "
-            f"{limit * scale:.6g} {unit} ({where})"
-        )
-        return Reason(position, where, value, limit, text)
-    return None
+def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Reason | None:
+    """The first joint or task coordinate that leaves its range, where it does so most.
 
+    Joints at these samples (n, 4); task coordinates at the points of the phase, which may be given as joints or by the tip.
+    """
 
-def _beyond_task_range(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
-    """The first task coordinate that is outside its range at a point given as joints or by the tip."""
-    task = task_from_joints(mechanism, phase.points)
-    for limit in problem.limits:
-        if not isinstance(limit, TaskRange):
-            continue
-        values = task[:, TASK.index(limit.coordinate)]
+    def ranges() -> Iterator[tuple[Limit, str, Array, float]]:
+        for i, joint in enumerate(problem.robot.joints):
+            tolerance = TOLERANCE * (joint.position[1] - joint.position[0])
+            yield joint.limit(JointPosition), f"joint {joint.name} would have to reach", q[:, i], tolerance
+        task = task_from_joints(mechanism, phase.points)
+        for limit in problem.limits:
+            if isinstance(limit, TaskRange):
+                name = limit.coordinate
+                yield limit, f"{name} would have to be", task[:, TASK.index(name)], AT_POINTS
+
+    for limit, words, values, tolerance in ranges():
         over = np.maximum(limit.low - values, values - limit.high)
-        if over.max() <= AT_POINTS:
-            continue
         k = int(np.argmax(over))
-        value, bound = float(values[k]), limit.bound(float(values[k]))
-        unit, scale = shown(limit.unit)
-        where = _where(phase, k, len(values))
-        text = (
-            f"{limit.coordinate} would have to be {value * scale:.6g} {unit}, its range ends at "
-            f"{bound * scale:.6g} {unit} ({where})"
-        )
-        return Reason(limit, where, value, bound, text)
+        if over[k] > tolerance:
+            value, bound, where = float(values[k]), limit.bound(float(values[k])), _where(phase, k, len(values))
+            unit, scale = shown(limit.unit)
+            text = f"{words} {value * scale:.6g} {unit}, its range ends at {bound * scale:.6g} {unit} ({where})"
+            return Reason(limit, where, value, bound, text)
     return None
 
 
@@ -119,23 +130,169 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
 
 def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Phase | None:
     """A free phase from rest to rest, straight in task coordinates; None where it cannot be, or a limit forbids a place."""
-    if len(phase.points) != 2 or phase.qd_start.any() or phase.qd_end.any() or not _ways_differ(phase):
+    # whether the line in task coordinates is another one than that in the joints
+    ways_differ = np.abs((phase.end - phase.start)[:2]).max() > TOLERANCE
+    if len(phase.points) != 2 or phase.qd_start.any() or phase.qd_end.any() or not ways_differ:
         return None
     first, last = phase.points
-    path = StraightPath(
-        mechanism,
-        start=phase.start,
-        end=phase.end,
-        branch=branch_of(mechanism, first),
-        first=first,
-        watched=driven_joints(problem.robot),
-    )
+    path = straight_path(problem, mechanism, phase.start, phase.end, first)
     if np.abs(path.sample(np.array([1.0])).q[0] - last).max() > TOLERANCE:
         return None
     straight = replace(phase, path=path)
     return None if infeasible_place(problem, mechanism, (straight,)) is not None else straight
 
 
-def _ways_differ(phase: Phase) -> bool:
-    """The straight line in task coordinates is another one than that in the joints."""
-    return bool(np.abs((phase.end - phase.start)[:2]).max() > TOLERANCE)
+def with_boundary_rates(
+    problem: Problem, mechanism: Mechanism, phases: tuple[Phase, ...]
+) -> tuple[tuple[Phase, ...], Reason | None]:
+    """The phases with q̇ at the start of the first and the end of the last, or the reason why they cannot have them.
+
+    Raises ProblemError where a straight motion would leave its line.
+    """
+    first, reason = _with_rate(problem, mechanism, phases[0], "start_rate")
+    if reason is not None:
+        return phases, reason
+    phases = (first, *phases[1:])
+    last, reason = _with_rate(problem, mechanism, phases[-1], "end_rate")
+    if reason is not None:
+        return phases, reason
+    phases = (*phases[:-1], last)
+    return phases, next((reason for phase in phases if (reason := _too_near(problem, phase)) is not None), None)
+
+
+def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -> tuple[Phase, Reason | None]:
+    """A phase with q̇ at one end, from the task rates that the problem asks for there; key: start_rate or end_rate."""
+    at_start = key == "start_rate"
+    asked = problem.start_rate if at_start else problem.end_rate
+    rate = np.array([asked.get(name, 0.0) for name in TASK])
+    if not rate.any():
+        return phase, None
+    if phase.motion.kind == "dwell":
+        raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
+    if phase.path is not None:
+        _refuse_off_line(problem, phase, key, rate)
+    qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
+    step = phase.points[1] - phase.points[0] if at_start else phase.points[-1] - phase.points[-2]
+    reason = _too_fast(problem, phase, key, qd, step)
+    return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
+
+
+def _refuse_off_line(problem: Problem, phase: Phase, key: str, rate: Array) -> None:
+    """ProblemError for task rates (4,) that do not point along a straight motion."""
+    way = phase.end - phase.start
+    along = way * (way @ rate) / (way @ way)
+    if way @ rate < 0 or np.abs(rate - along).max() > 1e-9 * np.abs(rate).max():
+        raise ProblemError(
+            f"a straight motion ({phase.motion.name}) keeps to its line, from its start to its target",
+            file=problem.file,
+            key=key,
+            allowed="rates of the coordinates that the motion changes, in their ratio, and in its direction",
+        )
+
+
+def _too_fast(problem: Problem, phase: Phase, key: str, qd: Array, step: Array) -> Reason | None:
+    """A joint that would be faster than its limit, or move against its way in a free motion; step (4,): that way."""
+    place = f"{phase.motion.name}, {key.replace('_', ' ')}"
+    for i, joint in enumerate(problem.robot.joints):
+        limit = joint.limit(JointVelocity)
+        unit, scale = shown(limit.unit)
+        if abs(qd[i]) > joint.velocity * (1 + TOLERANCE):
+            text = (
+                f"joint {joint.name} would move at {scale * abs(qd[i]):.4g} {unit}, its limit is "
+                f"{scale * limit.largest:.4g} {unit} ({place})"
+            )
+            return Reason(limit, place, float(abs(qd[i])), limit.largest, text)
+        if phase.path is None and qd[i] * np.sign(step[i]) <= 0 and qd[i] != 0:
+            text = (
+                f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
+                "add a point where it turns, or leave this rate out"
+            )
+            return Reason(Direction(joint.name), place, float(np.sign(step[i])), float(np.sign(qd[i])), text)
+    return None
+
+
+def _too_near(problem: Problem, phase: Phase) -> Reason | None:
+    """A joint whose way is too short for its change of speed: |q̇₁² − q̇₀²| = 2 q̈ way at least needs more than q̈_max."""
+    if not (phase.qd_start.any() or phase.qd_end.any()):
+        return None
+    q = _joints(phase)
+    for i, joint in enumerate(problem.robot.joints):
+        first, last = float(phase.qd_start[i]), float(phase.qd_end[i])
+        way = float(np.abs(np.diff(q[:, i])).sum())
+        needed = abs(first**2 - last**2) / (2 * way) if way > 0 else 0.0
+        if needed > joint.acceleration * (1 + TOLERANCE):
+            unit, scale = shown(joint.limit(JointPosition).unit)
+            text = (
+                f"joint {joint.name} has {scale * way:.4g} {unit} to go from {scale * abs(first):.4g} to "
+                f"{scale * abs(last):.4g} {unit}/s: that takes {scale * needed:.4g} {unit}/s², its limit is "
+                f"{scale * joint.acceleration:.4g} {unit}/s² ({phase.motion.name})"
+            )
+            return Reason(joint.limit(JointAcceleration), phase.motion.name, needed, joint.acceleration, text)
+    return None
+
+
+def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> Reason:
+    """What stands in the way along a path: a motor that is too weak, or the eye; the solver's word where nothing does."""
+    reason = motor_too_weak(problem, phase, path, SAMPLES)
+    if reason is not None:
+        return reason
+    blocked = blocked_by_eye(problem, path.mechanism, phase, _along(path))
+    if blocked is not None:
+        text = f"{blocked.message}; no way around it was found ({message})"
+        return replace(blocked, message=text)
+    text = f"{phase.motion.name}: no motion found ({message})"
+    return Reason(None, phase.motion.name, None, None, text)
+
+
+def motor_too_weak(problem: Problem, phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
+    """The motor that is most too weak at the knots of a path or, with `samples`, between them too.
+
+    A motor too weak at the knots of a free motion's path is so whatever way the motion takes between them.
+    """
+    knots, _ = path.directions
+    s = np.union1d(np.linspace(0.0, 1.0, samples), knots)
+    gravity = RigidBody.from_robot(problem.robot).gravity_load(path.sample(s).q)
+    weakest: tuple[float, Reason] | None = None
+    for i, joint in enumerate(problem.robot.joints):
+        if joint.drive is None or joint.motor is None:
+            continue
+        needed = _starting_torque(path, i, joint.drive, s, gravity[:, i])
+        k = int(np.argmax(needed))
+        available = joint.motor.max_torque
+        ratio = float(needed[k] / available)
+        if ratio > 1 and (weakest is None or ratio > weakest[0]):
+            place = f"{phase.motion.name}, {100 * s[k]:.0f} % of the way"
+            text = (
+                f"motor of joint {joint.name} is too weak to move at all: against gravity and friction it needs "
+                f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"
+            )
+            weakest = ratio, Reason(joint.limit(MotorTorque), place, float(needed[k]), available, text)
+    return None if weakest is None else weakest[1]
+
+
+def _starting_torque(path: JointPath, i: int, drive: Drive, s: Array, gravity: Array) -> Array:
+    """Motor torque (n,) that joint i needs for endlessly slow motion at s (n,), against gravity's effort (n,), N·m.
+
+    The joint breaks away where it starts or turns back; elsewhere friction is that of slow motion.
+    """
+    friction = friction_of(drive)
+    knots, signs = path.directions
+    sign = signs[:, i]
+    starts = knots[:-1][(sign != 0) & (sign != np.append(0.0, sign[:-1]))]
+    mu = np.where(np.isin(s, starts), breakaway_coefficient(friction), np.asarray(friction_coefficient(friction, 0.0)))
+    # at a knot the joint has to come, and to leave
+    before, after = (np.clip(np.searchsorted(knots, s, side=side) - 1, 0, len(sign) - 1) for side in ("left", "right"))
+    torques = [np.abs(breakaway_torque(drive, gravity, sign[k], mu)) * np.abs(sign[k]) for k in (before, after)]
+    return np.maximum(*torques)
+
+
+def duration_too_short(name: str, asked: float, needed: float) -> Reason:
+    """A duration asked for that is shorter than the fastest motion."""
+    text = f"{name} takes at least {needed:.6g} s within the limits; {asked:.6g} s were asked for"
+    return Reason(Duration(asked, name), name, needed, asked, text)
+
+
+def durations_disagree(asked: float, fixed: float) -> Reason:
+    """A duration of the whole, where every motion has one of its own and they add up to another."""
+    text = f"the motions have durations of their own, {fixed:.6g} s in all; {asked:.6g} s were asked for the whole"
+    return Reason(Duration(asked, exact=True), "the whole motion", fixed, asked, text)

@@ -11,13 +11,11 @@ from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.retiming.paths import StraightPath
-from ssm_planner.planning.scan_pattern import expand_scans
+from ssm_planner.planning.scan_pattern import expand_scans, refuse_tilt
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 NOWHERE = 1e-9
@@ -94,8 +92,7 @@ def _straight_phase(problem: Problem, mechanism: Mechanism, motion: Straight, at
     start, q = at
     end = _task_of(problem, mechanism, motion.to, start)
     _refuse_standstill(problem, motion, end - start)
-    driven = driven_joints(problem.robot)
-    path = StraightPath(mechanism, start=start, end=end, branch=branch_of(mechanism, q), first=q, watched=driven)
+    path = straight_path(problem, mechanism, start, end, q)
     return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
 
 
@@ -110,9 +107,10 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
     return Phase(motion, start, end, np.stack(points), None)
 
 
-def driven_joints(robot: Robot) -> tuple[int, ...]:
-    """Those with a drive."""
-    return tuple(i for i, joint in enumerate(robot.joints) if joint.drive is not None)
+def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array) -> StraightPath:
+    """The path from start to end, straight in task coordinates (4,), from the joints q (4,) on; with the drives' turns."""
+    driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
+    return StraightPath(mechanism, start=start, end=end, branch=branch_of(mechanism, q), first=q, watched=driven)
 
 
 def branch_of(mechanism: Mechanism, q: Array) -> int:
@@ -159,17 +157,7 @@ def _solutions(
 def _task_of(problem: Problem, mechanism: Mechanism, target: Task, held: Array) -> Array:
     """Task coordinates (4,) of a target that names some; those that it does not name are held."""
     task = np.array([target.given.get(name, held[k]) for k, name in enumerate(TASK)])
-    low, high = tilt_interval(mechanism)
-    if not low < task[1] < high:
-        raise ProblemError(
-            "the mechanism cannot reach this tilt",
-            file=problem.file,
-            line=target.line,
-            key="tilt",
-            value=f"{np.degrees(task[1]):.6g} deg",
-            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9): there the "
-            "speed of joint tilt grows without bound",
-        )
+    refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key="tilt")
     return task
 
 

@@ -8,9 +8,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.planning.boundary_rates import with_boundary_rates
-from ssm_planner.planning.diagnosis import duration_too_short, durations_disagree, motor_too_weak, no_motion
-from ssm_planner.planning.feasibility import infeasible_place, straight_instead
+from ssm_planner.planning.feasibility import (
+    duration_too_short,
+    durations_disagree,
+    infeasible_place,
+    motor_too_weak,
+    no_motion,
+    straight_instead,
+    with_boundary_rates,
+)
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.ocp.constraints import with_margin
 from ssm_planner.planning.ocp.free import FreeResult, solve_free

@@ -79,17 +79,23 @@ def _reach(eye: Eye, axis: Array, radius: float) -> Array:
 def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
     """Task coordinates (4,) in which the tool points at the middle of the pattern."""
     task = np.array([scan.at.given.get(name, 0.0) for name in TASK])
+    refuse_tilt(problem, mechanism, float(task[1]), line=scan.line, key="at.tilt")
+    return task
+
+
+def refuse_tilt(problem: Problem, mechanism: Mechanism, tilt: float, *, line: int | None, key: str) -> None:
+    """ProblemError for a tilt (rad) out of the mechanism's reach."""
     low, high = tilt_interval(mechanism)
-    if not low < task[1] < high:
+    if not low < tilt < high:
         raise ProblemError(
             "the mechanism cannot reach this tilt",
             file=problem.file,
-            line=scan.line,
-            key="at.tilt",
-            value=f"{np.degrees(task[1]):.6g} deg",
-            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded",
+            line=line,
+            key=key,
+            value=f"{np.degrees(tilt):.6g} deg",
+            allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, ends excluded (paper, eq. 9): there the "
+            "speed of joint tilt grows without bound",
         )
-    return task
 
 
 def _tips(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:
