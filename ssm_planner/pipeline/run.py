@@ -64,7 +64,7 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
         task_start=tuple(phase.start.tolist()),
         task_end=tuple(phase.end.tolist()),
         branch=phase.branch,
-        iterations=planned.iterations,
+        iterations=planned.motion.iterations,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,9 +19,10 @@ from ssm_planner.planning.feasibility import (
 )
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.ocp.constraints import with_margin
-from ssm_planner.planning.ocp.free import FreeResult, solve_free
+from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
-from ssm_planner.planning.ocp.straight import PathMotion, joint_pieces, solve_straight
+from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, StraightPath
@@ -29,8 +30,7 @@ from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime, retim
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory, hermite, hold, join
-from ssm_planner.typing import Array
+from ssm_planner.trajectory import Trajectory, hold, join
 
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
@@ -50,17 +50,19 @@ BETWEEN = 2e-5
 
 @dataclass(frozen=True, eq=False)
 class PlannedPhase:
-    """A phase with its duration, TOPP-RA's duration for the same path and limits, and the solver's account."""
+    """A phase with its motion, TOPP-RA's duration for the same path and limits, and a bound."""
 
     phase: Phase
-    duration: float
+    motion: PhaseSolution
     toppra_duration: float | None
     """None where TOPP-RA finds no motion along the path that was taken, or does not converge, or a duration was asked for."""
     lower_bound: float
     """A duration that no motion within the same limits can beat."""
-    iterations: int
-    borders: Array = field(default_factory=lambda: np.zeros(0))
-    """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self.motion.duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +73,6 @@ class PlannerResult:
     trajectory: Trajectory | None
     phases: tuple[PlannedPhase, ...]
     reason: Reason | None
-
-
-@dataclass(frozen=True, eq=False)
-class PhaseMotion:
-    """A planned phase with its joint polynomials: breaks (n + 1,) from 0, s, and coefficients (n, 6, 4)."""
-
-    planned: PlannedPhase
-    breaks: Array
-    coefficients: Array
 
 
 def plan_motion(
@@ -97,16 +90,15 @@ def plan_motion(
         phases, reason = _with_durations(phases, problem.duration, planner, progress)
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
-    motions: list[PhaseMotion] = []
+    planned: list[PlannedPhase] = []
     for k, phase in enumerate(phases, 1):
         progress(phase.motion.name if len(phases) == 1 else f"{phase.motion.name} ({k} of {len(phases)})")
-        motion = planner.plan(phase)
-        if isinstance(motion, Reason):
-            status = "not converged" if motion.limit is None else "infeasible"
-            return PlannerResult(status, None, tuple(m.planned for m in motions), motion)
-        motions.append(planner.cross_checked(motion))
-    trajectory = join([(m.planned.phase.motion.name, m.breaks, m.coefficients) for m in motions])
-    return PlannerResult("solved", trajectory, tuple(m.planned for m in motions), None)
+        found = planner.plan(phase)
+        if isinstance(found, Reason):
+            return PlannerResult("not converged" if found.limit is None else "infeasible", None, tuple(planned), found)
+        planned.append(planner.cross_checked(found))
+    trajectory = join([(each.phase.motion.name, each.motion.breaks, each.motion.coefficients) for each in planned])
+    return PlannerResult("solved", trajectory, tuple(planned), None)
 
 
 def feasible_phases(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
@@ -136,10 +128,10 @@ def _with_durations(
         if phase.motion.duration is not None:
             least.append(0.0)
             continue
-        motion = fastest.plan(phase)
-        if isinstance(motion, Reason):
-            return phases, motion
-        least.append(motion.planned.duration)
+        found = fastest.plan(phase)
+        if isinstance(found, Reason):
+            return phases, found
+        least.append(found.duration)
     fixed = sum(phase.motion.duration or 0.0 for phase in phases)
     free, needed = duration - fixed, sum(least)
     if needed == 0.0:
@@ -161,59 +153,52 @@ class _PhasePlanner:
     mechanism: Mechanism
     strict: Robot
 
-    def plan(self, phase: Phase) -> PhaseMotion | Reason:
+    def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
         if phase.motion.kind == "dwell":
-            return self._dwell(phase)
+            duration = float(phase.motion.duration or 0.0)
+            rest = PhaseSolution("solved", "", 0, np.array([0.0, duration]), hold(phase.q_start))
+            return PlannedPhase(phase, rest, toppra_duration=duration, lower_bound=duration)
         if phase.path is None:
             return self._free(phase)
         if self.problem.planner == "toppra":
             return self._retimed(phase, phase.path)
         return self._straight(phase, phase.path)
 
-    def cross_checked(self, motion: PhaseMotion) -> PhaseMotion:
+    def cross_checked(self, planned: PlannedPhase) -> PlannedPhase:
         """With TOPP-RA's duration along the path that a free motion took; a straight one has it from its guess.
 
         Where that is too far off, for its first interval is a long time to a motor that barely starts, it gets one too.
         """
-        phase, guess = motion.planned.phase, motion.planned.toppra_duration
+        phase, guess, motion = planned.phase, planned.toppra_duration, planned.motion
         if phase.motion.kind == "dwell" or phase.motion.duration is not None:
-            return motion
-        if phase.path is not None and (guess is None or guess <= FAR * motion.planned.duration):
-            return motion
+            return planned
+        if phase.path is not None and (guess is None or guess <= FAR * motion.duration):
+            return planned
         trajectory = Trajectory(motion.breaks, motion.coefficients, ())
         signs = np.sign(np.diff(phase.points, axis=0)) if phase.path is None else phase.path.directions[1]
-        path = MotionPath(self.mechanism, trajectory, motion.planned.borders / trajectory.duration, signs)
+        path = MotionPath(self.mechanism, trajectory, motion.borders / trajectory.duration, signs)
         again = retime_motion(path, self.problem.robot, self.problem.task_limits)
-        planned = replace(motion.planned, toppra_duration=again.duration if again.converged else None)
-        return replace(motion, planned=planned)
+        return replace(planned, toppra_duration=again.duration if again.converged else None)
 
-    def _dwell(self, phase: Phase) -> PhaseMotion:
-        duration = float(phase.motion.duration or 0.0)
-        planned = PlannedPhase(phase, duration, toppra_duration=duration, lower_bound=duration, iterations=0)
-        return PhaseMotion(planned, np.array([0.0, duration]), hold(phase.q_start))
-
-    def _retimed(self, phase: Phase, path: StraightPath) -> PhaseMotion | Reason:
+    def _retimed(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:
         """A straight motion timed by TOPP-RA alone."""
         speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
         retiming = self._retime(path, with_margin(self.strict, BETWEEN), speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
-        duration, bound = retiming.duration, self._lower_bound(phase)
-        planned = PlannedPhase(phase, duration, toppra_duration=duration, lower_bound=bound, iterations=0)
-        pieces = joint_pieces(path, PathMotion.of(retiming), subdivision=1, end_speed=speeds[1])
-        return PhaseMotion(planned, *pieces)
+        motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]))
+        return PlannedPhase(phase, motion, retiming.duration, self._lower_bound(phase))
 
-    def _straight(self, phase: Phase, path: StraightPath) -> PhaseMotion | Reason:
+    def _straight(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:
         """A straight motion by optimal control, with TOPP-RA's as guess."""
         problem, asked = self.problem, phase.motion.duration
         speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
-        bound = self._lower_bound(phase)
         retiming = self._retime(path, problem.robot, speeds)
         if not retiming.solved:
             return no_motion(problem, phase, path, retiming.message)
         guess = retiming
-        if retiming.duration > CREEPING * bound:
+        if retiming.duration > CREEPING * self._lower_bound(phase):
             # a motor that barely starts creeps over TOPP-RA's first interval, where a real one breaks away at a point
             kinetic = self._retime(path, problem.robot, speeds, static=False)
             guess = kinetic if kinetic.solved else retiming
@@ -227,46 +212,30 @@ class _PhasePlanner:
             duration=asked,
             speeds=speeds,
         )
-        reason = self._not_planned(phase, path, motion)
-        if reason is not None:
-            return reason
-        planned = PlannedPhase(
-            phase,
-            motion.duration,
-            toppra_duration=None if asked else retiming.duration,
-            lower_bound=asked or bound,
-            iterations=motion.iterations,
-            borders=motion.instants(path.directions[0]),
-        )
-        return PhaseMotion(planned, *joint_pieces(path, motion, end_speed=speeds[1]))
+        return self._planned(phase, path, motion, None if asked else retiming.duration)
 
-    def _free(self, phase: Phase) -> PhaseMotion | Reason:
+    def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
         free = self._free_by_optimal_control(phase)
-        if not isinstance(free, Reason) and free.planned.duration <= (1 + SHORTER) * free.planned.lower_bound:
+        if not isinstance(free, Reason) and free.duration <= (1 + SHORTER) * free.lower_bound:
             return free
         straight = straight_instead(self.problem, self.mechanism, phase)
         if straight is None or straight.path is None:
             return free
         if not isinstance(free, Reason):
             rough = retime(straight.path, self.problem.robot, COARSE, self.problem.task_limits)
-            if not rough.duration < NEARLY * free.planned.duration:
+            if not rough.duration < NEARLY * free.duration:
                 return free
-        motion = self._straight(straight, straight.path)
-        if isinstance(motion, Reason):
+        found = self._straight(straight, straight.path)
+        if isinstance(found, Reason):
             return free
-        if isinstance(free, Reason) or motion.planned.duration < (1 - self._shorter) * free.planned.duration:
-            return motion
+        shorter = LONGER_FOR_HEAT if self.problem.objective == "time then heat" else SHORTER
+        if isinstance(free, Reason) or found.duration < (1 - shorter) * free.duration:
+            return found
         return free
 
-    @property
-    def _shorter(self) -> float:
-        """Share by which one motion has to be shorter than another to be preferred."""
-        return LONGER_FOR_HEAT if self.problem.objective == "time then heat" else SHORTER
-
-    def _free_by_optimal_control(self, phase: Phase) -> PhaseMotion | Reason:
+    def _free_by_optimal_control(self, phase: Phase) -> PlannedPhase | Reason:
         """Its path is the solver's."""
-        asked = phase.motion.duration
         direct = PolylinePath(self.mechanism, phase.points)
         reason = motor_too_weak(self.problem, phase, direct)
         if reason is not None:
@@ -276,33 +245,24 @@ class _PhasePlanner:
             self.mechanism,
             phase.points,
             strict=self.strict,
-            duration=asked,
+            duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
         )
-        reason = self._not_planned(phase, direct, motion)
-        if reason is not None:
-            return reason
-        planned = PlannedPhase(
-            phase,
-            motion.duration,
-            toppra_duration=None,
-            lower_bound=asked or self._lower_bound(phase),
-            iterations=motion.iterations,
-            borders=motion.borders,
-        )
-        return PhaseMotion(planned, motion.breaks, hermite(motion.breaks, motion.start, motion.end))
+        return self._planned(phase, direct, motion, None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:
         return retime(path, robot, limits=self.problem.task_limits, speeds=speeds, static=static)
 
-    def _not_planned(self, phase: Phase, path: JointPath, motion: PathMotion | FreeResult) -> Reason | None:
-        """Why a solver's answer is no motion of the phase: there is none, or it takes longer than asked for."""
+    def _planned(
+        self, phase: Phase, path: JointPath, motion: PhaseSolution, toppra_duration: float | None
+    ) -> PlannedPhase | Reason:
+        """The phase with a solver's motion, or why that is none of the phase: it was not found, or takes too long."""
         if not motion.solved:
             return no_motion(self.problem, phase, path, motion.message)
         asked = phase.motion.duration
         if asked is not None and motion.duration > asked * (1 + LONGER):
             return duration_too_short(phase.motion.name, asked, motion.duration)
-        return None
+        return PlannedPhase(phase, motion, toppra_duration, asked or self._lower_bound(phase))
 
     def _lower_bound(self, phase: Phase) -> float:
         """A duration that no motion between the ends of the phase can beat, s."""

@@ -122,7 +122,7 @@ def _ours(cases: list[Problem]) -> Way:
         last[0] = planned = planned_anew(cases[k])
         if planned.trajectory is None:
             raise RuntimeError(f"no plan: {planned.reason}")
-        return planned.trajectory.duration, sum(phase.iterations for phase in planned.phases)
+        return planned.trajectory.duration, sum(phase.motion.iterations for phase in planned.phases)
 
     return Way(solve, lambda: last[0].trajectory)
 

@@ -9,7 +9,7 @@ import pytest
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.ocp.straight import joint_pieces, solve_straight
+from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.planner import feasible_phases, plan_motion
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
 from ssm_planner.planning.retiming.retime import retime, retime_motion
@@ -87,7 +87,7 @@ def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
 
     path = paths(tilt_insert)[0]
     motion = solve_straight(tilt_insert.robot, path, retime(path, tilt_insert.robot))
-    trajectory = join([("tilt", *joint_pieces(path, motion))])
+    trajectory = join([("tilt", motion.breaks, motion.coefficients)])
     samples = trajectory.sample(np.linspace(0, trajectory.duration, 5000))
     task = task_from_joints(path.mechanism, samples.q)
     for k in (0, 2, 3):

@@ -28,6 +28,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpData,
     NlpSolution,
     NlpStructure,
+    PhaseSolution,
     blocks_of,
     cubics,
 )
@@ -36,6 +37,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import TASK, MotorTorque, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices
 
 ELEMENTS = 40
@@ -50,32 +52,6 @@ RAMP = 5e-4
 """Share of the time between two points in which a joint without a jerk limit reaches its acceleration, beside one with."""
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
-JointState = tuple[Array, Array, Array]
-"""q, q̇, q̈, (n, 4) each."""
-
-
-@dataclass(frozen=True, eq=False)
-class FreeResult:
-    """A free motion of n elements. status: "solved", "infeasible" or "not converged"; message: the solver's word."""
-
-    status: str
-    message: str
-    breaks: Array
-    """Ends of the elements, (n + 1,), s."""
-    start: JointState
-    end: JointState
-    """At both ends of the elements; neighbours share position and velocity to the last digit."""
-    borders: Array
-    """Instants at which the points are passed, (k + 1,), s."""
-    iterations: int
-
-    @property
-    def solved(self) -> bool:
-        return self.status == "solved"
-
-    @property
-    def duration(self) -> float:
-        return float(self.breaks[-1])
 
 
 def solve_free(
@@ -87,7 +63,7 @@ def solve_free(
     duration: float | None = None,
     speeds: tuple[Array, Array] | None = None,
     count: int = ELEMENTS,
-) -> FreeResult:
+) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
     strict: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
@@ -273,8 +249,10 @@ class _FreeProblem(OcpProblem):
             return 0.0
         return max(0.0, float(retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, self.points).T).max()))
 
-    def result(self, solution: NlpSolution) -> FreeResult:
-        """The solution in joints and seconds."""
+    def result(self, solution: NlpSolution) -> PhaseSolution:
+        """The solution as joint polynomials; neighbours share position and velocity to the last digit."""
+        if not solution.solved:
+            return PhaseSolution(solution.status, solution.message, solution.iterations)
         n = len(solution.elements)
         pieces = cubics(solution.elements)
         end = self._scaled(self.points[-1] - self.points[0], 0), self._scaled(self.speeds[1], 1)
@@ -285,16 +263,11 @@ class _FreeProblem(OcpProblem):
             return full + (self.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
-        return FreeResult(
-            status=solution.status,
-            message=solution.message,
-            breaks=breaks,
-            start=(joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
-            end=(
-                joints(np.vstack([pieces.u[1:], end[0]]), 0),
-                joints(np.vstack([pieces.v[1:], end[1]]), 1),
-                joints(pieces.a1, 2),
-            ),
-            borders=breaks[[*solution.structure.borders, n]],
-            iterations=solution.iterations,
+        after = np.vstack([pieces.u[1:], end[0]]), np.vstack([pieces.v[1:], end[1]])
+        coefficients = hermite(
+            breaks,
+            (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
+            (joints(after[0], 0), joints(after[1], 1), joints(pieces.a1, 2)),
         )
+        borders = breaks[[*solution.structure.borders, n]]
+        return PhaseSolution("solved", solution.message, solution.iterations, breaks, coefficients, borders=borders)

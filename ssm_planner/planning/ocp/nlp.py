@@ -7,7 +7,7 @@ given: waypoints, or the points where a joint turns back. The elements of a bloc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -203,6 +203,32 @@ class NlpSolution:
     @property
     def solved(self) -> bool:
         return self.status == "solved"
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseSolution:
+    """The motion of a phase as joint polynomials, or why there is none."""
+
+    status: str
+    """ "solved", "infeasible" or "not converged"."""
+    message: str
+    """The solver's word."""
+    iterations: int = 0
+    breaks: Array = field(default_factory=lambda: np.zeros(1))
+    """Ends of the pieces, (n + 1,) from 0, s."""
+    coefficients: Array = field(default_factory=lambda: np.zeros((0, 6, 4)))
+    """(n, 6, 4)."""
+    borders: Array = field(default_factory=lambda: np.zeros(0))
+    """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
+
+    @property
+    def solved(self) -> bool:
+        return self.status == "solved"
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return float(self.breaks[-1])
 
 
 def cubics(elements: Array) -> Cubic:

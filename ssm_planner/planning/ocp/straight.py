@@ -18,7 +18,7 @@ from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
 from ssm_planner.planning.ocp.element import Aim, shared
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpData, NlpStructure, cubics
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpData, NlpStructure, PhaseSolution, cubics
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.straight_element import FIT, PARAMETERS, StraightElement, fit, fits_hold
 from ssm_planner.planning.retiming.paths import StraightPath
@@ -34,39 +34,6 @@ SUBDIVISION = 4
 """Quintic pieces per element: the path between their ends is then followed to about 1e-9 rad."""
 
 
-@dataclass(frozen=True, eq=False)
-class PathMotion:
-    """s(t) along a path, s ∈ [0, 1]. status: "solved", "infeasible" or "not converged"; message: the solver's word."""
-
-    status: str
-    message: str
-    elements: Array
-    """s, ṡ, s̈ at the start, s̈ at the end and length of every element, (n, 5), s."""
-    iterations: int
-
-    @classmethod
-    def of(cls, retiming: Retiming) -> PathMotion:
-        """TOPP-RA's motion: ṡ² linear in s, so that s̈ is constant, between its grid points."""
-        s, speed = retiming.s, np.sqrt(retiming.speed_squared)
-        acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
-        elements = np.column_stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(retiming.times)])
-        return cls(retiming.status, retiming.message, elements, 0)
-
-    @property
-    def solved(self) -> bool:
-        return self.status == "solved"
-
-    @property
-    def duration(self) -> float:
-        """s."""
-        return float(self.elements[:, 4].sum())
-
-    def instants(self, s: Array) -> Array:
-        """Times (k,), s, at which the ends of elements s (k,) are passed."""
-        ends = np.concatenate([[0.0], np.cumsum(self.elements[:, 4])])
-        return np.asarray(np.interp(s, np.append(self.elements[:, 0], 1.0), ends))
-
-
 def solve_straight(
     robot: Robot,
     path: StraightPath,
@@ -78,7 +45,7 @@ def solve_straight(
     duration: float | None = None,
     speeds: tuple[float, float] = (0.0, 0.0),
     count: int = ELEMENTS,
-) -> PathMotion:
+) -> PhaseSolution:
     """Motion along the path, from TOPP-RA's motion as guess.
 
     strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
@@ -112,8 +79,23 @@ def solve_straight(
     )
     begin = Guess(mesh.elements(guess), mesh.times)
     solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
+    if not solution.solved:
+        return PhaseSolution(solution.status, solution.message, solution.iterations)
     elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
-    return PathMotion(solution.status, solution.message, elements, solution.iterations)
+    breaks, coefficients = joint_pieces(path, elements, SUBDIVISION, speeds[1])
+    borders = np.interp(knots, np.append(elements[:, 0], 1.0), breaks[::SUBDIVISION])
+    return PhaseSolution("solved", solution.message, solution.iterations, breaks, coefficients, borders=borders)
+
+
+def retimed_pieces(path: StraightPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
+    """`joint_pieces` of TOPP-RA's motion: breaks (n + 1,) and coefficients (n, 6, 4).
+
+    Between its grid points ṡ² is linear in s, so that s̈ is constant.
+    """
+    s, speed = retiming.s, np.sqrt(retiming.speed_squared)
+    acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
+    elements = np.column_stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(retiming.times)])
+    return joint_pieces(path, elements, 1, end_speed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -202,18 +184,17 @@ def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:
         return np.asarray((limit / np.abs(path.sample(s).dq)).min(axis=1))
 
 
-def joint_pieces(
-    path: StraightPath, motion: PathMotion, subdivision: int = SUBDIVISION, end_speed: float = 0.0
-) -> tuple[Array, Array]:
+def joint_pieces(path: StraightPath, elements: Array, subdivision: int, end_speed: float) -> tuple[Array, Array]:
     """Quintic joint polynomials that follow the path: exact q, q̇, q̈ at both ends of every piece.
 
+    elements: s, ṡ, s̈ at the start, s̈ at the end and length of every element, (n, 5), s; each gives `subdivision` pieces.
     end_speed: ṡ at the end, 1/s. Returns breaks (m + 1,) and coefficients (m, 6, 4).
     """
-    lengths = motion.elements[:, 4:]
+    lengths = elements[:, 4:]
     share = np.arange(subdivision) / subdivision
     starts = np.concatenate([[0.0], np.cumsum(lengths)])
     breaks = np.append((starts[:-1, None] + lengths * share).ravel(), starts[-1])
-    ends = [_joint_state(path, motion.elements, share + offset, end_speed) for offset in (0.0, 1.0 / subdivision)]
+    ends = [_joint_state(path, elements, share + offset, end_speed) for offset in (0.0, 1.0 / subdivision)]
     return breaks, hermite(breaks, ends[0], ends[1])
 
 
