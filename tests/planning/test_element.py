@@ -13,11 +13,9 @@ import pytest
 from ssm_planner.dynamics.motors import motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.planning.ocp import free_element, straight_element
 from ssm_planner.planning.ocp.constraints import limit_table, limits_by_name
 from ssm_planner.planning.ocp.element import SIMPSON, element_functions
-from ssm_planner.planning.ocp.free_element import FreeElement
-from ssm_planner.planning.ocp.straight_element import StraightElement, fit
+from ssm_planner.planning.ocp.models import FreeElement, StraightElement, fit
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
@@ -46,7 +44,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
     limits = limits_by_name(limit_table(robot), np.array([0.02]))
-    numbers = straight_element.PARAMETERS.pack(**limits, time_scale=1.7)
+    numbers = StraightElement.layout.pack(**limits, time_scale=1.7)
     return StraightElement(robot=robot, jerk=True, aim=aim), [z, sigma, local, numbers]
 
 
@@ -59,7 +57,7 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
     limits = limits_by_name(limit_table(robot), np.array([0.02]))
-    numbers = free_element.PARAMETERS.pack(
+    numbers = FreeElement.layout.pack(
         **{"q0": first, "d": unit, **limits, "rate": [0.4, 0.5, 0.6]},
         **{"range_centre": [0.1, -0.2], "range_half_width": [0.4, 0.7], "retina_easing": 1e-6, "time_scale": 1.7},
     )
@@ -166,7 +164,7 @@ def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
     for _ in range(10):
         element, (z, sigma, numbers) = free_case(robot, "heat", rng)
         state = z[:4], z[4:8], z[8:12]
-        p = free_element.PARAMETERS.unpack(numbers)
+        p = FreeElement.layout.unpack(numbers)
         scale, unit = p.time_scale, p.d
         q, qd, qdd = p.q0 + unit * state[0], unit * state[1] / scale, unit * state[2] / scale**2
         samples = Samples(np.zeros(1), q[None], qd[None], qdd[None], 0 * q[None])

@@ -107,27 +107,13 @@ class Instant:
     speeds: ca.SX
     """Speeds of the tool in the order of JACOBIANS; of the hull where qd_hull is."""
     sigma: ca.SX
+    limits: SimpleNamespace
+    """LIMITS, as expressions, so that one program serves all values; torque of joints without motor unused."""
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """Symbolic LIMITS, so that one problem serves all values; torque of joints without motor unused."""
-
-    velocity: ca.SX
-    acceleration: ca.SX
-    jerk: ca.SX
-    torque: ca.SX
-    speeds: ca.SX
-
-    @classmethod
-    def of(cls, parameters: SimpleNamespace) -> Bounds:
-        """From parameters that were unpacked from a Layout with LIMITS."""
-        return cls(**{name: getattr(parameters, name) for name in LIMITS})
-
-
-def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
+def kinematic_rows(at: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
     """Speeds of the tool; velocity, acceleration and, where asked for, jerk of every joint."""
-    rows = speed_rows(at, bounds)
+    rows, bounds = speed_rows(at), at.limits
     for i, joint in enumerate(joints):
         senses = (1, -1) if joint.drive is None else (at.sigma[i],)
         rows += [PathConstraint(JointVelocity.name, i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
@@ -138,14 +124,12 @@ def kinematic_rows(at: Instant, bounds: Bounds, joints: tuple[Joint, ...], jerk:
     return rows
 
 
-def speed_rows(at: Instant, bounds: Bounds) -> list[PathConstraint]:
+def speed_rows(at: Instant) -> list[PathConstraint]:
     """Every speed of the tool that a problem may limit."""
-    return [PathConstraint(kind.name, None, at.speeds[k] / bounds.speeds[k]) for k, kind in enumerate(JACOBIANS)]
+    return [PathConstraint(kind.name, None, at.speeds[k] / at.limits.speeds[k]) for k, kind in enumerate(JACOBIANS)]
 
 
-def torque_rows(
-    at: Instant, bounds: Bounds, joints: tuple[Joint, ...], *, breakaway: bool = False
-) -> list[PathConstraint]:
+def torque_rows(at: Instant, joints: tuple[Joint, ...], *, breakaway: bool = False) -> list[PathConstraint]:
     """Motor torque of every driven joint under the exact friction law for the known direction of motion.
 
     breakaway: with the static coefficient, for instants at which a joint starts to move.
@@ -156,7 +140,7 @@ def torque_rows(
         if drive is None or joint.motor is None:
             continue
         first, second = directed_torques(drive, at, i, breakaway=breakaway)
-        limit = bounds.torque[i]
+        limit = at.limits.torque[i]
         rows += [PathConstraint(MotorTorque.name, i, value / limit) for value in (first, second)]
         # σ τ is the larger of the two; the smooth maximum below never exceeds it
         half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS

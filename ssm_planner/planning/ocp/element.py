@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
-from ssm_planner.planning.ocp.constraints import Bounds, Instant, PathConstraint, RowName, effort, heat, torque_rows
+from ssm_planner.planning.ocp.constraints import Instant, PathConstraint, RowName, effort, heat, torque_rows
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 
@@ -78,7 +78,7 @@ class ElementModel(ABC):
         """x_c."""
 
     @abstractmethod
-    def instant(self, x: ca.SX, *p: ca.SX) -> tuple[Instant, Bounds]:
+    def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         """What the joints do in state x, in SI units, and their limits."""
 
     @abstractmethod
@@ -122,13 +122,11 @@ class ElementModel(ABC):
         if self.aim == "time":
             return None
         x, *p = self._symbols(self.state_size)
-        at, _ = self.instant(x, *p)
-        joints = self.robot.joints
+        at, joints = self.instant(x, *p), self.robot.joints
         if self.aim == "heat":
             return ca.Function("cost", [x, *p], [heat(at, joints)])
         endlessly_slow = ca.vertcat(x[: self.positions], ca.SX.zeros(self.state_size - self.positions))
-        slow, _ = self.instant(endlessly_slow, *p)
-        return ca.Function("cost", [x, *p], [effort(at, slow, joints)])
+        return ca.Function("cost", [x, *p], [effort(at, self.instant(endlessly_slow, *p), joints)])
 
     @cached_property
     def between(self) -> ca.Function:
@@ -141,8 +139,8 @@ class ElementModel(ABC):
     def breakaway(self) -> ca.Function:
         """(z, *p) → torque rows at the element's start with the static friction coefficient."""
         z, *p = self._symbols(self.size)
-        at, bounds = self.instant(self.state(z, 0.0), *p)
-        return ca.Function("breakaway", [z, *p], [_column(torque_rows(at, bounds, self.robot.joints, breakaway=True))])
+        at = self.instant(self.state(z, 0.0), *p)
+        return ca.Function("breakaway", [z, *p], [_column(torque_rows(at, self.robot.joints, breakaway=True))])
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
@@ -203,108 +201,93 @@ def element_functions(element: ElementModel) -> ElementFunctions:
         ∇L            = Σ_c w_c (h X_cᵀ ∇ℓ + ℓ e_h)
         ∇²(λᵀG + κL)  = Σ_c X_cᵀ ∇²φ_c X_c + Σ_i (∂φ_c/∂x_i) ∇²x_c,i + κ w_c (e_h (X_cᵀ ∇ℓ)ᵀ + (X_cᵀ ∇ℓ) e_hᵀ)
 
-    The derivatives by x are taken once, by few variables, and called at every point (`_PointDerivatives`): what is evaluated
-    again and again then stays in the processor's cache. x_c(z) is a polynomial, its derivatives are cheap (`_ChainRule`).
+    The derivatives by x are taken once, by few variables, and called at every point (`_point_derivatives`): what is evaluated
+    again and again then stays in the processor's cache. x_c(z) is a polynomial, its derivatives are cheap (`_chain_rule`).
     """
-    point = _PointDerivatives.of(element)
-    chain = _ChainRule.of(element, point)
+    by_x = _point_derivatives(element)
+    states, jacobian_by_z, gradient_by_z, hessian_by_z = _chain_rule(element, *by_x)
+    jacobian, gradient_by_x, hessian = by_x
     z = ca.MX.sym("z", element.size)
     p = element.parameter_symbols(ca.MX)
     inputs = [z, *p]
-    points = [(x, *p) for x in chain.states(z)]
+    points = [(x, *p) for x in states(z)]
     r, h = element.point.size1_out(0), z[-1]
     multipliers = ca.MX.sym("multipliers", r * len(points) + (element.cost is not None))
     kappa = multipliers[-1] if element.cost is not None else ca.MX(0)
 
     rows = [element.point(*at) for at in points]
-    jacobians = [point.jacobian(*at) for at in points]
+    jacobians = [jacobian(*at) for at in points]
     curvatures: list[ca.MX] = []
     for c, (at, w) in enumerate(zip(points, SIMPSON, strict=True)):
-        curvatures += point.hessian(*at, multipliers[c * r : (c + 1) * r], w * h * kappa)
+        curvatures += hessian(*at, multipliers[c * r : (c + 1) * r], w * h * kappa)
     cost = gradient = None
     if element.cost is not None:
         integral = ca.MX(0)
         for at, w in zip(points, SIMPSON, strict=True):
             integral += w * h * element.cost(*at)
-        slopes = [value for at in points for value in point.gradient(*at)]
+        slopes = [value for at in points for value in gradient_by_x(*at)]
         cost = ca.Function("cost", inputs, [integral])
-        gradient = ca.Function("gradient", inputs, list(chain.gradient(z, *slopes)))
+        gradient = ca.Function("gradient", inputs, list(gradient_by_z(z, *slopes)))
     return ElementFunctions(
         ca.Function("rows", inputs, [ca.vertcat(*rows)]),
-        ca.Function("jacobian", inputs, [chain.jacobian(z, *jacobians)]),
-        ca.Function("hessian", [*inputs, multipliers], [chain.hessian(z, kappa, *curvatures)]),
+        ca.Function("jacobian", inputs, [jacobian_by_z(z, *jacobians)]),
+        ca.Function("hessian", [*inputs, multipliers], [hessian_by_z(z, kappa, *curvatures)]),
         cost,
         gradient,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _PointDerivatives:
-    """Functions of (x, *p): jacobian ∂g/∂x (r, k); gradient: ℓ and ∇ℓ (k,).
+def _point_derivatives(element: ElementModel) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Functions of (x, *p): ∂g/∂x (r, k); ℓ and ∇ℓ (k,); and of λ_c (r,) and a factor f too:
 
-    hessian takes λ_c (r,) and a factor f too: ∇²φ (k, k) and ∇φ (k,) of φ = λ_cᵀ g + f ℓ, then ℓ and ∇ℓ.
+    ∇²φ (k, k) and ∇φ (k,) of φ = λ_cᵀ g + f ℓ, then ℓ and ∇ℓ.
     """
-
-    jacobian: ca.Function
-    gradient: ca.Function
-    hessian: ca.Function
-
-    @classmethod
-    def of(cls, element: ElementModel) -> _PointDerivatives:
-        x = ca.SX.sym("x", element.state_size)
-        inputs = [x, *element.parameter_symbols(ca.SX)]
-        # the cost is made of the same torques as the rows: they are to be differentiated once
-        values: Any = [element.point(*inputs), ca.SX(0) if element.cost is None else element.cost(*inputs)]
-        g, cost = ca.cse(values)
-        lam, factor = ca.SX.sym("lam", g.numel()), ca.SX.sym("factor")
-        hessian, gradient = ca.hessian(ca.dot(lam, g) + factor * cost, x)
-        cost_and_gradient = [cost, ca.gradient(cost, x)]
-        return cls(
-            ca.Function("point_jacobian", inputs, [ca.jacobian(g, x)]),
-            ca.Function("point_gradient", inputs, cost_and_gradient),
-            ca.Function("point_hessian", [*inputs, lam, factor], [hessian, gradient, *cost_and_gradient]),
-        )
+    x = ca.SX.sym("x", element.state_size)
+    inputs = [x, *element.parameter_symbols(ca.SX)]
+    # the cost is made of the same torques as the rows: they are to be differentiated once
+    values: Any = [element.point(*inputs), ca.SX(0) if element.cost is None else element.cost(*inputs)]
+    g, cost = ca.cse(values)
+    lam, factor = ca.SX.sym("lam", g.numel()), ca.SX.sym("factor")
+    hessian, gradient = ca.hessian(ca.dot(lam, g) + factor * cost, x)
+    cost_and_gradient = [cost, ca.gradient(cost, x)]
+    return (
+        ca.Function("point_jacobian", inputs, [ca.jacobian(g, x)]),
+        ca.Function("point_gradient", inputs, cost_and_gradient),
+        ca.Function("point_hessian", [*inputs, lam, factor], [hessian, gradient, *cost_and_gradient]),
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class _ChainRule:
-    """From derivatives by x_c to those by z: Functions of z and, point after point, of what `_PointDerivatives` returns.
+def _chain_rule(
+    element: ElementModel, *point: ca.Function
+) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
+    """From derivatives by x_c to those by z: the states x_c of z, then ∂G/∂z, (L, ∇L) and ∇²(λᵀG + κL).
 
-    hessian takes κ after z.
+    They are Functions of z, the last one of κ too, and, point after point, of what `_point_derivatives` (point) return.
     """
-
-    states: ca.Function
-    jacobian: ca.Function
-    gradient: ca.Function
-    hessian: ca.Function
-
-    @classmethod
-    def of(cls, element: ElementModel, point: _PointDerivatives) -> _ChainRule:
-        z, kappa = ca.SX.sym("z", element.size), ca.SX.sym("kappa")
-        h, e_h = z[-1], ca.gradient(z[-1], z)
-        states = element.collocation_states(z)
-        jacobian_inputs, gradient_inputs, hessian_inputs = [], [], []
-        jacobian, cost, gradient, hessian = [], ca.SX(0), ca.SX.zeros(z.numel()), ca.SX(z.numel(), z.numel())
-        for x, w in zip(states, SIMPSON, strict=True):
-            of_z = ca.jacobian(x, z)
-            (g_of_x,), (value, cost_of_x) = _result_symbols(point.jacobian), _result_symbols(point.gradient)
-            phi_of_xx, phi_of_x, *_ = _result_symbols(point.hessian)
-            jacobian.append(g_of_x @ of_z)
-            cost_of_z = of_z.T @ cost_of_x
-            cost += w * h * value
-            gradient += w * (h * cost_of_z + value * e_h)
-            through_length = w * kappa * (e_h @ cost_of_z.T)
-            through_state = ca.hessian(ca.dot(phi_of_x, x), z)[0]
-            hessian += of_z.T @ phi_of_xx @ of_z + through_state + through_length + through_length.T
-            jacobian_inputs.append(g_of_x)
-            gradient_inputs += [value, cost_of_x]
-            hessian_inputs += [phi_of_xx, phi_of_x, value, cost_of_x]
-        return cls(
-            ca.Function("states", [z], states),
-            ca.Function("jacobian_by_z", [z, *jacobian_inputs], [ca.vertcat(*jacobian)]),
-            ca.Function("gradient_by_z", [z, *gradient_inputs], [cost, ca.densify(gradient)]),
-            ca.Function("hessian_by_z", [z, kappa, *hessian_inputs], [hessian]),
-        )
+    z, kappa = ca.SX.sym("z", element.size), ca.SX.sym("kappa")
+    h, e_h = z[-1], ca.gradient(z[-1], z)
+    states = element.collocation_states(z)
+    inputs: tuple[list[ca.SX], ...] = ([z], [z], [z, kappa])
+    jacobian, cost, gradient, hessian = [], ca.SX(0), ca.SX.zeros(z.numel()), ca.SX(z.numel(), z.numel())
+    for x, w in zip(states, SIMPSON, strict=True):
+        of_z = ca.jacobian(x, z)
+        (g_of_x,), (value, cost_of_x), (phi_of_xx, phi_of_x, *_) = symbols = [*map(_result_symbols, point)]
+        jacobian.append(g_of_x @ of_z)
+        cost_of_z = of_z.T @ cost_of_x
+        cost += w * h * value
+        gradient += w * (h * cost_of_z + value * e_h)
+        through_length = w * kappa * (e_h @ cost_of_z.T)
+        through_state = ca.hessian(ca.dot(phi_of_x, x), z)[0]
+        hessian += of_z.T @ phi_of_xx @ of_z + through_state + through_length + through_length.T
+        symbols[2][2:] = symbols[1]
+        for taken, more in zip(inputs, symbols, strict=True):
+            taken += more
+    return (
+        ca.Function("states", [z], states),
+        ca.Function("jacobian_by_z", inputs[0], [ca.vertcat(*jacobian)]),
+        ca.Function("gradient_by_z", inputs[1], [cost, ca.densify(gradient)]),
+        ca.Function("hessian_by_z", inputs[2], [hessian]),
+    )
 
 
 def _result_symbols(function: ca.Function) -> list[ca.SX]:

@@ -19,13 +19,12 @@ from ssm_planner.kinematics.forward import speed_bounds, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
-from ssm_planner.planning.ocp.element import Aim, shared
-from ssm_planner.planning.ocp.free_element import PARAMETERS, RATED, WATCHED, FreeElement
+from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
+from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
-    NlpData,
     NlpSolution,
     NlpStructure,
     PhaseSolution,
@@ -79,6 +78,7 @@ def solve_free(
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
+    ends = speeds or (np.zeros(4), np.zeros(4))
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -103,7 +103,9 @@ def solve_free(
             mechanism=mechanism,
             points=points,
             way=way,
-            speeds=speeds or (np.zeros(4), np.zeros(4)),
+            speeds=ends,
+            starting=ends[0] == 0.0,
+            shortest=SHORTEST if len(way) == 1 else SHORTEST_PASSING,
             guesses=tuple(guesses),
         )
 
@@ -155,6 +157,17 @@ class _FreeProblem(OcpProblem):
         return np.asarray(np.abs(self.way).max(axis=0))
 
     @property
+    def boundary(self) -> BoundaryConditions:
+        start, end = (self._scaled(speed, 1) for speed in self.speeds)
+        points = self._scaled(self.points - self.points[0], 0)
+        return BoundaryConditions(points, self.directions[:, self.moving], start, end)
+
+    @property
+    def limits(self) -> tuple[Array, Array, Array]:
+        velocity, acceleration, jerk = (self._scaled(self.table[k], k + 1) for k in range(3))
+        return velocity, acceleration, jerk
+
+    @property
     def guess(self) -> Guess:
         """The guesses of all segments, one after the other."""
         states = []
@@ -182,48 +195,24 @@ class _FreeProblem(OcpProblem):
             joint = problem.robot.joints[i]
             if joint.drive is not None and joint.motor is not None:
                 rows.add((MotorTorque.name, int(i)))
-        return self.element(frozenset(rows), "time")
-
-    def element(self, active: frozenset[RowName], aim: Aim) -> FreeElement:
-        eye = self.problem.eye
-        element = FreeElement(
-            robot=self.problem.robot,
-            mechanism=self.mechanism,
-            moving=tuple(self.moving.tolist()),
-            active=active,
-            eye=eye if eye is not None and any((limit.name, None) in active for limit in eye.limits) else None,
-            aim=aim,
+        return shared(
+            FreeElement(
+                robot=problem.robot,
+                mechanism=self.mechanism,
+                moving=tuple(self.moving.tolist()),
+                active=frozenset(rows),
+                eye=problem.eye,
+            )
         )
-        return shared(element)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
         return self.sigma, self._parameters
-
-    def data(self, elements: Array, backoff: Array) -> NlpData:
-        points = self._scaled(self.points - self.points[0], 0)
-        start, end = (self._scaled(speed, 1) for speed in self.speeds)
-        velocity, acceleration, jerk = (self._scaled(self.table[k], k + 1) for k in range(3))
-        boundary = BoundaryConditions(points, self.directions[:, self.moving], start, end)
-        lower, upper, between = boundary.bounds(self.structure, velocity, acceleration)
-        return NlpData(
-            element_parameters=self.element_parameters(elements),
-            fractions=self.fractions,
-            least_times=(SHORTEST if len(self.way) == 1 else SHORTEST_PASSING) * self.times,
-            lower=lower,
-            upper=upper,
-            velocity=between,
-            end=np.concatenate([points[-1], end]),
-            acceleration=acceleration,
-            jerk=jerk,
-            path_bound=1.0 - backoff,
-            breakaway_bound=self.breakaway_bound(self.speeds[0] == 0.0),
-        )
 
     @cached_property
     def _parameters(self) -> Array:
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-ANYWHERE, ANYWHERE)) for name in WATCHED])
-        return PARAMETERS.pack(
+        return FreeElement.layout.pack(
             q0=self.points[0],
             d=self.unit,
             **limits_by_name(self.table, speed_bounds(problem.speeds, UNLIMITED)),

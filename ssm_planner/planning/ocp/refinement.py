@@ -14,8 +14,16 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import call
 from ssm_planner.planning.ocp.constraints import RowName
-from ssm_planner.planning.ocp.element import DENSE, Aim, ElementModel
-from ssm_planner.planning.ocp.nlp import Guess, InitialPoint, NlpData, NlpSolution, NlpStructure, split
+from ssm_planner.planning.ocp.element import DENSE, Aim, ElementModel, shared
+from ssm_planner.planning.ocp.nlp import (
+    BoundaryConditions,
+    Guess,
+    InitialPoint,
+    NlpData,
+    NlpSolution,
+    NlpStructure,
+    split,
+)
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array
@@ -55,7 +63,7 @@ LONGER = 1e-3
 class OcpProblem(ABC):
     """An optimal control problem of n elements in k segments and b blocks, and r rows of path constraints.
 
-    A subclass gives its element models, their parameters and the data of the program.
+    A subclass gives its element models and their parameters.
     """
 
     structure: NlpStructure
@@ -69,6 +77,20 @@ class OcpProblem(ABC):
     """Length of a scaled second, s."""
     directions: Array
     """Of every joint in every segment: +1, −1 or 0, (k, 4)."""
+    starting: Array
+    """Which joints begin the motion at rest, (4,), bool."""
+    shortest: float = SHORTEST
+    """Least time of a block, as a share of the guess's."""
+
+    @property
+    @abstractmethod
+    def boundary(self) -> BoundaryConditions:
+        """Where the coordinates pass, in scaled time."""
+
+    @property
+    @abstractmethod
+    def limits(self) -> tuple[Array, Array, Array]:
+        """Of u̇, ü and u⃛ of the coordinates in scaled time, (m,) each; infinite where there is none."""
 
     @property
     @abstractmethod
@@ -76,16 +98,30 @@ class OcpProblem(ABC):
         """The element model with all r rows that this problem can need."""
 
     @abstractmethod
-    def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
-        """The element model with the active rows."""
-
-    @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
         """Parameters of the element models near these elements (n, 4 m + 1), each (size,) or (n, size)."""
 
-    @abstractmethod
+    def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
+        """The element model with the active rows."""
+        return shared(replace(self.complete_element, active=active, aim=aim))
+
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """The program's parameters and bounds near these elements; backoff (n, active rows)."""
+        velocity, acceleration, jerk = self.limits
+        lower, upper, between = self.boundary.bounds(self.structure, velocity, acceleration)
+        return NlpData(
+            element_parameters=self.element_parameters(elements),
+            fractions=self.fractions,
+            least_times=self.shortest * self.times,
+            lower=lower,
+            upper=upper,
+            velocity=between,
+            end=np.concatenate([self.boundary.points[-1], self.boundary.end_velocity]),
+            acceleration=acceleration,
+            jerk=jerk,
+            path_bound=1.0 - backoff,
+            breakaway_bound=self._breakaway_bound(),
+        )
 
     def refined(self, chosen: Array) -> OcpProblem:
         """The same problem with the chosen elements (n,) cut into PARTS."""
@@ -117,15 +153,12 @@ class OcpProblem(ABC):
         rows = call(self.complete_element.between, elements, *parameters)[0]
         return parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
 
-    def breakaway_bound(self, at_rest: Array) -> Array:
-        """Upper bounds of the breakaway rows, (sets, rows): 1 for joints that start or turn back there, else inf.
-
-        at_rest: which joints begin the motion at rest, (4,).
-        """
+    def _breakaway_bound(self) -> Array:
+        """Upper bounds of the breakaway rows, (sets, rows): 1 for joints that start or turn back there, else inf."""
         sigma, joints = self.sigma, self.complete_element.breakaway_joints
         bounds = []
         for k, side in self.structure.breakaways:
-            turning = sigma[k] != sigma[k - 1] if k else at_rest
+            turning = sigma[k] != sigma[k - 1] if k else self.starting
             bounds.append(np.where(turning & (sigma[side] != 0), 1.0, np.inf)[joints])
         return np.array(bounds)
 

@@ -16,11 +16,11 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.forward import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
-from ssm_planner.planning.ocp.element import Aim, shared
+from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpData, NlpStructure, PhaseSolution, cubics
-from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
-from ssm_planner.planning.ocp.straight_element import FIT, PARAMETERS, StraightElement, fit, fits_hold
+from ssm_planner.planning.ocp.models import FIT, StraightElement, fit, fits_hold
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpStructure, PhaseSolution, cubics
+from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, MotorTorque, SpeedLimit
@@ -75,7 +75,8 @@ def solve_straight(
         path=path,
         limited=limits.speeds,
         fastest=fastest,
-        speeds=(speeds[0] * scale, speeds[1] * scale),
+        speeds=np.array(speeds) * scale,
+        starting=np.full(4, speeds[0] == 0.0),
     )
     begin = Guess(mesh.elements(guess), mesh.times)
     solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
@@ -106,8 +107,17 @@ class _StraightProblem(OcpProblem):
     """Speeds of the tool."""
     fastest: float
     """Largest ṡ that the rates of the task coordinates allow, in scaled time."""
-    speeds: tuple[float, float]
-    """ṡ at both ends, in scaled time."""
+    speeds: Array
+    """ṡ at both ends, in scaled time, (2,)."""
+
+    @property
+    def boundary(self) -> BoundaryConditions:
+        knots, signs = self.path.directions
+        return BoundaryConditions(knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:])
+
+    @property
+    def limits(self) -> tuple[Array, Array, Array]:
+        return np.array([self.fastest]), np.array([np.inf]), np.array([np.inf])
 
     @cached_property
     def complete_element(self) -> StraightElement:
@@ -119,38 +129,16 @@ class _StraightProblem(OcpProblem):
             if self.robot.joints[i].jerk is not None:
                 rows.add((JointJerk.name, int(i)))
         rows |= {(limit.name, None) for limit in self.limited}
-        return self.element(frozenset(rows), "time")
+        return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows)))
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
         """Jerk: TOPP-RA's motion has none."""
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
-    def element(self, active: frozenset[RowName], aim: Aim) -> StraightElement:
-        return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=active, aim=aim))
-
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
         limits = limits_by_name(self.table, speed_bounds(self.limited, UNLIMITED))
-        return self.sigma, self._fitted(elements), PARAMETERS.pack(**limits, time_scale=self.time_scale)
-
-    def data(self, elements: Array, backoff: Array) -> NlpData:
-        knots, _ = self.path.directions
-        start, end = np.array(self.speeds[:1]), np.array(self.speeds[1:])
-        boundary = BoundaryConditions(knots[:, None], np.ones((len(self.directions), 1)), start, end)
-        lower, upper, velocity = boundary.bounds(self.structure, np.array([self.fastest]), np.array([np.inf]))
-        return NlpData(
-            element_parameters=self.element_parameters(elements),
-            fractions=self.fractions,
-            least_times=SHORTEST * self.times,
-            lower=lower,
-            upper=upper,
-            velocity=velocity,
-            end=np.array([1.0, self.speeds[1]]),
-            acceleration=np.ones(1),
-            jerk=np.zeros(1),
-            path_bound=1.0 - backoff,
-            breakaway_bound=self.breakaway_bound(np.full(4, self.speeds[0] == 0.0)),
-        )
+        return self.sigma, self._fitted(elements), StraightElement.layout.pack(**limits, time_scale=self.time_scale)
 
     @cached_property
     def _body(self) -> RigidBody:

@@ -109,25 +109,13 @@ class LinearConstraints:
 
 
 @dataclass(frozen=True, eq=False)
-class PathLoad:
-    """τ_rigid = inertia s̈ + velocity ṡ² + gravity along a path, (n, 4) each."""
-
-    inertia: Array
-    velocity: Array
-    gravity: Array
-
-    @classmethod
-    def along(cls, body: RigidBody, samples: PathSamples) -> PathLoad:
-        return cls(*body.path_load(samples.q, samples.dq, samples.ddq))
-
-
-@dataclass(frozen=True, eq=False)
 class PathLimits:
     """The limits of a robot at n points of a path, and what of them does not depend on the motion along it."""
 
     robot: Robot
     samples: PathSamples
-    load: PathLoad
+    load: tuple[Array, Array, Array]
+    """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each."""
     directions: Array
     """σ: sign of q'(s), 0 for a joint that stands, (n, 4)."""
     ceiling: Array
@@ -141,7 +129,7 @@ class PathLimits:
         knots, signs = path.directions
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
-        load = PathLoad.along(RigidBody.from_robot(robot), samples)
+        load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
         ceiling = _speed_ceiling(path, samples, robot, limits)
         return cls(robot, samples, load, directions=signs[interval], ceiling=ceiling, starts=path.starts(samples))
 
@@ -183,7 +171,7 @@ class PathLimits:
         """
         sigma, dq, ddq = self.directions[:, i], self.samples.dq[:, i], self.samples.ddq[:, i]
         qd, qdd = PathTerm(k=sigma * np.abs(dq)), PathTerm(a=dq, b=ddq)
-        tau_rigid = PathTerm(self.load.inertia[:, i], self.load.velocity[:, i], self.load.gravity[:, i])
+        tau_rigid = PathTerm(*(part[:, i] for part in self.load))
         effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
 
         rows = motor_torque_rows(drive, sigma, mu)

@@ -1,0 +1,251 @@
+"""The two element models: limits of s(t) along a given path, and limits that couple the joints of a free motion.
+
+Straight: the coordinate is the path parameter s ∈ [0, 1]; the state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time, where ṡ_b stands
+for ṡ in the velocity rows. The joints follow the path q(s), with primes for derivatives by s:
+
+    q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,   τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
+
+q', A, B, C and the speeds |J(q) q'| of the tool are smooth: over the short stretch of one element a polynomial through
+Chebyshev points gives them to many digits, so that the optimisation evaluates no kinematics. A fit is renewed where a
+solution has left it.
+
+Free: the coordinates are those of the moving joints, u = (q − q0) / d with d > 0; the state is x = (u, u̇, ü) of all four
+joints, (12,), in scaled time. In both every joint keeps its direction within an element, so the friction law enters exactly.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Hashable
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.codegen.namespace import casadi_namespace
+from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.eye import eye_rows
+from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic, tool_speed
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
+from ssm_planner.planning.ocp.constraints import (
+    LIMITS,
+    Instant,
+    PathConstraint,
+    kinematic_rows,
+    robot_key,
+    speed_rows,
+    torque_rows,
+)
+from ssm_planner.planning.ocp.element import ElementModel, Parameter
+from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem.problem import Eye
+from ssm_planner.typing import Array
+
+DEGREE = 6
+"""Of the polynomials."""
+NARROWEST = 0.004
+"""Smallest half width of a fit in s: room for the optimisation to move an element."""
+WIDER = 2.0
+"""By how much a fit may be wider than a new one would be."""
+CURVES = Layout(dq=4, inertia=4, velocity=4, gravity=4, speeds=len(JACOBIANS))
+"""What is fitted: q', A, B and C of the joints, speeds of the tool at ṡ = 1."""
+FIT = Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * CURVES.size)
+"""A fit on [centre ± half_width] in s: coefficients of ξ^0, ξ^1, … with ξ = (s − centre) / half_width, each as CURVES."""
+WATCHED = ("roll", "spin")
+"""Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
+RATED = ("roll", "tilt", "spin")
+"""Task coordinates whose rate is no multiple of one joint's."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StraightElement(ElementModel):
+    """Path constraints of one robot along any path: p = (σ (4,), FIT, layout). jerk: whether it has rows."""
+
+    jerk: bool
+
+    coordinates = 1
+    state_size = 5
+    positions = 1
+    layout = Layout(**LIMITS, time_scale=1)
+    """Limits; length of a scaled second, s."""
+    parameters = (Parameter(4, True), Parameter(FIT.size, True), Parameter(layout.size, False))
+
+    @cached_property
+    def key(self) -> tuple[Hashable, ...]:
+        return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
+
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        cubic = self.cubic(z)
+        s, speed, acceleration = cubic.at(c)
+        return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
+
+    def collocation_states(self, z: ca.SX) -> list[ca.SX]:
+        """With the Bernstein coefficients of ṡ as ṡ_b: while they keep a bound, so does ṡ everywhere between."""
+        start, middle, end = super().collocation_states(z)
+        middle[4] = self.cubic(z).middle_velocity
+        return [start, middle, end]
+
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        at, joints = self.instant(x, *p), self.robot.joints
+        return [*kinematic_rows(at, joints, self.jerk), *torque_rows(at, joints)]
+
+    def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
+        sigma, fit_parameters, packed = p
+        parameters = self.layout.unpack(packed)
+        scale = parameters.time_scale
+        speed, acceleration, jerk, bound_speed = x[1] / scale, x[2] / scale**2, x[3] / scale**3, x[4] / scale
+        path, ddq, dddq = path_derivatives(fit_parameters, x[0], self.jerk)
+        return Instant(
+            qd=path.dq * speed,
+            qd_hull=path.dq * bound_speed,
+            qdd=ddq * speed**2 + path.dq * acceleration,
+            qddd=dddq * speed**3 + 3 * ddq * speed * acceleration + path.dq * jerk,
+            tau_rigid=path.inertia * acceleration + path.velocity * speed**2 + path.gravity,
+            speeds=path.speeds * bound_speed,
+            sigma=sigma,
+            limits=parameters,
+        )
+
+
+def path_derivatives(parameters: ca.SX, s: ca.SX, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
+    """From a fit (FIT): CURVES at s, q'' (4,) and q''' (4,), which is zero unless jerk."""
+    fit_ = FIT.unpack(parameters)
+    xi = (s - fit_.centre) / fit_.half_width
+    coefficients = ca.reshape(fit_.coefficients, CURVES.size, DEGREE + 1)
+    slope = _derivative(coefficients[CURVES.slices["dq"], :])
+    second = _horner(slope, xi) / fit_.half_width
+    third = _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
+    return CURVES.unpack(_horner(coefficients, xi)), second, third
+
+
+def fit(path: StraightPath, body: RigidBody, low: Array, high: Array) -> Array:
+    """Fits (n, FIT.size) of elements that cover [low, high] (n,) in s.
+
+    They reach beyond the element by half its width, but stay on the path.
+    """
+    half_width = np.maximum(high - low, NARROWEST)
+    centre = np.clip((low + high) / 2, half_width, 1 - half_width)
+    chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
+    samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
+    load = body.path_load(samples.q, samples.dq, samples.ddq)
+    speeds = np.column_stack([tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS])
+    curves = np.hstack([samples.dq, *load, speeds])
+    # node j of element n has the values Σ_d ξ_j^d a_nd
+    inverse = np.linalg.inv(np.vander(chebyshev, increasing=True))
+    coefficients = np.einsum("dj,njk->ndk", inverse, curves.reshape(len(low), DEGREE + 1, CURVES.size))
+    return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
+
+
+def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
+    """Whether fits (n, FIT.size) hold on [low, high] (n,), and are not much wider than they need to be."""
+    fits = FIT.unpack(parameters)
+    centre, half_width = fits.centre[:, 0], fits.half_width[:, 0]
+    inside = (low >= centre - half_width) & (high <= centre + half_width)
+    return np.asarray(inside & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
+
+
+def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
+    value = coefficients[:, -1]
+    for k in range(coefficients.size2() - 2, -1, -1):
+        value = value * xi + coefficients[:, k]
+    return value
+
+
+def _derivative(coefficients: ca.SX) -> ca.SX:
+    return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FreeElement(ElementModel):
+    """Path constraints of one robot, and of an eye, for a set of moving joints: p = (σ (4,), layout)."""
+
+    mechanism: Mechanism
+    moving: tuple[int, ...]
+    eye: Eye | None = None
+
+    state_size = 12
+    positions = 4
+    layout = Layout(
+        q0=4,
+        d=4,
+        **LIMITS,
+        range_centre=len(WATCHED),
+        range_half_width=len(WATCHED),
+        rate=len(RATED),
+        retina_easing=1,
+        time_scale=1,
+    )
+    """First point and unit of the coordinates; limits; ranges of WATCHED; rates of RATED; by how much the retina's row may
+    exceed 1; length of a scaled second, s."""
+    parameters = (Parameter(4, True), Parameter(layout.size, False))
+
+    @cached_property
+    def key(self) -> tuple[Hashable, ...]:
+        return "free", robot_key(self.robot), self.moving, self.active, pickle.dumps(self._seen), self.aim
+
+    @property
+    def coordinates(self) -> int:
+        return len(self.moving)
+
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        x = ca.SX.zeros(12)
+        for order, values in enumerate(self.cubic(z).at(c)):
+            x[[4 * order + joint for joint in self.moving]] = values
+        return x
+
+    def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
+        sigma, packed = p
+        limits = self.layout.unpack(packed)
+        q, qd, qdd = _joints(x, limits)
+        limits.speeds = limits.speeds**2  # the norm has no derivative at rest
+        return Instant(
+            qd=qd,
+            qd_hull=qd,
+            qdd=qdd,
+            qddd=ca.SX.zeros(4),
+            tau_rigid=RigidBody.from_robot(self.robot).symbolic(q, qd, qdd),
+            speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
+            sigma=sigma,
+            limits=limits,
+        )
+
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        at, parameters = self.instant(x, *p), self.layout.unpack(p[1])
+        q, qd, _ = _joints(x, parameters)
+        rows = [*speed_rows(at), *torque_rows(at, self.robot.joints)]
+        task = task_from_joints_symbolic(self.mechanism, q)
+        for k, name in enumerate(WATCHED):
+            value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[k]
+            rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
+        rates = task_rates_symbolic(self.mechanism, q, qd)
+        for k, name in enumerate(RATED):
+            value = rates[TASK.index(name)] / parameters.rate[k]
+            rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
+        if self._seen is not None:
+            tip = tip_position_symbolic(self.mechanism, q)
+            for name, value in eye_rows(casadi_namespace(), self._seen, (tip[0], tip[1], tip[2])).items():
+                easing = parameters.retina_easing if name == RetinaClearance.name else 0
+                rows.append(PathConstraint(name, None, value + 1 - easing))
+        return rows
+
+    @property
+    def _seen(self) -> Eye | None:
+        """The eye, where one of its rows is wanted."""
+        rows = set() if self.eye is None else {(limit.name, None) for limit in self.eye.limits}
+        return self.eye if self.active is None or rows & self.active else None
+
+    @cached_property
+    def _jacobians(self) -> list[ca.Function]:
+        """q (4,) → J (k, 4) of every speed of the tool."""
+        q = ca.SX.sym("q", 4)
+        return [ca.Function("jacobian", [q], [jacobian(self.mechanism, q)]) for jacobian in JACOBIANS.values()]
+
+
+def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """q, q̇ and q̈ in SI units, (4,) each; p: the layout's."""
+    return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2
