@@ -100,7 +100,7 @@ class Instant:
 
     qd: ca.SX
     qd_hull: ca.SX
-    """Stands in for qd in the velocity rows (`StraightElement.collocation_states`)."""
+    """Stands in for qd in the velocity rows (`models.StraightElement.collocation_states`)."""
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX
