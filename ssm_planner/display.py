@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -47,9 +47,8 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-@cache
-def environment(package: str, escape: bool) -> Environment:
-    """Jinja2 with the templates/ of a package: a name that a template misses raises UndefinedError.
+def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> Environment:
+    """Jinja2 with the templates/ of a package and these filters: a name that a template misses raises UndefinedError.
 
     escape: every value is escaped, as XML and HTML need it.
     """
@@ -62,10 +61,10 @@ def environment(package: str, escape: bool) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(number=number, fixed=fixed, signed=signed, percent=percent)
+    made.filters.update(number=number, fixed=fixed, signed=signed, percent=percent, **filters)
     return made
 
 
-def render(package: str, template: str, escape: bool, **values: Any) -> str:
-    """A template of a package filled in, with one line end at its end."""
-    return environment(package, escape).get_template(template).render(values).rstrip("\n") + "\n"
+def filled(templates: Environment, template: str, /, **values: Any) -> str:
+    """A template filled in, with one line end at its end."""
+    return templates.get_template(template).render(values).rstrip("\n") + "\n"

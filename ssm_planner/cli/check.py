@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show, shown_unit
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -132,19 +132,10 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
     """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
-    from ssm_planner.problem.limits import JUMPS
-    from ssm_planner.reporting.text import text_table
+    from ssm_planner.reporting.text import limits_table
 
-    rows = []
-    for limit in sorted(certificate.limits, key=lambda limit: limit.margin):
-        if limit.name in JUMPS and limit.passed:
-            continue
-        unit, scale = shown_unit(limit.unit, limit.name)
-        values = f"{scale * limit.worst:.6g}", f"{scale * limit.limit:.6g}", unit
-        margin, mark = f"{100 * limit.margin:+.4f} %", "" if limit.passed else "EXCEEDED"
-        rows.append((limit.name, limit.joint or "", *values, margin, f"{limit.time:.4f}", mark))
     lines = [f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes", ""]
-    lines += text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows)
+    lines += limits_table(certificate.limits).lines()
     lines += ["", *(f"note: {note}" for note in notes), *(f"not checked: {what}" for what in certificate.unchecked)]
     verdict = "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
     return [*lines, f"check: {verdict}"]

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, show, shown_unit
+from ssm_planner.cli.output import FAILED, OK, progress_reporter, show
 
 if TYPE_CHECKING:
     from ssm_planner.comparison import AxisComparison
@@ -47,33 +47,25 @@ def run(options: argparse.Namespace) -> int:
 
 def compare_lines(axes: list[AxisComparison]) -> list[str]:
     """Errors of every axis, then its limits in reality beside the planned margins."""
-    from ssm_planner.reporting.text import text_table
+    from ssm_planner.display import fixed, number, percent
+    from ssm_planner.reporting.text import Table, unit_of_limit
 
+    errors = []
+    for axis in axes:
+        shares = (fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque"))
+        found = axis.alignment
+        errors.append((axis.joint, axis.recording, fixed(found.delay, 4), fixed(found.correlation, 4), *shares))
     header = ("axis", "recording", "begins at s", "correlation", "NRMSD position", "speed", "torque")
-    rows = [
-        (
-            axis.joint,
-            axis.recording,
-            f"{axis.alignment.delay:.4f}",
-            f"{axis.alignment.correlation:.4f}",
-            *(_share(axis.differences[name].nrmsd) for name in ("position", "speed", "torque")),
-        )
-        for axis in axes
-    ]
-    lines = [*text_table(header, rows), ""]
+    lines = [*Table(header, errors, range(2, 7)).lines(), ""]
     rows = []
     for axis in axes:
         for limit in axis.limits:
-            unit, scale = shown_unit(limit.unit, limit.name)
-            planned = "–" if limit.planned_margin is None else f"{100 * limit.planned_margin:+.2f} %"
-            values = (f"{scale * limit.measured:.5g}", f"{scale * limit.limit:.5g}", unit)
-            verdict = "held" if limit.held else "EXCEEDED"
-            rows.append((limit.name, axis.joint, *values, planned, f"{100 * limit.margin:+.2f} %", verdict))
-    lines += text_table(("limit", "joint", "measured", "limit", "unit", "margin planned", "measured", ""), rows)
+            unit, scale = unit_of_limit(limit)
+            values = number(scale * limit.measured, 5), number(scale * limit.limit, 5), unit
+            margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
+            rows.append((limit.name, axis.joint, *values, *margins, "held" if limit.held else "EXCEEDED"))
+    of_limits = ("limit", "joint", "measured", "limit", "unit", "margin planned", "measured", "")
+    lines += Table(of_limits, rows, (2, 3, 5, 6)).lines()
     notes = [f"note: {axis.joint}: {note}" for axis in axes for note in axis.notes]
     held = all(axis.held for axis in axes)
     return [*lines, "", *notes, f"margins: {'held in reality' if held else 'NOT held in reality'}"]
-
-
-def _share(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4f}"

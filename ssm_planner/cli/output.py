@@ -1,4 +1,4 @@
-"""What commands share: quantities as arguments, progress on stderr, JSON on stdout, units on the terminal."""
+"""What commands share: quantities as arguments, progress on stderr, JSON on stdout."""
 
 from __future__ import annotations
 
@@ -39,11 +39,3 @@ def progress_reporter() -> Callable[[str], None]:
 def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
     """The result on stdout: one JSON document, or lines of text."""
     print(json.dumps(document, indent=1, allow_nan=False) if as_json else "\n".join(lines()))
-
-
-def shown_unit(unit: str, name: str = "") -> tuple[str, float]:
-    """(unit to show, factor) of an SI unit such as rad/s; name: of the limit, for motors turn in rpm."""
-    from ssm_planner.problem.limits import MotorSpeed
-    from ssm_planner.units import shown
-
-    return shown("rpm" if name == MotorSpeed.name else unit)

@@ -94,28 +94,33 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
 
 def simulation_lines(result: SimulationResult) -> list[str]:
     """Tracking, motors and the verdict with its reasons."""
+    from ssm_planner.display import fixed, number
     from ssm_planner.problem.robot import JOINTS
-    from ssm_planner.reporting.text import text_table
+    from ssm_planner.reporting.text import Table
 
-    rows = []
-    for each in result.tracking:
-        unit, scale = ("mm", 1e3) if each.joint == JOINTS[3] else ("mrad", 1e3)
-        rows.append((each.joint, f"{scale * each.worst:.4g}", f"{scale * each.rms:.4g}", unit))
-    lines = [*text_table(("joint", "largest error", "rms", "unit"), rows), ""]
+    errors = [
+        (
+            each.joint,
+            number(1e3 * each.worst, 4),
+            number(1e3 * each.rms, 4),
+            "mm" if each.joint == JOINTS[3] else "mrad",
+        )
+        for each in result.tracking
+    ]
+    lines = [*Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)).lines(), ""]
     motors = [
         (
             motor.joint,
-            f"{1e3 * motor.peak_torque:.4g}",
-            f"{1e3 * motor.limit:.4g}",
+            *(number(1e3 * torque, 4) for torque in (motor.peak_torque, motor.limit)),
             "SATURATED" if motor.saturated else "no",
-            f"{motor.following_error:.0f}",
-            f"{motor.window}",
+            fixed(motor.following_error, 0),
+            str(motor.window),
             "TRIPPED" if motor.tripped else "no",
         )
         for motor in result.motors
     ]
     header = ("motor", "peak mN·m", "largest mN·m", "saturated", "following error inc", "window inc", "tripped")
-    lines += [*text_table(header, motors), ""]
+    lines += [*Table(header, motors, (1, 2, 4, 5)).lines(), ""]
     losses = result.losses
     lines.append(f"tip error     {1e3 * result.tip_error:.4g} mm")
     held = "holds" if result.holds else "DOES NOT HOLD"

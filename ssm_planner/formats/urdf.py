@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.display import environment, render
+from ssm_planner.display import environment, filled
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import inertia_about_com
 from ssm_planner.dynamics.transmission import motor_torque_rows
@@ -19,8 +20,9 @@ from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
-PACKAGE = "ssm_planner.formats"
-"""Whose templates are filled in."""
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
 LINKS = ("link1", "link2", "link3", "stage")
 TOOL = "tool"
 SMALLEST_MASS, SMALLEST_INERTIA = 1e-12, 1e-14
@@ -44,7 +46,7 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the plan it was exported with has no passed certificate."
     path.write_text(urdf(plan.robot, mark), encoding="utf-8")
-    controllers = _filled("controllers.yaml", escape=False, joints=plan.robot.joints, mark=mark)
+    controllers = filled(_templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark)
     (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
     light = [body.name for body in plan.robot.bodies if body.mass == 0]
     return {
@@ -60,9 +62,9 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
 
 def urdf(robot: Robot, mark: str = "") -> str:
     """The robot as URDF text: base, four links, and the frame of the tool tip; mark: said at its beginning."""
-    return _filled(
+    return filled(
+        _templates(escape=True),
         "robot.urdf",
-        escape=True,
         name=robot.name,
         mark=mark,
         absent=ABSENT,
@@ -116,16 +118,18 @@ def effort_limit(joint: Joint) -> float:
     return max((motor.max_torque - float(rows.coulomb)) / slope - friction_of(drive).b_oc, 0.0)
 
 
-def _filled(template: str, escape: bool, **values: Any) -> str:
+@cache
+def _templates(escape: bool) -> Environment:
     from markupsafe import Markup
 
-    environment(PACKAGE, escape).filters.update(
+    return environment(
+        "ssm_planner.formats",
+        escape=escape,
         exact=_exact,
         triple=_triple,
         identifier=lambda text: "".join(c if c.isascii() and c.isalnum() else "_" for c in text) or "robot",
         comment=lambda text: Markup(one_line(text, without="-<>")),
     )
-    return render(PACKAGE, template, escape, **values)
 
 
 def _triple(values: Array) -> str:

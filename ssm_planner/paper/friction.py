@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ssm_planner.display import NOTHING, number, percent
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.identification.parameters import map_torque
@@ -16,7 +17,7 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.paper import published
 from ssm_planner.paper.published import DRIVEN, NUMBER, PACKAGE_FRICTION, TABLE_II, FrictionRow, Inputs
-from ssm_planner.paper.section import Section, number
+from ssm_planner.paper.section import Section
 from ssm_planner.problem.drive import Drive, Friction
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, legend_above, new_figure
@@ -38,7 +39,6 @@ from ssm_planner.identification.prediction import nrmsd, predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.paper.published import RIGS
-from ssm_planner.paper.section import NOTHING, percent
 from ssm_planner.problem.drive import FrictionLawName, Rig
 from ssm_planner.reporting.figures.style import FIFTH
 

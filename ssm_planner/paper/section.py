@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
+from ssm_planner.display import environment, filled, fixed, number, signed
 from ssm_planner.paper import published
 from ssm_planner.units import RPM
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-NOTHING = "–"
 WIDTH = 120
 
 
@@ -48,8 +48,7 @@ class Section:
 
 def render(name: str, **values: Any) -> str:
     """A template filled in, with one empty line between its blocks."""
-    text = _environment().get_template(f"{name}.md").render(values).strip()
-    return re.sub(r"\n{2,}", "\n\n", text) + "\n"
+    return re.sub(r"\n{2,}", "\n\n", filled(_templates(), f"{name}.md", **values).lstrip())
 
 
 def wrapped(paragraph: str) -> str:
@@ -58,46 +57,13 @@ def wrapped(paragraph: str) -> str:
     return textwrap.fill(joined, WIDTH, break_long_words=False, break_on_hyphens=False).replace("\0", " ")
 
 
-def number(value: float, digits: int = 3) -> str:
-    """Significant digits; what is zero but for rounding is 0."""
-    return "0" if abs(value) < 1e-12 else minus(f"{value:.{digits}g}")
-
-
-def fixed(value: float, decimals: int) -> str:
-    """A number of so many decimals."""
-    return minus(f"{value:.{decimals}f}")
-
-
-def signed(value: float, decimals: int) -> str:
-    """A difference with its sign; 0 where it vanishes at these decimals."""
-    shown = f"{value:+.{decimals}f}"
-    return minus(shown if float(shown) else f"{0:.{decimals}f}")
-
-
-def percent(value: float, decimals: int = 1) -> str:
-    """A relative difference."""
-    return f"{signed(100.0 * value, decimals)} %"
-
-
-def minus(shown: str) -> str:
-    """The number with a minus sign instead of a hyphen."""
-    return shown.replace("-", "−")
-
-
 @cache
-def _environment() -> Environment:
-    """Jinja2 with the templates; a name that a template misses raises UndefinedError."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    made = Environment(
-        loader=PackageLoader("ssm_planner.paper"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    made.filters.update(
-        number=number,
+def _templates() -> Environment:
+    """The document's templates."""
+    made = environment(
+        "ssm_planner.paper",
+        escape=False,
         milli=lambda value: number(1e3 * value),
-        fixed=fixed,
-        signed=signed,
-        percent=percent,
         in_degrees=math.degrees,
         degrees=lambda angle, decimals=3: fixed(math.degrees(angle), decimals) + "°",
         degrees_more=lambda angle, decimals: signed(math.degrees(angle), decimals) + "°",

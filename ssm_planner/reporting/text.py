@@ -1,40 +1,111 @@
-"""What the terminal shows of a plan and of its sizing: aligned tables, what is not known, verdicts."""
+"""What is said of a plan and of its sizing, on the terminal and on pages: tables, what is not known, verdicts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
-from ssm_planner.problem.limits import JUMPS
+from ssm_planner.display import NOTHING, fixed, number, percent, signed, words
+from ssm_planner.problem.limits import JUMPS, MotorSpeed
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
-from ssm_planner.sizing.requirements import PARTS
+from ssm_planner.sizing.requirements import PARTS, MotorRequirement
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
 from ssm_planner.units import RPM, shown
+from ssm_planner.verification.certificate import LimitCheck
 
 if TYPE_CHECKING:  # `check` prints tables and never loads the planner
-    from ssm_planner.plans import Plan
+    from ssm_planner.plans import PhaseSummary, Plan
 
 SizingObject = Mapping[str, Any]
 """What `size --json` prints and plan.json holds."""
 ANSWERS = {True: "yes", False: "no", None: "not known"}
 LOUD = {**ANSWERS, False: "NO"}
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
+KELVIN = 273.15
 
 
-def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)) -> list[str]:
-    """Lines of a table under a ruled heading; left: columns that are aligned to the left."""
-    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
+@dataclass(frozen=True)
+class Table:
+    """A table of text; numbers: columns that are aligned to the right."""
 
-    def line(cells: Sequence[str]) -> str:
-        padded = (
-            cell.ljust(width) if i in left else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        )
-        return "  ".join(padded).rstrip()
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()
+    caption: str = ""
 
-    return [line(header), "  ".join("-" * width for width in widths), *(line(row) for row in rows)]
+    def lines(self) -> list[str]:
+        """For the terminal, under a ruled heading."""
+        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        rows = [self.header, ["-" * width for width in widths], *self.rows]
+        return ["  ".join(self._aligned(row, widths)).rstrip() for row in rows]
+
+    def _aligned(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
+        for i, (cell, width) in enumerate(zip(row, widths, strict=True)):
+            yield cell.rjust(width) if i in self.numbers else cell.ljust(width)
+
+
+class Judged(Protocol):
+    """A value beside its limit, from a check or a recording."""
+
+    @property
+    def name(self) -> str:
+        """Of the limit."""
+
+    @property
+    def unit(self) -> str:
+        """SI."""
+
+
+def unit_of_limit(limit: Judged, degree: str = "deg") -> tuple[str, float]:
+    """(unit to show, factor) of a limit's values: motors turn in rpm."""
+    return shown("rpm" if limit.name == MotorSpeed.name else limit.unit, degree)
+
+
+def limit_cells(limit: LimitCheck, degree: str = "deg") -> tuple[str, str, str, str, str, str]:
+    """Name, joint, worst value, limit, unit and margin."""
+    unit, scale = unit_of_limit(limit, degree)
+    values = number(scale * limit.worst, 6), number(scale * limit.limit, 6)
+    return limit.name, limit.joint or "", *values, unit, percent(limit.margin, 4)
+
+
+def limits_table(limits: Iterable[LimitCheck]) -> Table:
+    """Worst value, limit, margin, joint and time of every limit, worst first, without jumps that there are not."""
+    rows = [
+        (*limit_cells(limit), fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
+        for limit in sorted(limits, key=lambda limit: limit.margin)
+        if limit.name not in JUMPS or not limit.passed
+    ]
+    return Table(("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows, (2, 3, 5, 6))
+
+
+def phases_table(plan: Plan) -> Table:
+    """Duration of every phase beside TOPP-RA's and the bound."""
+    entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
+    rows = [
+        (name, *(fixed(value, 4) for value in (entry.duration, entry.toppra_duration, entry.lower_bound)))
+        for name, entry in [*entries, ("total", plan)]
+    ]
+    return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
+
+
+def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
+    """What the motion requires of each motor beside the motor file's figures."""
+    rows = []
+    for r in requirements:
+        motor = r.motor
+        need = number(1e3 * r.peak_torque, 4), number(1e3 * r.rms_torque, 4), fixed(RPM * r.peak_speed, 0)
+        have = (NOTHING,) * 3
+        if motor is not None:
+            torques = number(1e3 * motor.max_torque, 4), number(1e3 * motor.nominal_torque, 4)
+            have = *torques, fixed(RPM * motor.max_speed, 0)
+        pairs = (f"{a} of {b}" for a, b in zip(need, have, strict=True))
+        placeholders = NOTHING if motor is None else str(len(motor.placeholders) or "none")
+        rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
+    header = ("joint", "motor", "peak torque mN·m", "RMS torque mN·m", "peak speed rpm", "placeholder figures")
+    return Table(header, rows, (2, 3, 4, 5))
 
 
 def summary_lines(plan: Plan) -> list[str]:
@@ -45,14 +116,10 @@ def summary_lines(plan: Plan) -> list[str]:
         if plan.reason is not None and plan.reason.relaxation:
             lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
-    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", ""]
-    phases = [
-        (phase.name, f"{phase.duration:.4f}", _seconds(phase.toppra_duration), f"{phase.lower_bound:.4f}")
-        for phase in plan.phases
-    ]
-    total = ("total", f"{plan.duration:.4f}", _seconds(plan.toppra_duration), f"{plan.lower_bound:.4f}")
-    lines += text_table(("phase", "duration s", "TOPP-RA s", "lower bound s"), [*phases, total])
-    lines += ["", *_motor_table(plan), "", *_limit_table(plan)]
+    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}"]
+    limits = () if plan.certificate is None else plan.certificate.limits
+    for table in (phases_table(plan), motors_table(plan.requirements), limits_table(limits)):
+        lines += ["", *table.lines()] if table.rows else []
     if plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
     if plan.reason is not None:
@@ -62,18 +129,12 @@ def summary_lines(plan: Plan) -> list[str]:
     return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
 
 
-def _seconds(duration: float | None) -> str:
-    return "–" if duration is None else f"{duration:.4f}"
-
-
 def verdicts(plan: Plan) -> list[str]:
     """One line per question: planned, checked, motors."""
     lines = []
     if plan.duration is not None and plan.toppra_duration:
-        ratio = plan.duration / plan.toppra_duration
-        lines.append(
-            f"planned      {plan.duration:.4f} s, {100 * (ratio - 1):+.3f} % of TOPP-RA's time on the same path"
-        )
+        more = percent(plan.duration / plan.toppra_duration - 1, 3)
+        lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
     lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:
         worst = plan.certificate.worst
@@ -81,7 +142,7 @@ def verdicts(plan: Plan) -> list[str]:
         joint = f" of joint {worst.joint}" if worst.joint else ""
         lines.append(
             f"check        {word}: {len(plan.certificate.limits)} limits at {plan.certificate.instants} instants; "
-            f"smallest margin {worst.margin:+.1e} ({worst.name}{joint}, t = {worst.time:.3f} s)"
+            f"smallest margin {percent(worst.margin, 4)} ({worst.name}{joint}, t = {worst.time:.4f} s)"
         )
         for violation in plan.certificate.violations:
             lines.append(
@@ -102,29 +163,6 @@ def verdicts(plan: Plan) -> list[str]:
         _, word, reason = motors_verdict(plan.sizing.to_dict())
         lines.append(f"sizing       {word}: {reason}")
     return lines
-
-
-def _motor_table(plan: Plan) -> list[str]:
-    rows = []
-    for r in plan.requirements:
-        motor = r.motor
-        limit = "–" if motor is None else f"{1e3 * motor.max_torque:.4g} / {1e3 * motor.nominal_torque:.4g}"
-        speed = f"{RPM * r.peak_speed:.0f}"
-        rows.append((r.joint, f"{1e3 * r.peak_torque:.4g}", f"{1e3 * r.rms_torque:.4g}", limit, speed))
-    return text_table(("motor of joint", "peak mN·m", "RMS mN·m", "largest / nominal mN·m", "peak rpm"), rows)
-
-
-def _limit_table(plan: Plan) -> list[str]:
-    if plan.certificate is None:
-        return []
-    rows = []
-    for limit in sorted(plan.certificate.limits, key=lambda limit: limit.margin):
-        if limit.name in JUMPS:
-            continue
-        unit, scale = shown(limit.unit)
-        values = f"{scale * limit.worst:.5g}", f"{scale * limit.limit:.5g}", unit
-        rows.append((limit.name, limit.joint or "", *values, f"{100 * limit.margin:+.4f} %", f"{limit.time:.3f}"))
-    return text_table(("limit", "joint", "worst", "limit", "unit", "margin", "at s"), rows)
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
@@ -157,10 +195,10 @@ def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]
     for motor in sizing["motors"]:
         lacking = {name: needs for name, needs in motor["not_checked"].items() if name not in of_gears}
         if lacking:
-            yield (motor["joint"], motor["motor"], *_lines(lacking))
+            yield (motor["joint"], motor["motor"], *_lacking(lacking))
     for gear in sizing["gears"]:
         if gear["not_checked"]:
-            yield (gear["joint"], gear["drive"], *_lines(gear["not_checked"]))
+            yield (gear["joint"], gear["drive"], *_lacking(gear["not_checked"]))
 
 
 def gear_margin(motor: Mapping[str, Any], sizing: SizingObject) -> float | None:
@@ -175,7 +213,7 @@ def _by_outcome(sizing: SizingObject) -> tuple[list[str], list[str]]:
     every: dict[str, bool] = {}
     for part in (*sizing["motors"], *sizing["gears"]):
         for name in dict.fromkeys((*part["margins"], *part["not_checked"])):
-            word = "gear" if name in of_gears else name.replace("_", " ")
+            word = "gear" if name in of_gears else words(name)
             every[word] = every.get(word, True) and name not in part["not_checked"]
     return [word for word, made in every.items() if made], [word for word, made in every.items() if not made]
 
@@ -191,25 +229,25 @@ def _failures(sizing: SizingObject) -> list[str]:
     for gear in sizing["gears"]:
         if gear["adequate"] is False:
             failed.setdefault((gear["joint"], gear["binds"]), gear["margins"][gear["binds"]])
-    return [f"{joint}: {name.replace('_', ' ')} {100 * margin:+.1f} %" for (joint, name), margin in failed.items()]
+    return [f"{joint}: {words(name)} {percent(margin)}" for (joint, name), margin in failed.items()]
 
 
 def _gear_checks(sizing: SizingObject) -> set[str]:
     return {name for gear in sizing["gears"] for name in gear["margins"]}
 
 
-def _lines(lacking: Mapping[str, str]) -> tuple[str, str]:
+def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
     figures = dict.fromkeys(figure for needs in lacking.values() for figure in needs.split(" and "))
-    return ", ".join(name.replace("_", " ") for name in lacking), ", ".join(figures)
+    return ", ".join(words(name) for name in lacking), ", ".join(figures)
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
     """Requirement, split, candidates, gears, what could not be checked, verdict."""
     known = all(joint.band.known for joint in sizing.joints)
     sure = f"at {100 * sizing.conditions.confidence:g} % confidence" if known else "at the stated friction"
-    lines = ["Required of the motors", *_requirements(sizing), ""]
-    lines += ["Parts of the peak torque, mN·m (+ adds to it, − relieves it)", *_split(sizing), ""]
-    lines += [f"Margins {sure}", *_candidates(sizing), "", "Gears", *_gears(sizing)]
+    lines = ["Required of the motors", *_requirements(sizing).lines(), ""]
+    lines += ["Parts of the peak torque, mN·m (+ adds to it, − relieves it)", *_split(sizing).lines(), ""]
+    lines += [f"Margins {sure}", *_candidates(sizing), "", "Gears", *_gears(sizing).lines()]
     unknown = [*_not_checked(sizing), *_notes(sizing)]
     if unknown:
         lines += ["", "What is not known", *(f"  {line}" for line in unknown)]
@@ -231,45 +269,41 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     return lines
 
 
-def _requirements(sizing: Sizing) -> list[str]:
+def _requirements(sizing: Sizing) -> Table:
     head = ("joint", "peak mN·m", "RMS mN·m", "mean mN·m", "peak rpm", "peak rad/s²", "peak W", "mean W", "Joule W")
     rows = []
     for joint in sizing.joints:
         r, confidence = joint.requirement, sizing.conditions.confidence
-        peak, rms = f"{1e3 * r.peak_torque:.4g}", f"{1e3 * r.rms_torque:.4g}"
+        peak, rms = number(1e3 * r.peak_torque, 4), number(1e3 * r.rms_torque, 4)
         if joint.band.known:
-            peak += f" (≤ {1e3 * joint.band.high('peak_torque', confidence):.4g})"
-            rms += f" (≤ {1e3 * joint.band.high('rms_torque', confidence):.4g})"
-        heat = "–" if r.joule_power is None else f"{r.joule_power:.3g}"
+            peak += f" (≤ {number(1e3 * joint.band.high('peak_torque', confidence), 4)})"
+            rms += f" (≤ {number(1e3 * joint.band.high('rms_torque', confidence), 4)})"
         figures = (r.mean_torque * 1e3, RPM * r.peak_speed, r.peak_acceleration, r.peak_power, r.mean_power)
-        rows.append((r.joint, peak, rms, *(f"{value:.4g}" for value in figures), heat))
-    return text_table(head, rows)
+        rows.append((r.joint, peak, rms, *(number(value, 4) for value in figures), number(r.joule_power)))
+    return Table(head, rows, range(1, len(head)))
 
 
-def _split(sizing: Sizing) -> list[str]:
-    head = ("joint", *(part.replace("_", " ") for part in PARTS))
+def _split(sizing: Sizing) -> Table:
     rows = []
     for joint in sizing.joints:
         parts = joint.requirement.split.at_peak
         sign = math.copysign(1e3, sum(parts.values()))
-        rows.append((joint.load.joint, *(f"{sign * parts[name] + 0.0:+.4f}" for name in PARTS)))
-    return text_table(head, rows)
+        rows.append((joint.load.joint, *(signed(sign * parts[name], 4) for name in PARTS)))
+    return Table(("joint", *map(words, PARTS)), rows, range(1, len(PARTS) + 1))
 
 
 def _candidates(sizing: Sizing) -> list[str]:
-    margins_of = (name.replace("_", " ") for name in MOTOR_MARGINS)
-    head = ("joint", "motor", "adequate", "binds", *margins_of, "gear", "winding")
+    head = ("joint", "motor", "adequate", "binds", *map(words, MOTOR_MARGINS), "gear", "winding")
     rows = []
     for verdict in (*sizing.verdicts, *sizing.alternatives):
-        margins = {check.name: check for check in verdict.checks}
-        gear = [check.margin for check in verdict.gear if check.margin is not None]
-        name = verdict.motor.name + (" *" if verdict.motor.placeholder else "")
-        name = f"or {name}" if verdict in sizing.alternatives else name
-        shown = [_percent(margins[key]) for key in MOTOR_MARGINS]
-        binds = (verdict.binds or "–").replace("_", " ")
-        through_gear = f"{100 * min(gear):+.1f} %" if gear else "–"
-        rows.append((verdict.joint, name, LOUD[verdict.adequate], binds, *shown, through_gear, _winding(verdict)))
-    lines = text_table(head, rows, left=(0, 1))
+        margins = {check.name: check.margin for check in verdict.checks}
+        gear = min((check.margin for check in verdict.gear if check.margin is not None), default=None)
+        name = ("or " if verdict in sizing.alternatives else "") + verdict.motor.name
+        name += " *" if verdict.motor.placeholder else ""
+        shares = (percent(margin) for margin in (*(margins[key] for key in MOTOR_MARGINS), gear))
+        binds = words(verdict.binds or NOTHING)
+        rows.append((verdict.joint, name, LOUD[verdict.adequate], binds, *shares, _winding(verdict)))
+    lines = Table(head, rows, range(2, len(head))).lines()
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
         lines.append("* placeholder figures: no verdict on the real motor")
     return lines
@@ -277,18 +311,17 @@ def _candidates(sizing: Sizing) -> list[str]:
 
 def _winding(verdict: MotorVerdict) -> str:
     if verdict.heat is None:
-        return "–"
+        return NOTHING
     hottest = verdict.heat.winding
-    return "no steady state" if hottest is None else f"{hottest - 273.15:.0f} °C"
+    return "no steady state" if hottest is None else f"{hottest - KELVIN:.0f} °C"
 
 
-def _gears(sizing: Sizing) -> list[str]:
+def _gears(sizing: Sizing) -> Table:
     rows = []
     for joint in sizing.joints:
-        made = [check for check in joint.gear if check.margin is not None]
-        shown = ", ".join(f"{check.name.replace('_', ' ')} {_percent(check)}" for check in made)
-        rows.append((joint.load.joint, joint.load.drive.name, shown or "nothing could be checked"))
-    return text_table(("joint", "drive", "margins"), rows, left=(0, 1, 2))
+        made = [f"{words(check.name)} {percent(check.margin)}" for check in joint.gear if check.margin is not None]
+        rows.append((joint.load.joint, joint.load.drive.name, ", ".join(made) or "nothing could be checked"))
+    return Table(("joint", "drive", "margins"), rows)
 
 
 def _not_checked(sizing: Sizing) -> list[str]:
@@ -301,7 +334,7 @@ def _not_checked(sizing: Sizing) -> list[str]:
         if check.needs is not None:
             how = "not checked" if check.margin is None else "not decided"
             names, needs = groups.setdefault((subject, how), ({}, {}))
-            names[check.name.replace("_", " ")] = None
+            names[words(check.name)] = None
             needs.update(dict.fromkeys(check.needs.split(" and ")))
     return [
         f"{subject}: {', '.join(names)} {how}: needs {'; '.join(needs)}"
@@ -323,7 +356,7 @@ def _notes(sizing: Sizing) -> list[str]:
     for verdict in judged:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
-            until = f"reaches {heat.limit - 273.15:.0f} °C after {heat.time_until_limit:.4g} s"
+            until = f"reaches {heat.limit - KELVIN:.0f} °C after {heat.time_until_limit:.4g} s"
             lines.append(f"joint {verdict.joint}, {verdict.motor.name}: the winding {until}")
     return [*lines, *dict.fromkeys(note for verdict in judged for note in verdict.notes)]
 
@@ -345,7 +378,3 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
     if joint.adequate is None:
         return "not known: see above for what would decide it" if joint.candidates else "no motor given"
     return "no motor of the list suffices" if len(joint.candidates) > 1 else "the motor does NOT suffice"
-
-
-def _percent(check: Check) -> str:
-    return "–" if check.margin is None else f"{100 * check.margin:+.1f} %"

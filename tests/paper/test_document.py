@@ -11,11 +11,12 @@ import pytest
 from paper_cases import RECORDINGS, ROOT, Made
 
 from ssm_planner.cli import main
+from ssm_planner.display import number, percent, signed
 from ssm_planner.paper import document as paper_document
 from ssm_planner.paper.document import write
 from ssm_planner.paper.friction import friction_section, rig_result
 from ssm_planner.paper.published import Inputs, read_inputs
-from ssm_planner.paper.section import Section, number, percent, signed, wrapped
+from ssm_planner.paper.section import Section, wrapped
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.figures.style import save_figure

@@ -23,9 +23,10 @@ from ssm_planner.plans import load_plan
 from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.html.channels import encoded
 from ssm_planner.reporting.html.compare import write_comparison
-from ssm_planner.reporting.html.page import LIBRARIES, Table, environment, safe_json
+from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
 from ssm_planner.reporting.html.panels import active_stretches
 from ssm_planner.reporting.html.report import report_data, write_report
+from ssm_planner.reporting.text import Table
 from ssm_planner.verification.check import check
 
 PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"
@@ -178,7 +179,7 @@ def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
 
 @given(TEXT)
 def test_text_never_becomes_markup(text: str) -> None:
-    template = environment().from_string(
+    template = templates().from_string(
         '{% from "parts.html" import table, verdict %}{{ table(t) }}{{ verdict(marks) }}'
     )
     tables = [Table((cell,), [(cell,)], caption=cell) for cell in ("text", text)]
@@ -190,7 +191,7 @@ def test_text_never_becomes_markup(text: str) -> None:
 
 def test_a_name_that_a_template_misses_is_an_error() -> None:
     with pytest.raises(UndefinedError):
-        environment().get_template("report.html").render(data="{}")
+        templates().get_template("report.html").render(data="{}")
 
 
 @given(st.recursive(TEXT | st.floats(allow_nan=False, allow_infinity=False), st.lists, max_leaves=5))

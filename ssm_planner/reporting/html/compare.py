@@ -7,13 +7,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.display import NOTHING, number, percent, signed
 from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
-from ssm_planner.reporting.html.page import Table, render, write_page
+from ssm_planner.reporting.html.page import render, write_page
 from ssm_planner.reporting.html.panels import Panel, panels_of
-from ssm_planner.reporting.html.report import percent, verdict
+from ssm_planner.reporting.html.report import verdict
 from ssm_planner.reporting.html.scene import scene_of
+from ssm_planner.reporting.text import Table
 from ssm_planner.verification.certificate import Certificate
 
 LEFT_OUT = ("What the motor torque is spent on",)
@@ -80,8 +82,8 @@ def _limits(first: Certificate | None, second: Certificate | None) -> Table:
     keys = margins[0].keys() | margins[1].keys()
     for key in sorted(keys, key=lambda key: (min(m.get(key, math.inf) for m in margins), key)):
         a, b = (each.get(key) for each in margins)
-        change = "–" if a is None or b is None else percent(b - a)
-        rows.append((*key, *("–" if m is None else percent(m) for m in (a, b)), change))
+        change = None if a is None or b is None else b - a
+        rows.append((*key, *(percent(share, 4) for share in (a, b, change))))
     return Table(("limit", "joint", "margin A", "margin B", "change"), rows, (2, 3, 4))
 
 
@@ -96,25 +98,25 @@ def _motors(first: Plan, second: Plan) -> Table:
     rows = []
     for joint in sides[0].keys() | sides[1].keys():
         a, b = (side.get(joint, {}) for side in sides)
-        names = f"{a.get('motor') or '–'} / {b.get('motor') or '–'}" if a.get("motor") != b.get("motor") else a["motor"]
+        motors = dict.fromkeys(side.get("motor") or NOTHING for side in (a, b))
         for key, name, scale in (
             ("peak_torque", "peak torque mN·m", 1e3),
             ("rms_torque", "RMS torque mN·m", 1e3),
             ("peak_speed", "peak speed rad/s", 1.0),
         ):
             values = [None if key not in side else scale * side[key] for side in (a, b)]
-            rows.append((joint, names or "–", name, *_pair(values)))
+            rows.append((joint, " / ".join(motors), name, *_pair(values)))
     rows.sort(key=lambda row: row[0])
     return Table(("joint", "motor", "", "A", "B", "change"), rows, (3, 4, 5))
 
 
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
     """A's value, B's, and the change."""
-    first, second = ("–" if value is None else f"{value:.5g}" for value in values)
     a, b = values
-    if a is None or b is None or (relative and not a):
-        return first, second, "–"
-    return first, second, f"{100 * (b / a - 1):+.2f} %" if relative else f"{b - a:+.3g}"
+    change = NOTHING
+    if a is not None and b is not None and (a or not relative):
+        change = percent(b / a - 1, 2) if relative else signed(b - a, 2)
+    return number(a, 5), number(b, 5), change
 
 
 def _together(first: list[Panel], second: list[Panel]) -> list[Panel]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ssm_planner.display import environment, filled
 from ssm_planner.publishing import replacing_result
 
 if TYPE_CHECKING:
@@ -17,25 +16,25 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
+PACKAGE = "ssm_planner.reporting"
+"""Whose templates and assets pages are made of."""
 LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
 """Name with version, and the stem of the files in assets/vendor. Their licences must go with every copy of a page."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of text; numbers: columns that are aligned to the right."""
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    numbers: Sequence[int] = ()
-    caption: str = ""
 
 
 def render(template: str, data: Any, **content: Any) -> str:
     """An HTML document. data: JSON types, read by the page's scripts; content: the template's names, escaped in it."""
     from markupsafe import Markup
 
-    return environment().get_template(template).render(data=Markup(safe_json(data)), **content) + "\n"
+    return filled(templates(), template, data=Markup(safe_json(data)), **content)
+
+
+@cache
+def templates() -> Environment:
+    """Those of the pages, in which every value is escaped."""
+    made = environment(PACKAGE, escape=True)
+    made.globals.update(asset=_asset, libraries=LIBRARIES)
+    return made
 
 
 def write_page(out: Path, text: str, plan: str) -> Path:
@@ -52,25 +51,9 @@ def safe_json(data: Any) -> str:
 
 
 @cache
-def environment() -> Environment:
-    """Jinja2 with the templates: every value is escaped, and a name that a template misses raises UndefinedError."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    made = Environment(
-        loader=PackageLoader("ssm_planner.reporting"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.globals.update(asset=_asset, libraries=LIBRARIES)
-    return made
-
-
-@cache
 def _asset(name: str) -> Markup:
     """A file of assets/, which is trusted and not escaped."""
     from markupsafe import Markup
 
-    file = resources.files("ssm_planner.reporting").joinpath("assets", *name.split("/"))
+    file = resources.files(PACKAGE).joinpath("assets", *name.split("/"))
     return Markup(file.read_text(encoding="utf-8"))

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import MotorSpeed
+from ssm_planner.display import NOTHING, fixed, number, percent, words
+from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
-from ssm_planner.reporting.figures.style import COLOURS, FIFTH, unit_of
+from ssm_planner.reporting.figures.style import COLOURS, FIFTH
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
-from ssm_planner.reporting.html.page import Table, render, write_page
+from ssm_planner.reporting.html.page import render, write_page
 from ssm_planner.reporting.html.panels import TEMPERATURE, limit_rows, motor_map, panels_of, without_temperature
 from ssm_planner.reporting.html.scene import scene_of
-from ssm_planner.reporting.text import ANSWERS, MOTOR_MARGINS, gear_margin, missing_figures, motors_verdict
-from ssm_planner.units import RPM
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.reporting.text import (
+    ANSWERS,
+    MOTOR_MARGINS,
+    Table,
+    gear_margin,
+    limit_cells,
+    missing_figures,
+    motors_table,
+    motors_verdict,
+    phases_table,
+)
+from ssm_planner.units import shown
 
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 Mark = tuple[str, str, str]
@@ -42,9 +51,9 @@ def report_page(plan: Plan) -> str:
         figures=_figures(plan),
         notes=plan.notes,
         certificate=plan.certificate,
-        limits=[_limit_row(limit) for limit in sorted(limits, key=lambda limit: limit.margin)],
-        phases=_phases(plan),
-        motors=_motors(plan),
+        limits=[(limit, limit_cells(limit, "°")) for limit in sorted(limits, key=lambda limit: limit.margin)],
+        phases=phases_table(plan),
+        motors=motors_table(plan.requirements),
         sizing=_sizing(plan),
         motion=_motion(plan),
         task_limits=Table(("limit", "from", "to", "unit"), limit_rows(plan.limits), (1, 2), "Limits of the task"),
@@ -83,11 +92,6 @@ def judged(plan: Plan) -> dict[str, Any]:
     return plan.sizing.to_dict()
 
 
-def percent(share: float) -> str:
-    """A margin with its sign, without a negative zero."""
-    return f"{round(100 * share, 4) + 0.0:+.4f} %"
-
-
 def _feasible(plan: Plan) -> Mark:
     return ("good", "Feasible", "") if plan.status == "solved" else ("bad", "No plan", plan.status)
 
@@ -110,57 +114,17 @@ def _certified(plan: Plan) -> Mark:
 def _figures(plan: Plan) -> list[tuple[str, str, str]]:
     """(name, value, note) of duration, lower bound, gap, TOPP-RA's time."""
     duration, toppra, gap = plan.duration, plan.toppra_duration, plan.gap
-    against = f"this plan: {100 * (duration / toppra - 1):+.3f} %" if duration and toppra else ""
+    against = f"this plan: {percent(duration / toppra - 1, 3)}" if duration and toppra else ""
     return [
         ("Duration", _seconds(duration), ""),
         ("Lower bound", _seconds(plan.lower_bound), "no motion on this path can be shorter"),
-        ("Gap", "–" if gap is None else f"{100 * gap:.2f} %", "duration above the bound"),
+        ("Gap", NOTHING if gap is None else f"{fixed(100 * gap, 2)} %", "duration above the bound"),
         ("TOPP-RA", _seconds(toppra), against),
     ]
 
 
 def _seconds(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4f} s"
-
-
-def _limit_row(limit: LimitCheck) -> dict[str, Any]:
-    """One row of the certificate: the limit in SI for the script that sorts, and its cells as text."""
-    unit, scale = unit_of("rpm" if limit.name == MotorSpeed.name else limit.unit)
-    return {
-        "limit": limit,
-        "name": limit.name,
-        "joint": limit.joint or "",
-        "worst": f"{scale * limit.worst + 0.0:.6g}",
-        "allowed": f"{scale * limit.limit + 0.0:.6g}",
-        "unit": unit,
-        "margin": percent(limit.margin),
-    }
-
-
-def _phases(plan: Plan) -> Table:
-    """Duration of every phase beside TOPP-RA's and the bound."""
-    rows = []
-    entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
-    for name, entry in [*entries, ("total", plan)]:
-        durations = (entry.duration, entry.toppra_duration, entry.lower_bound)
-        rows.append((name, *("–" if value is None else f"{value:.4f}" for value in durations)))
-    return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
-
-
-def _motors(plan: Plan) -> Table:
-    """What the motion requires of each motor beside the motor file's figures."""
-    rows = []
-    for r in plan.requirements:
-        motor = r.motor
-        need = f"{1e3 * r.peak_torque:.4g}", f"{1e3 * r.rms_torque:.4g}", f"{RPM * r.peak_speed:.0f}"
-        have = ("–",) * 3
-        if motor is not None:
-            have = f"{1e3 * motor.max_torque:.4g}", f"{1e3 * motor.nominal_torque:.4g}", f"{RPM * motor.max_speed:.0f}"
-        pairs = (f"{a} of {b}" for a, b in zip(need, have, strict=True))
-        placeholders = "–" if motor is None else str(len(motor.placeholders) or "none")
-        rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
-    header = ("joint", "motor", "peak torque mN·m", "RMS torque mN·m", "peak speed rpm", "placeholder figures")
-    return Table(header, rows, (2, 3, 4, 5))
+    return NOTHING if value is None else f"{fixed(value, 4)} s"
 
 
 def _sizing(plan: Plan) -> dict[str, Any]:
@@ -184,15 +148,11 @@ def _motor_column(motor: Mapping[str, Any], found: Mapping[str, Any]) -> dict[st
         "motor": motor["motor"],
         "its figures": "placeholders among them" if motor["placeholder"] else "with a source",
         "suffices": ANSWERS[motor["adequate"]],
-        "binds": (motor["binds"] or "–").replace("_", " "),
-        **{name.replace("_", " "): _margin(motor["margins"].get(name)) for name in MOTOR_MARGINS},
-        "gear": _margin(gear_margin(motor, found)),
-        "confidence": "–" if probability is None else f"{100 * probability:.3g} %",
+        "binds": words(motor["binds"] or NOTHING),
+        **{words(name): percent(motor["margins"].get(name)) for name in MOTOR_MARGINS},
+        "gear": percent(gear_margin(motor, found)),
+        "confidence": NOTHING if probability is None else f"{number(100 * probability)} %",
     }
-
-
-def _margin(margin: float | None) -> str:
-    return "–" if margin is None else f"{100 * margin + 0.0:+.1f} %"
 
 
 def _motion(plan: Plan) -> Table:
@@ -209,27 +169,21 @@ def _target(motion: Mapping[str, Any]) -> str:
     target = motion.get("target") or {}
     for name in ("joints", "tip"):
         if target.get(name):
-            return f"{name} " + ", ".join(f"{value:.6g}" for value in target[name]) + " (rad, m)"
+            return f"{name} " + ", ".join(number(value, 6) for value in target[name]) + " (rad, m)"
     words = []
     for name, value in (target.get("task") or {}).items():
-        unit, scale = unit_of("m" if name == "depth" else "rad")
-        words.append(f"{name} {scale * value:.6g} {unit}")
+        unit, scale = shown("m" if name == "depth" else "rad", "°")
+        words.append(f"{name} {number(scale * value, 6)} {unit}")
     return ", ".join(words)
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
-    unit, scale = unit_of("rad" if joint.kind == "revolute" else "m")
-    low, high = joint.position
-    return (
-        joint.name,
-        joint.kind,
-        f"{scale * low:g} … {scale * high:g} {unit}",
-        f"{scale * joint.velocity:g} {unit}/s",
-        f"{scale * joint.acceleration:g} {unit}/s²",
-        "–" if joint.jerk is None else f"{scale * joint.jerk:g} {unit}/s³",
-        "–" if joint.drive is None else joint.drive.name,
-        "–" if joint.motor is None else joint.motor.name,
-    )
+    unit, scale = shown("rad" if joint.kind == "revolute" else "m", "°")
+    low, high = (number(scale * end, 6) for end in joint.position)
+    derivatives = ((joint.velocity, "/s"), (joint.acceleration, "/s²"), (joint.jerk, "/s³"))
+    largest = (NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}" for value, per in derivatives)
+    parts = (NOTHING if part is None else part.name for part in (joint.drive, joint.motor))
+    return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest, *parts)
 
 
 def _sources(joint: Joint) -> Table:
@@ -245,12 +199,8 @@ def _sources(joint: Joint) -> Table:
 
 def _provenance(plan: Plan) -> Table:
     """Versions, files and the plan's fingerprint."""
-    return Table(("what", "which"), list(_origin(plan)))
-
-
-def _origin(plan: Plan) -> Iterator[tuple[str, str]]:
-    yield from plan.software.items()
-    yield "problem file", str(plan.problem.file)
-    yield "robot file", str(plan.robot.file)
-    yield "plan file", plan.path.name
-    yield "SHA-256 of the plan file", plan.sha256
+    files = ("problem file", str(plan.problem.file)), ("robot file", str(plan.robot.file))
+    return Table(
+        ("what", "which"),
+        [*plan.software.items(), *files, ("plan file", plan.path.name), ("SHA-256 of the plan file", plan.sha256)],
+    )
