@@ -151,10 +151,10 @@ def test_a_limit_that_was_exceeded_in_reality(plan: Plan, tmp_path: Path, capsys
     recorded.percent[300:310] = 130 * motor.max_torque / motor.nominal_torque
     bad = recorded.write(tmp_path / "roll.csv")
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    assert command.run(parser.parse_args([str(plan.path), str(good), "--json"])) == 0
+    command.compare_arguments(parser)
+    assert command.run_compare(parser.parse_args([str(plan.path), str(good), "--json"])) == 0
     assert json.loads(capsys.readouterr().out)["held"] is True
-    assert command.run(parser.parse_args([str(plan.path), str(good), str(bad), "--json"])) == 1
+    assert command.run_compare(parser.parse_args([str(plan.path), str(good), str(bad), "--json"])) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["held"] is False
     exceeded = [
@@ -163,7 +163,7 @@ def test_a_limit_that_was_exceeded_in_reality(plan: Plan, tmp_path: Path, capsys
     assert exceeded == [("roll", "motor torque")]
     assert {"delay", "correlation", "covered", "nrmsd", "limits", "held", "notes"} <= set(document["axes"][0])
     assert set(document["axes"][0]["nrmsd"]) == {"position", "speed", "torque"}
-    assert command.run(parser.parse_args([str(plan.path), f"roll={bad}"])) == 1
+    assert command.run_compare(parser.parse_args([str(plan.path), f"roll={bad}"])) == 1
     assert "NOT held in reality" in capsys.readouterr().out
 
 

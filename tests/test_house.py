@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import ssm_planner
+from ssm_planner.cli import COMMANDS
 
 PACKAGE = Path(__file__).parent.parent / "ssm_planner"
 FILES = {
@@ -27,8 +28,8 @@ SHAPE = re.compile(r"\((\.\.\.|\w+,|[\w. ×+−/…-]+(, ?[\w. ×+−/…-]*)+)\
 ARRAY = re.compile(r"\b(Array|ArrayLike|Indices|NDArray)\b")
 SELF_DESCRIBED = ("loading.schema",)
 """The schema of the files: its fields carry what `ssm-planner schema` prints."""
-COMMAND = {"add_arguments", "run"}
-"""The two functions of every module of `cli`, described there once."""
+COMMAND = {f"run_{name}" for name in COMMANDS} | {f"{name}_arguments" for name in COMMANDS}
+"""The two functions of every command, described in `cli` once."""
 Definition = ast.FunctionDef | ast.ClassDef
 
 

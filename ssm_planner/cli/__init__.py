@@ -13,7 +13,6 @@ import sys
 import threading
 from collections.abc import Sequence
 from importlib import metadata
-from io import TextIOWrapper
 from types import FrameType
 from typing import Any
 
@@ -32,18 +31,18 @@ COMMANDS = {
     "simulate": ("simulate", "the exported set points played on the simulated arm, and what may go wrong"),
     "compare": ("compare", "a recording of the executed motion against the plan"),
     "size": ("size", "what the motion requires; which motors and gears satisfy it"),
-    "report": ("report", "a page with mechanism, plots and certificate; of two plans, a comparison"),
-    "view": ("view", "a local page: workspace, inverse kinematics and planning by sliders"),
-    "workspace": ("workspace", "closed-form tilt range, or the (alpha, beta) that reach a range"),
-    "identify": ("identify", "friction with confidence, map figure, a drive file to use"),
-    "predict": ("predict", "predicted against measured torque, NRMSD"),
-    "ik": ("ik", "closed-form inverse kinematics, all branches"),
-    "reproduce": ("reproduce", "the paper's tables and figures, ours beside the published values"),
+    "report": ("pages", "a page with mechanism, plots and certificate; of two plans, a comparison"),
+    "view": ("pages", "a local page: workspace, inverse kinematics and planning by sliders"),
+    "workspace": ("kinematics", "closed-form tilt range, or the (alpha, beta) that reach a range"),
+    "identify": ("friction", "friction with confidence, map figure, a drive file to use"),
+    "predict": ("friction", "predicted against measured torque, NRMSD"),
+    "ik": ("kinematics", "closed-form inverse kinematics, all branches"),
+    "reproduce": ("pages", "the paper's tables and figures, ours beside the published values"),
 }
 """Module in ssm_planner.cli and help of every command; the module is imported only when its command is used.
 
-A module has add_arguments(parser) and run(options) -> exit status: 0 done and every check passed, 1 infeasible or a failed
-check, 2 bad input.
+A module has, for each of its commands, <command>_arguments(parser) and run_<command>(options) -> exit status: 0 done and
+every check passed, 1 infeasible or a failed check, 2 bad input.
 """
 
 
@@ -53,36 +52,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _prepare_streams()
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
-    for stream in (sys.stdout, sys.stderr) if arguments is None else ():
-        if isinstance(stream, TextIOWrapper):  # closed ones are None
-            stream.reconfigure(errors="backslashreplace")  # a terminal may know ASCII alone
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
             options = _parser(words).parse_args(words)
             status = int(options.run(options))
-            if sys.stdout is not None:  # it may be closed
-                sys.stdout.flush()
+            sys.stdout.flush()
         return status if signals.arrived is None else _interrupted(signals)
     except SsmPlannerError as error:
-        print(f"ssm-planner: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return _refused(str(error))
     except BrokenPipeError:  # the reader of a pipe has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return CLOSED_PIPE
     except OSError as error:
-        if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EIO, errno.EBADF):
+        if error.filename is not None or error.errno not in STREAM_FAULTS:
             return _fault(error)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        print(f"ssm-planner: standard output: cannot be written: {error.strerror}", file=sys.stderr)
-        return BAD_INPUT
+        _discard_output()
+        return _refused(f"standard output: cannot be written: {error.strerror}")
     except KeyboardInterrupt:
         return _interrupted(signals)
     except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line and a status of its own
-        if isinstance(error, OSError) and error.errno in STREAM_FAULTS:
-            print(f"ssm-planner: standard output cannot be written: {error.strerror}", file=sys.stderr)
-            return BAD_INPUT
         return _interrupted(signals) if signals.arrived is not None else _fault(error)
+
+
+def _refused(reason: str) -> int:
+    print(f"ssm-planner: {reason}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _discard_output() -> None:
+    """What is still to be flushed at the end goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Signals:
@@ -163,8 +163,8 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         if name in words:
             implementation = importlib.import_module(f"ssm_planner.cli.{module}")
-            implementation.add_arguments(command)
-            command.set_defaults(run=implementation.run)
+            getattr(implementation, f"{name}_arguments")(command)
+            command.set_defaults(run=getattr(implementation, f"run_{name}"))
     return parser
 
 

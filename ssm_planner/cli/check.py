@@ -7,7 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    part_quantity,
+    progress_reporter,
+    quantity_argument,
+    show,
+)
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -17,7 +25,7 @@ if TYPE_CHECKING:
     from ssm_planner.verification.certificate import Certificate
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def check_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "trajectory",
         type=Path,
@@ -35,10 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"speeds that the motion {end}s with, such as tilt=-10deg/s,depth=5mm/s, or any; default: as the plan, "
             "the problem or the export declares, else at rest",
         )
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    output_arguments(parser)
 
 
-def run(options: argparse.Namespace) -> int:
+def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.trajectory}")
     from ssm_planner.problem.limits import TipSpeed
@@ -112,7 +120,6 @@ def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
 def _rates(option: str, text: str) -> dict[str, float] | None:
     """Rates by task coordinate; None for any. Raises ProblemError."""
     from ssm_planner.problem.limits import TASK
-    from ssm_planner.units import BadQuantity, quantity
 
     if text.strip() == "any":
         return None
@@ -120,13 +127,10 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
     for word in text.split(","):
         name, _, value = (part.strip() for part in word.partition("="))
         if name not in TASK:
-            raise ProblemError(
-                "no task coordinate", key=option, value=word.strip(), allowed=f"any, or {', '.join(TASK)}"
-            )
-        try:
-            rates[name] = quantity(value, "velocity" if name == "depth" else "angular_velocity")
-        except BadQuantity as error:
-            raise ProblemError(error.reason, key=option, value=word.strip(), allowed=error.allowed) from error
+            allowed = f"any, or {', '.join(TASK)}"
+            raise ProblemError("no task coordinate", key=option, value=word.strip(), allowed=allowed)
+        kind = "velocity" if name == "depth" else "angular_velocity"
+        rates[name] = part_quantity(option, value, kind, whole=word.strip())
     return rates
 
 

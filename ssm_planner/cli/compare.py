@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, plan_argument, progress_reporter, show
 
 if TYPE_CHECKING:
     from ssm_planner.comparison import AxisComparison
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("plan", type=Path, help="plan.json")
+def compare_arguments(parser: argparse.ArgumentParser) -> None:
+    plan_argument(parser)
     parser.add_argument(
         "recordings",
         nargs="+",
@@ -23,10 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--counts-per-turn", type=int, metavar="N", help="increments per motor turn of a position channel"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    output_arguments(parser)
 
 
-def run(options: argparse.Namespace) -> int:
+def run_compare(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
     from ssm_planner.comparison import assign, compare, read_measured

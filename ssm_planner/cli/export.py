@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import argparse
 import re
-from pathlib import Path
 from typing import Any
 
-from ssm_planner.cli.output import OK, progress_reporter, show
+from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, show
 from ssm_planner.errors import ExportError
 
 FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("plan", type=Path, help="plan.json")
+def export_arguments(parser: argparse.ArgumentParser) -> None:
+    plan_argument(parser)
     parser.add_argument("--to", required=True, choices=FORMATS, help="form to write")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: beside the plan)")
+    output_arguments(parser, "folder (default: beside the plan)")
     parser.add_argument("--force", action="store_true", help="export an unverified plan too, in files marked so")
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
     parser.add_argument(
         "--rate",
         type=_rate,
@@ -38,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2")
 
 
-def run(options: argparse.Namespace) -> int:
+def run_export(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
     from ssm_planner.formats.export import export

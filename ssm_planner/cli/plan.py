@@ -5,18 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="result folder (default: results/<problem name>)"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    output_arguments(parser, "result folder (default: results/<problem name>)")
 
 
-def run(options: argparse.Namespace) -> int:
+def run_plan(options: argparse.Namespace) -> int:
     from ssm_planner.reporting.figures.process import FigureProcess
 
     progress = progress_reporter()

@@ -6,7 +6,17 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    part_quantity,
+    plan_argument,
+    progress_reporter,
+    quantity_argument,
+    show,
+    write_results,
+)
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -14,8 +24,8 @@ if TYPE_CHECKING:
     from ssm_planner.simulation.simulate import Scenario, SimulationResult
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("plan", type=Path, help="plan.json")
+def simulate_arguments(parser: argparse.ArgumentParser) -> None:
+    plan_argument(parser)
     parser.add_argument("--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant")
     parser.add_argument("--power-loss", metavar="TIME|everywhere", help="all drives off at a time, or at many instants")
     parser.add_argument("--instants", type=int, default=1000, metavar="N", help="of a power loss everywhere (1000)")
@@ -33,13 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tip-error", type=quantity_argument("length"), help="largest tip error that passes (default 0.1 mm)"
     )
     parser.add_argument("--travel", type=quantity_argument("length"), help="largest way of the tip without power")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="write simulation.json, recordings and figures"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    output_arguments(parser, "write simulation.json, recordings and figures")
 
 
-def run(options: argparse.Namespace) -> int:
+def run_simulate(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
     from ssm_planner.loading.load import load_controller
@@ -50,7 +57,15 @@ def run(options: argparse.Namespace) -> int:
     controller = None if options.controller is None else load_controller(options.controller)
     result = simulate(plan, scenario_of(options, plan.robot), controller, progress)
     document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
-    document["files"] = {} if options.output is None else write_results(result, document, options.output)
+
+    def write(folder: Path) -> dict[str, Path]:
+        from ssm_planner.reporting.figures.simulation import write_simulation_figures
+        from ssm_planner.simulation.recorder import write_recordings
+
+        recordings = {f"recording_{joint}": path for joint, path in write_recordings(result, folder).items()}
+        return {**recordings, **write_simulation_figures(result, folder)}
+
+    document["files"] = write_results(options.output, "simulation", document, write)
     progress("done")
     files = document["files"].values()
     show(options.json, document, lambda: [*simulation_lines(result), *(f"file: {path}" for path in files)])
@@ -64,14 +79,14 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
     payload, payload_time = 0.0, 0.0
     if options.payload is not None:
         mass, at, time = options.payload.partition("@")
-        payload = _quantity("--payload", mass, "mass")
-        payload_time = _quantity("--payload", time, "time") if at else 0.0
+        payload = part_quantity("--payload", mass, "mass")
+        payload_time = part_quantity("--payload", time, "time") if at else 0.0
     stall = None
     if options.stall is not None:
         joint, at, time = options.stall.partition("@")
         if not at:
             raise ProblemError("no instant", key="--stall", value=options.stall, allowed="JOINT@TIME, such as tilt@1s")
-        stall = (joint, _quantity("--stall", time, "time"))
+        stall = (joint, part_quantity("--stall", time, "time"))
     loss = options.power_loss
     if options.instants < 1:
         raise ProblemError("no instant", key="--instants", value=options.instants, allowed="1 and more")
@@ -79,7 +94,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
         speed=_share(options.speed),
         payload=payload,
         payload_time=payload_time,
-        power_loss=loss if loss in (None, EVERYWHERE) else _quantity("--power-loss", loss, "time"),
+        power_loss=loss if loss in (None, EVERYWHERE) else part_quantity("--power-loss", loss, "time"),
         instants=options.instants,
         stall=stall,
         supply=options.supply,
@@ -136,30 +151,6 @@ def simulation_lines(result: SimulationResult) -> list[str]:
         *(f"reason: {reason}" for reason in result.reasons),
         "PASSED" if result.passed else "NOT PASSED",
     ]
-
-
-def write_results(result: SimulationResult, document: dict[str, Any], folder: Path) -> dict[str, str]:
-    """simulation.json, one recording of each axis, figures; their paths by name. Raises ExportError."""
-    import json
-
-    from ssm_planner.atomic import replacing
-    from ssm_planner.reporting.figures.simulation import write_simulation_figures
-    from ssm_planner.simulation.recorder import write_recordings
-
-    files = {f"recording_{joint}": str(path) for joint, path in write_recordings(result, folder).items()}
-    files |= {name: str(path) for name, path in write_simulation_figures(result, folder).items()}
-    with replacing(folder / "simulation.json") as temporary:
-        temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    return {"simulation": str(folder / "simulation.json"), **files}
-
-
-def _quantity(option: str, text: str, kind: str) -> float:
-    from ssm_planner.units import BadQuantity, quantity
-
-    try:
-        return quantity(text.strip(), kind)
-    except BadQuantity as error:
-        raise ProblemError(error.reason, key=option, value=text, allowed=error.allowed) from None
 
 
 def _share(text: str) -> float:

@@ -8,7 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import FAILED, OK, progress_reporter, quantity_argument, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    plan_argument,
+    progress_reporter,
+    quantity_argument,
+    show,
+    write_results,
+)
 from ssm_planner.errors import ProblemError, TrajectoryError
 
 if TYPE_CHECKING:
@@ -18,10 +27,8 @@ if TYPE_CHECKING:
     from ssm_planner.sizing.size import Sizing
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "plan", type=Path, help="plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads"
-    )
+def size_arguments(parser: argparse.ArgumentParser) -> None:
+    plan_argument(parser, "plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads")
     parser.add_argument("--robot", type=Path, help="robot file (YAML) of a trajectory that is no plan.json")
     parser.add_argument(
         "--motor",
@@ -43,11 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--draws", type=int, default=0, help="Monte Carlo draws of the friction (default: linearised)")
     parser.add_argument("--what-if", action="store_true", help="largest payload and shortest duration")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write sizing.json and the figures there")
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    output_arguments(parser, "write sizing.json and the figures there")
 
 
-def run(options: argparse.Namespace) -> int:
+def run_size(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
     from ssm_planner.reporting.text import sizing_lines, what_if_lines
@@ -68,7 +74,13 @@ def run(options: argparse.Namespace) -> int:
         duration = shortest_duration(duty, motors, conditions, options.payload)
         document["what_if"] = {"largest_payload": payload.to_dict(), "shortest_duration": duration.to_dict()}
         lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
-    document["files"] = {} if options.output is None else write_results(sizing, document, options.output)
+
+    def write(folder: Path) -> dict[str, Path]:
+        from ssm_planner.reporting.figures.sizing import write_sizing_figures
+
+        return write_sizing_figures(sizing, folder)
+
+    document["files"] = write_results(options.output, "sizing", document, write)
     progress("done")
     show(options.json, document, lambda: [*lines, *(f"file: {path}" for path in document["files"].values())])
     return FAILED if sizing.adequate is False else OK
@@ -134,20 +146,6 @@ def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
         if joint.candidates:
             chosen[joint.load.joint] = (joint.smallest or joint.candidates[-1]).motor
     return chosen
-
-
-def write_results(sizing: Sizing, document: dict[str, Any], folder: Path) -> dict[str, str]:
-    """sizing.json and the figures; their paths by name. Raises ExportError."""
-    import json
-
-    from ssm_planner.publishing import publishing
-    from ssm_planner.reporting.figures.sizing import write_sizing_figures
-
-    with publishing(folder) as temporary:
-        written = write_sizing_figures(sizing, temporary)
-        files = {name: str(folder / path.name) for name, path in written.items()}
-        (temporary / "sizing.json").write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    return {"sizing": str(folder / "sizing.json"), **files}
 
 
 def _conditions(options: argparse.Namespace) -> Conditions:

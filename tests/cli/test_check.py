@@ -27,8 +27,8 @@ TASK_ONLY = {"roll rate", "tilt rate", "spin rate", "insertion speed", "retina c
 
 def run(*words: str | Path) -> int:
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    return command.run(parser.parse_args([str(word) for word in words]))
+    command.check_arguments(parser)
+    return command.run_check(parser.parse_args([str(word) for word in words]))
 
 
 @pytest.fixture

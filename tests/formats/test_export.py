@@ -29,8 +29,9 @@ OPTIONS = {"epos4": {"counts_per_turn": 4096}}
 
 def run(module, words: list[str]) -> int:
     parser = argparse.ArgumentParser()
-    module.add_arguments(parser)
-    return module.run(parser.parse_args(words))
+    name = module.__name__.rpartition(".")[2]
+    getattr(module, f"{name}_arguments")(parser)
+    return getattr(module, f"run_{name}")(parser.parse_args(words))
 
 
 @pytest.mark.parametrize("to", FORMATS)

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import UndefinedError
 
-from ssm_planner.cli import report as command
+from ssm_planner.cli import pages
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import load_plan
@@ -245,8 +245,8 @@ def run(*words: str | Path) -> int:
     import argparse
 
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    return command.run(parser.parse_args([str(word) for word in words]))
+    pages.report_arguments(parser)
+    return pages.run_report(parser.parse_args([str(word) for word in words]))
 
 
 def test_command_writes_report_comparison_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.cli import view as command
+from ssm_planner.cli import pages
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -244,6 +244,6 @@ def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
 
 def test_port_in_use_is_bad_input(server: ViewServer) -> None:
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    pages.view_arguments(parser)
     with pytest.raises(ProblemError, match="cannot be used"):
-        command.run(parser.parse_args(["--no-browser", "--port", str(server.server_port)]))
+        pages.run_view(parser.parse_args(["--no-browser", "--port", str(server.server_port)]))

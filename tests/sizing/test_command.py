@@ -23,8 +23,8 @@ EC_MAX = SHIPPED / "motors/maxon_ec_max_22_25w.yaml"
 
 def run(*words: object) -> int:
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    return command.run(parser.parse_args([str(word) for word in words]))
+    command.size_arguments(parser)
+    return command.run_size(parser.parse_args([str(word) for word in words]))
 
 
 def plan_file(folder: Path, robot: Robot) -> Path:

@@ -1,21 +1,25 @@
-"""`ssm-planner identify DRIVE RECORDING…`."""
+"""`ssm-planner identify DRIVE RECORDING…` and `ssm-planner predict DRIVE RECORDING…`."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import OK, progress_reporter, show
+from ssm_planner.cli.shared import OK, output_arguments, progress_reporter, show
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
     from ssm_planner.identification.identify import Identification
+    from ssm_planner.identification.prediction import Prediction
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
+IMPLAUSIBLE = 0.5
+"""NRMSD beyond which the recording is hardly one of this drive."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def identify_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drive", type=Path, help="drive file (YAML) with the rig's payload and recorder settings")
     parser.add_argument(
         "recordings",
@@ -24,9 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RECORDING",
         help="EPOS recorder files, CSV with named columns, or folders; none: the shipped table of figures of the rig",
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="drive file to write (default: results/<drive>/)"
-    )
+    output_arguments(parser, "drive file to write (default: results/<drive>/)", metavar="FILE")
     parser.add_argument("--law", choices=LAWS, default="auto", help="friction law (default: by blind error)")
     parser.add_argument(
         "--fix", action="append", default=[], metavar="NAME=VALUE", help="a known parameter, SI, such as preload=0.8"
@@ -34,23 +36,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--free", action="append", default=[], metavar="NAME", help="fit this parameter too: b_ov, preload"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
 
 
-def run(options: argparse.Namespace) -> int:
+def run_identify(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     from ssm_planner.identification.identify import identify
 
     fixed = dict(_known(text) for text in options.fix)
     progress(f"identifying {options.drive}")
     found = identify(options.drive, options.recordings, law=options.law, fixed=fixed, free=tuple(options.free))
-    result = {**found.to_dict(), "files": _write(found, options.drive, options.output)}
+    result = {**found.to_dict(), "files": _write_drive(found, options.drive, options.output)}
     progress("done")
-    show(options.json, result, lambda: _lines(result))
+    show(options.json, result, lambda: _identified_lines(result))
     return OK
 
 
-def _write(found: Identification, drive: Path, output: Path | None) -> dict[str, str]:
+def _write_drive(found: Identification, drive: Path, output: Path | None) -> dict[str, str]:
     """Write the identified drive file and its map; their paths by name. Raises ExportError."""
     from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.sizing import map_figure
@@ -75,7 +76,7 @@ def _known(text: str) -> tuple[str, float]:
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 
-def _lines(result: dict[str, Any]) -> list[str]:
+def _identified_lines(result: dict[str, Any]) -> list[str]:
     lines = [f"law         {result['law']}", f"map NRMSD   {result['nrmsd']:.4f}", ""]
     lines.append(f"{'parameter':<16}{'value':>12}{'95 % low':>13}{'95 % high':>13}")
     for name, p in result["parameters"].items():
@@ -95,3 +96,52 @@ def _lines(result: dict[str, Any]) -> list[str]:
         lines += ["", "Outliers (kept, with less weight)"]
         lines += [f"  {o['recording']}: {o['distance']:.1f} σ, weight {o['weight']:.2f}" for o in result["outliers"]]
     return [*lines, "", *(f"{name}: {path}" for name, path in result["files"].items())]
+
+
+def predict_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("drive", type=Path, help="drive file (YAML)")
+    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings or folders of them")
+    output_arguments(parser, "write a figure per recording there")
+
+
+def run_predict(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    from ssm_planner.identification.identify import friction_origin, predict
+
+    progress(f"predicting with {options.drive}")
+    origin = friction_origin(options.drive)
+    results = [
+        {**prediction.to_dict(), "friction": origin, "files": _write_figures(prediction, options.output)}
+        for prediction in predict(options.drive, options.recordings)
+    ]
+    progress("done")
+    show(options.json, results, lambda: [line for result in results for line in _predicted_lines(result)])
+    return OK
+
+
+def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
+    yield f"{result['recording']:<40}  NRMSD {result['nrmsd']:.4f}   friction from {result['friction']}"
+    if result["mean_band"] is not None:
+        low, high = (1e3 * end for end in result["mean_band"])
+        where = "inside" if result["mean_inside"] else "OUTSIDE"
+        yield f"  mean {1e3 * result['mean_measured']:.3f} mN·m, {where} its 95 % band {low:.3f} to {high:.3f}"
+        if result["sample_coverage"] is not None:
+            yield f"  {result['sample_coverage']:.0%} of the samples in motion inside their 95 % band"
+    if result["nrmsd"] > IMPLAUSIBLE:
+        yield "  off by more than half of the torque's range: a recording of this drive, load and direction?"
+    if result["contact_lost"]:
+        yield "  the preload does not keep both nuts in contact: the law does not hold there"
+    yield from (f"  repaired: {repair}" for repair in result["repairs"])
+    yield from (f"  figure: {path}" for path in result["files"].values())
+
+
+def _write_figures(prediction: Prediction, folder: Path | None) -> dict[str, str]:
+    """Write the figure of one recording; its paths by name. Raises ExportError."""
+    if folder is None:
+        return {}
+    from ssm_planner.reporting.figures.sizing import prediction_figure
+    from ssm_planner.reporting.figures.style import save_figure
+
+    name = prediction.recording.name.removesuffix(".csv").replace("/", "_")
+    written = save_figure(prediction_figure(prediction), folder / f"prediction_{name}")
+    return dict(zip(("figure", "pdf"), map(str, written.values()), strict=True))

@@ -1,21 +1,55 @@
-"""`ssm-planner workspace ROBOT` and `ssm-planner workspace --reach A B`."""
+"""`ssm-planner ik ROBOT --tilt …`, `ssm-planner workspace ROBOT` and `ssm-planner workspace --reach A B`."""
 
 from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.output import FAILED, OK, quantity_argument, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, quantity_argument, show
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
+    from ssm_planner.kinematics.of_robot import JointSolutions
     from ssm_planner.problem.robot import Robot
     from ssm_planner.typing import Range
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def ik_arguments(parser: argparse.ArgumentParser) -> None:
+    angle, length = quantity_argument("angle"), quantity_argument("length")
+    parser.add_argument("robot", type=Path, help="robot file (YAML)")
+    parser.add_argument("--roll", type=angle, default=0.0, help="such as 10deg (default 0)")
+    parser.add_argument("--tilt", type=angle, required=True, help="such as -100deg")
+    parser.add_argument("--spin", type=angle, default=0.0, help="such as 90deg (default 0)")
+    parser.add_argument("--depth", type=length, default=0.0, help="such as 15mm (default 0)")
+    parser.add_argument("--within-limits", action="store_true", help="only solutions within the joint ranges")
+    output_arguments(parser)
+
+
+def run_ik(options: argparse.Namespace) -> int:
+    from ssm_planner.kinematics.of_robot import ik
+    from ssm_planner.loading.load import load_robot
+    from ssm_planner.problem.limits import TASK
+
+    robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
+    found = ik(robot, **point, within_limits=options.within_limits)
+    show(options.json, found.to_dict(), lambda: _solution_lines(found))
+    return OK if found.reachable else FAILED
+
+
+def _solution_lines(found: JointSolutions) -> Iterator[str]:
+    yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
+    for q, inside in zip(found.joints, found.in_limits, strict=True):
+        angles = "   ".join(f"{math.degrees(value):11.5f}" for value in q[:3])
+        yield f"{angles}   {1e3 * q[3]:10.4f}   {'yes' if inside else 'no'}"
+    if not found.reachable:
+        off = math.degrees(found.orientation_error), 1e3 * found.tip_error
+        yield f"not reachable: the nearest is off by {off[0]:.6g} deg and {off[1]:.6g} mm"
+
+
+def workspace_arguments(parser: argparse.ArgumentParser) -> None:
     angle = quantity_argument("angle")
     parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
     parser.add_argument(
@@ -24,11 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--margin", type=angle, default=0.0, help="tilt to spare at both ends, such as 1deg (default 0)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write the figures there")
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+    output_arguments(parser, "write the figures there")
 
 
-def run(options: argparse.Namespace) -> int:
+def run_workspace(options: argparse.Namespace) -> int:
     from ssm_planner.loading.load import load_robot
 
     if options.robot is None and options.reach is None:
@@ -39,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         low, high = sorted(options.reach)
         result = _designs((low, high), options.margin, robot, options.output)
-    show(options.json, result, lambda: _lines(result))
+    show(options.json, result, lambda: _workspace_lines(result))
     return OK if result.get("reachable", True) else FAILED
 
 
@@ -82,7 +115,7 @@ def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | No
     return result
 
 
-def _lines(result: dict[str, Any]) -> list[str]:
+def _workspace_lines(result: dict[str, Any]) -> list[str]:
     def degrees(value: float) -> str:
         return f"{math.degrees(value):.4f} deg"
 

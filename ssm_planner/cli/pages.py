@@ -1,0 +1,104 @@
+"""`ssm-planner report PLAN [OTHER]`, `ssm-planner view [PROBLEM]` and `ssm-planner reproduce`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, plan_argument, progress_reporter, show
+from ssm_planner.errors import ProblemError
+
+
+def report_arguments(parser: argparse.ArgumentParser) -> None:
+    plan_argument(parser)
+    parser.add_argument("other", type=Path, nargs="?", help="a second one, to compare the first with")
+    output_arguments(parser, "page to write (default: report.html or comparison.html beside PLAN)", metavar="FILE")
+    parser.add_argument(
+        "--figures", type=Path, metavar="DIR", help="also write the figures of PLAN there, as PNG and PDF"
+    )
+
+
+def run_report(options: argparse.Namespace) -> int:
+    from ssm_planner.plans import load_plan
+    from ssm_planner.reporting.html.compare import write_comparison
+    from ssm_planner.reporting.html.report import write_report
+
+    plan = load_plan(options.plan)
+    if options.other is None:
+        files = {"report": write_report(plan, options.output or plan.path.with_name("report.html"))}
+    else:
+        out = options.output or plan.path.with_name("comparison.html")
+        files = {"comparison": write_comparison(plan, load_plan(options.other), out)}
+    if options.figures is not None:
+        from ssm_planner.reporting.figures.process import write_figures_of_file
+
+        files |= write_figures_of_file(plan, options.figures)
+    named = {name: str(path) for name, path in files.items()}
+    show(options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()])
+    return OK
+
+
+def view_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "problem", type=Path, nargs="?", help="problem file (YAML); without it the paper's mechanism, without planning"
+    )
+    parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1 (default: any free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+
+
+def run_view(options: argparse.Namespace) -> int:
+    from ssm_planner.loading.load import load_problem
+    from ssm_planner.view.page import Study
+    from ssm_planner.view.server import ADDRESS, ViewServer
+
+    if not 0 <= options.port <= 65535:
+        raise ProblemError("not a port", key="--port", value=options.port, allowed="0 to 65535")
+    problem = None if options.problem is None else load_problem(options.problem)
+    try:
+        server = ViewServer(Study(problem), options.port)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ProblemError(f"{ADDRESS} cannot be used: {reason}", key="--port", value=options.port) from error
+    with server:
+        print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
+        if not options.no_browser:
+            import webbrowser
+
+            webbrowser.open(server.url)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print("", file=sys.stderr)
+    return OK
+
+
+def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
+    output_arguments(parser, "the document goes into DIR/paper", default=Path("results"))
+    parser.add_argument(
+        "--recordings",
+        type=Path,
+        metavar="DIR",
+        default=Path("../shared/recordings"),
+        help="recordings of the three rigs (default ../shared/recordings); where absent, their rows are left out",
+    )
+    parser.add_argument(
+        "--problems", type=Path, metavar="DIR", default=Path("problems"), help="the project's problem files"
+    )
+
+
+def run_reproduce(options: argparse.Namespace) -> int:
+    progress = progress_reporter()
+    progress("reading the problem files")
+    from ssm_planner.paper.document import compute, write
+    from ssm_planner.paper.published import read_inputs
+
+    document = compute(read_inputs(options.problems, options.recordings), progress)
+    progress("drawing and writing")
+    folder = options.output / "paper"
+    files = write(document, folder)
+    progress("done")
+    paths, left_out = {name: str(path) for name, path in files.items()}, document.left_out
+    result = {"passed": document.passed, "left_out": list(left_out), "files": paths}
+    show(options.json, result, lambda: [*(f"left out: {line}" for line in left_out), f"Results: {folder}"])
+    return OK if document.passed else FAILED

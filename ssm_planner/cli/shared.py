@@ -1,0 +1,91 @@
+"""What commands share: arguments, progress on stderr, results on stdout and in a folder."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.errors import ProblemError
+
+OK, FAILED = 0, 1
+
+
+def plan_argument(parser: argparse.ArgumentParser, text: str = "plan.json, or the result folder that holds it") -> None:
+    """PLAN."""
+    parser.add_argument("plan", type=Path, help=text)
+
+
+def output_arguments(
+    parser: argparse.ArgumentParser, text: str | None = None, metavar: str = "DIR", default: Path | None = None
+) -> None:
+    """--json, and --output where the command writes files: what goes there."""
+    if text is not None:
+        parser.add_argument("-o", "--output", type=Path, metavar=metavar, default=default, help=text)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
+
+
+def quantity_argument(kind: str) -> Callable[[str], float]:
+    """An argparse type for a quantity with unit, such as `-140deg`; kind as in units.KINDS."""
+
+    def convert(text: str) -> float:
+        from ssm_planner.units import BadQuantity, quantity
+
+        try:
+            return quantity(text.strip(), kind)
+        except BadQuantity as error:
+            raise argparse.ArgumentTypeError(f"{text.strip()!r}: {error}") from error
+
+    return convert
+
+
+def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
+    """A quantity that is a part of what an option was given; whole: all of that. Raises ProblemError."""
+    from ssm_planner.units import BadQuantity, quantity
+
+    try:
+        return quantity(text.strip(), kind)
+    except BadQuantity as error:
+        value = text if whole is None else whole
+        raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
+
+
+def progress_reporter() -> Callable[[str], None]:
+    """Reports each step on stderr with the time since the start."""
+    begin = time.perf_counter()
+
+    def report(step: str) -> None:
+        print(f"[{time.perf_counter() - begin:6.2f} s] {step}", file=sys.stderr, flush=True)
+
+    return report
+
+
+def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
+    """The result on stdout: one JSON document, or lines of text."""
+    print(_json(document) if as_json else "\n".join(lines()))
+
+
+def write_results(
+    folder: Path | None, name: str, document: Any, write: Callable[[Path], Mapping[str, Path]]
+) -> dict[str, str]:
+    """<name>.json and what `write` adds to the folder, as one generation; paths by name, none without a folder.
+
+    Raises ExportError.
+    """
+    if folder is None:
+        return {}
+    from ssm_planner.publishing import publishing
+
+    with publishing(folder) as temporary:
+        written = write(temporary)
+        file = temporary / f"{name}.json"
+        file.write_text(_json(document) + "\n", encoding="utf-8")
+    return {key: str(folder / path.name) for key, path in {name: file, **written}.items()}
+
+
+def _json(document: Any) -> str:
+    return json.dumps(document, indent=1, allow_nan=False)
