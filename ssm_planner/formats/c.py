@@ -16,7 +16,7 @@ import numpy as np
 
 from ssm_planner.codegen.c import REAL, SIGN, Argument, literal, write_function
 from ssm_planner.codegen.vectorised import dense
-from ssm_planner.display import render
+from ssm_planner.display import environment, filled
 from ssm_planner.dynamics.motors import directions_law, motor_law
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.spline_points import REST
@@ -121,8 +121,8 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
 
 
 def _filled(template: str, values: dict[str, Any]) -> tuple[str, str]:
-    header, source = (render(PACKAGE, f"{template}.{ending}", escape=False, **values) for ending in "hc")
-    return header, source
+    templates = environment(PACKAGE, escape=False)
+    return filled(templates, f"{template}.h", **values), filled(templates, f"{template}.c", **values)
 
 
 def _comment(robot: Robot, remarks: Sequence[str]) -> str:
