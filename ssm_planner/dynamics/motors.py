@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -12,12 +13,20 @@ from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coeffi
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Expression
 
 STILL = 1e-9
 """A joint slower than this share of its velocity limit stands."""
+
+
+def motorised(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
+    """Index, drive and motor of every joint that has both."""
+    for i, joint in enumerate(joints):
+        if joint.drive is not None and joint.motor is not None:
+            yield i, joint.drive, joint.motor
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,11 @@ Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. Motor angle w = rati
 
 An antibacklash screw has two half nuts spread by a preload P. The main nut carries F − P < 0, the second one
 P + m₂·qdd > 0, so the branch of each follows from the sign of motion alone.
+
+Solved for the acceleration the law is piecewise linear: along the branch on which the load opposes motion the motor turns
+`effective_inertia(...)[0]`, along the other one `effective_inertia(...)[1]`, which friction can make negative when the load's
+inertia is large (J_in·ratio < γ·|tan(λ − φ)|·M). Then a rigid drive with the load ahead of it has no unique motion: it may
+run ahead or jam at once.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY, namespace_of
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.typing import Array, Expression
 
@@ -148,16 +153,6 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
     return xp.minimum(xp.maximum(0.0, xp.minimum(down, up)), xp.maximum(down, up))
 
 
-def efficiency(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
-    """(forward, backward) efficiency of one mesh: output per input power, motor driving and load driving.
-
-    1 / (ratio·γ·tan(λ + φ)) and ratio·γ·tan(λ − φ); the second is ≤ 0 for a self-locking mesh, which takes power from
-    both sides. With γ and λ taken at one diameter these are tan λ / tan(λ + φ) and tan(λ − φ) / tan λ.
-    """
-    up, down = mesh_coefficients(drive, friction_of(drive).mu if mu is None else np.asarray(mu, dtype=float))
-    return 1.0 / (drive.ratio * up), drive.ratio * down
-
-
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
     """(μ − cos θ_n·tan λ, φ − λ in rad), shape of mu: positive while the mesh locks itself, by its own friction alone."""
     mu = friction_of(drive).mu if mu is None else mu
@@ -174,3 +169,43 @@ def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     if drive.kind != "antibacklash_screw":
         return np.full(np.broadcast(F, wd).shape, np.inf)
     return np.minimum(drive.preload - F, drive.preload + drive.second_nut_mass * np.asarray(wd) / drive.ratio)
+
+
+def effective_inertia(
+    drive: Drive, mu: Expression | None = None, direction: Expression = 1
+) -> tuple[Expression, Expression]:
+    """Inertia at the motor shaft, kg·m², (load opposing, load driving); shape of mu, default the kinetic coefficient.
+
+    J_in + γ·tan(λ ± φ)·J_out / ratio. An antibacklash screw, both of whose nuts count, has one for each direction (±1).
+    """
+    rows = motor_torque_rows(drive, direction, mu)
+    output = drive.output_inertia / drive.ratio
+    opposing, driving = (rows.inertia + slope * output for slope in rows.slope)
+    return opposing, driving
+
+
+def always_unique(drive: Drive) -> bool:
+    """Whether every torque gives this drive one motion: its effective inertia is positive at the largest friction."""
+    largest = breakaway_coefficient(friction_of(drive))
+    return all(inertia > 0 for direction in (1, -1) for inertia in effective_inertia(drive, largest, direction))
+
+
+def motor_acceleration(
+    drive: Drive, tau: Expression, w: Expression, load: Expression, direction: Expression, mu: Expression
+) -> tuple[Expression, Expression]:
+    """(wd, F), rad/s² and N·m or N: acceleration and mesh effort of a drive that moves in `direction` (±1).
+
+    tau, w: motor torque and speed; load: effort on the output besides its inertia and friction. Solves
+    motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction; meaningful where `always_unique`.
+    """
+    rows = motor_torque_rows(drive, direction, mu)
+    effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)
+    inertias = effective_inertia(drive, mu, direction)
+    opposed, driven = (
+        (tau - rows.torque(slope * effort, w, 0.0)) / inertia
+        for slope, inertia in zip(rows.slope, inertias, strict=True)
+    )
+    output = drive.output_inertia / drive.ratio
+    xp = namespace_of(opposed, driven, direction)
+    wd = xp.where(direction * (effort + output * opposed) >= 0, opposed, driven)
+    return wd, effort + output * wd

@@ -13,6 +13,7 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.errors import ProblemError
@@ -253,12 +254,10 @@ def motor_too_weak(problem: Problem, phase: Phase, path: JointPath, samples: int
     s = np.union1d(np.linspace(0.0, 1.0, samples), knots)
     gravity = RigidBody.from_robot(problem.robot).gravity_load(path.sample(s).q)
     weakest: tuple[float, Reason] | None = None
-    for i, joint in enumerate(problem.robot.joints):
-        if joint.drive is None or joint.motor is None:
-            continue
-        needed = _starting_torque(path, i, joint.drive, s, gravity[:, i])
+    for i, drive, motor in motorised(problem.robot.joints):
+        needed = _starting_torque(path, i, drive, s, gravity[:, i])
         k = int(np.argmax(needed))
-        available = joint.motor.max_torque
+        joint, available = problem.robot.joints[i], motor.max_torque
         ratio = float(needed[k] / available)
         if ratio > 1 and (weakest is None or ratio > weakest[0]):
             place = f"{phase.motion.name}, {100 * s[k]:.0f} % of the way"

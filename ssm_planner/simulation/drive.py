@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ssm_planner.dynamics.forward import motor_acceleration
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
-from ssm_planner.dynamics.transmission import breakaway_torque, moving_torque
+from ssm_planner.dynamics.transmission import breakaway_torque, motor_acceleration, moving_torque
 from ssm_planner.problem.drive import Drive
 
 NOT_UNIQUE = "the effective inertia with the load driving is negative: a rigid drive has no unique motion"

@@ -1,7 +1,7 @@
 """The arm as a plant: rigid bodies, self-locking drives, and the spring, damper and backlash between drive and joint.
 
 With rigid drives the arm would have no unique motion wherever a load's inertia makes a drive's effective inertia
-negative (dynamics/forward.py), which is so at joints 1 and 2 of the published robot; with some compliance at the output,
+negative (dynamics/transmission.py), which is so at joints 1 and 2 of the published robot; with some compliance at the output,
 as every gearbox has, every drive is a sliding mesh of its own under a smooth load, and standstill, breakaway and jamming
 are exact at each of them. Joints without a drive take the accelerations they are given.
 
@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.forward import always_unique
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.transmission import always_unique
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot

@@ -8,7 +8,7 @@ import sys
 CODE = """if True:
     import sys
     import numpy as np
-    from ssm_planner.planning.retiming.toppra_import import UNUSED, load_toppra
+    from ssm_planner.planning.retiming.retime import UNUSED, load_toppra
     load_toppra()
     assert not set(UNUSED) & set(sys.modules), "stand-ins or the real modules are left behind"
     import toppra

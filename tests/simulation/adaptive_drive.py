@@ -1,7 +1,7 @@
 """Oracles for the simulation of one drive: integrated adaptively with every change of state an event, and in fixed steps.
 
 Sticking, the speed is exactly 0 until the torque passes breakaway; sliding, the exact law is solved for the
-acceleration, branch by branch and independently of dynamics/forward.py. Frictional memory is left out.
+acceleration, branch by branch and independently of dynamics/transmission.py. Frictional memory is left out.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.forward import always_unique
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
-from ssm_planner.dynamics.transmission import breakaway_torque, mesh_coefficients, output_effort
+from ssm_planner.dynamics.transmission import always_unique, breakaway_torque, mesh_coefficients, output_effort
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, drive_step, servo_step

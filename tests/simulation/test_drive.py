@@ -12,8 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.dynamics.forward import always_unique, effective_inertia, motor_acceleration
-from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
+from ssm_planner.dynamics.transmission import (
+    always_unique,
+    breakaway_torque,
+    effective_inertia,
+    motor_acceleration,
+    motor_torque,
+    output_effort,
+)
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Friction
 from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, servo_for

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.forward import JACOBIANS
 from ssm_planner.problem.drive import Drive
@@ -30,12 +31,10 @@ def limit_table(robot: Robot) -> Array:
     """Velocity, acceleration, jerk and motor-torque limits (rows) of the joints (columns), (4, 4)."""
     table = np.full((4, 4), UNLIMITED)
     for i, joint in enumerate(robot.joints):
-        table[0, i], table[1, i] = joint.velocity, joint.acceleration
-        if joint.jerk is not None:
-            table[2, i] = joint.jerk
-        if joint.drive is not None and joint.motor is not None:
-            table[0, i] = min(joint.velocity, joint.motor.max_speed / joint.drive.ratio)
-            table[3, i] = joint.motor.max_torque
+        table[:3, i] = joint.velocity, joint.acceleration, UNLIMITED if joint.jerk is None else joint.jerk
+    for i, drive, motor in motorised(robot.joints):
+        table[0, i] = min(table[0, i], motor.max_speed / drive.ratio)
+        table[3, i] = motor.max_torque
     return table
 
 
@@ -46,18 +45,13 @@ def limits_by_name(table: Array, speeds: Array) -> dict[str, Array]:
 
 def with_margin(robot: Robot, share: float) -> Robot:
     """The robot with velocity, acceleration and motor torque of its joints limited to a share below what they are."""
-    joints = []
-    for joint in robot.joints:
-        motor = joint.motor
-        joints.append(
-            replace(
-                joint,
-                velocity=joint.velocity * (1 - share),
-                acceleration=joint.acceleration * (1 - share),
-                motor=None if motor is None else unchecked(motor, max_torque=motor.max_torque * (1 - share)),
-            )
-        )
-    first, second, third, fourth = joints
+    kept = 1 - share
+
+    def reduced(joint: Joint) -> Joint:
+        motor = None if joint.motor is None else unchecked(joint.motor, max_torque=joint.motor.max_torque * kept)
+        return replace(joint, velocity=joint.velocity * kept, acceleration=joint.acceleration * kept, motor=motor)
+
+    first, second, third, fourth = map(reduced, robot.joints)
     return replace(robot, joints=(first, second, third, fourth))
 
 
@@ -135,10 +129,7 @@ def torque_rows(at: Instant, joints: tuple[Joint, ...], *, breakaway: bool = Fal
     breakaway: with the static coefficient, for instants at which a joint starts to move.
     """
     rows = []
-    for i, joint in enumerate(joints):
-        drive = joint.drive
-        if drive is None or joint.motor is None:
-            continue
+    for i, drive, _ in motorised(joints):
         first, second = directed_torques(drive, at, i, breakaway=breakaway)
         limit = at.limits.torque[i]
         rows += [PathConstraint(MotorTorque.name, i, value / limit) for value in (first, second)]
@@ -166,11 +157,8 @@ def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """σ τ_motor / τ_nominal of every motor, the larger side of the mesh smoothed."""
     values = []
-    for i, joint in enumerate(joints):
-        if joint.drive is None or joint.motor is None:
-            continue
-        sides = directed_torques(joint.drive, at, i, breakaway=False)
-        first, second = (value / joint.motor.nominal_torque for value in sides)
+    for i, drive, motor in motorised(joints):
+        first, second = (side / motor.nominal_torque for side in directed_torques(drive, at, i, breakaway=False))
         values.append((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2))
     return ca.vertcat(ca.SX(0, 1), *values)
 

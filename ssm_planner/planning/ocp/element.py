@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
+from ssm_planner.dynamics.motors import motorised
 from ssm_planner.planning.ocp.constraints import Instant, PathConstraint, RowName, effort, heat, torque_rows
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
@@ -145,8 +146,7 @@ class ElementModel(ABC):
     @cached_property
     def breakaway_joints(self) -> list[int]:
         """Joint of every row of `breakaway`."""
-        driven = (i for i, joint in enumerate(self.robot.joints) if joint.drive is not None and joint.motor is not None)
-        return [i for i in driven for _ in range(3)]
+        return [i for i, *_ in motorised(self.robot.joints) for _ in range(3)]
 
     def parameter_symbols(self, kind: type[X]) -> list[X]:
         """p as symbols, SX or MX."""

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.dynamics.motors import motorised
 from ssm_planner.kinematics.eye import retina_row
 from ssm_planner.kinematics.forward import speed_bounds, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -191,10 +192,7 @@ class _FreeProblem(OcpProblem):
         rows |= {(limit.name, None) for limit in problem.speeds}
         if problem.eye is not None:
             rows |= {(limit.name, None) for limit in problem.eye.limits}
-        for i in self.moving:
-            joint = problem.robot.joints[i]
-            if joint.drive is not None and joint.motor is not None:
-                rows.add((MotorTorque.name, int(i)))
+        rows |= {(MotorTorque.name, i) for i, *_ in motorised(problem.robot.joints) if i in self.moving}
         return shared(
             FreeElement(
                 robot=problem.robot,
@@ -243,8 +241,7 @@ class _FreeProblem(OcpProblem):
         if not solution.solved:
             return PhaseSolution(solution.status, solution.message, solution.iterations)
         n = len(solution.elements)
-        pieces = cubics(solution.elements)
-        end = self._scaled(self.points[-1] - self.points[0], 0), self._scaled(self.speeds[1], 1)
+        pieces, boundary = cubics(solution.elements), self.boundary
 
         def joints(values: Array, order: int) -> Array:
             full = np.zeros((n, 4))
@@ -252,7 +249,7 @@ class _FreeProblem(OcpProblem):
             return full + (self.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
-        after = np.vstack([pieces.u[1:], end[0]]), np.vstack([pieces.v[1:], end[1]])
+        after = np.vstack([pieces.u[1:], boundary.points[-1]]), np.vstack([pieces.v[1:], boundary.end_velocity])
         coefficients = hermite(
             breaks,
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),

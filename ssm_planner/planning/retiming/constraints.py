@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.forward import tool_speed
@@ -145,10 +146,9 @@ class PathLimits:
         for i, joint in enumerate(self.robot.joints):
             acceleration = PathTerm(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
             rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
-            if joint.drive is not None and joint.motor is not None:
-                mu = self._friction_coefficient(joint.drive, i, speed_squared, static_start)
-                terms = self._torque_rows(joint.drive, i, mu, speed_squared)
-                rows += [(term, joint.motor.max_torque) for term in terms]
+        for i, drive, motor in motorised(self.robot.joints):
+            mu = self._friction_coefficient(drive, i, speed_squared, static_start)
+            rows += [(term, motor.max_torque) for term in self._torque_rows(drive, i, mu, speed_squared)]
         return LinearConstraints.of(rows, self.ceiling)
 
     def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
@@ -191,9 +191,8 @@ def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: 
     The speeds are |q'_i| ṡ, r |q'_i| ṡ, |J(q) q'| ṡ and |dtask/ds| ṡ.
     """
     limit = np.array([joint.velocity for joint in robot.joints])
-    for i, joint in enumerate(robot.joints):
-        if joint.drive is not None and joint.motor is not None:
-            limit[i] = min(limit[i], joint.motor.max_speed / joint.drive.ratio)
+    for i, drive, motor in motorised(robot.joints):
+        limit[i] = min(limit[i], motor.max_speed / drive.ratio)
     with np.errstate(divide="ignore"):
         speed = (limit / np.abs(samples.dq)).min(axis=1)
         for bound in limits.speeds:

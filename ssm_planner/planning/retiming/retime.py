@@ -8,17 +8,25 @@ T-RO 34(3), 2018, and its interpolation scheme.
 
 from __future__ import annotations
 
+import importlib
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath
-from ssm_planner.planning.retiming.toppra_import import load_toppra
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
+UNUSED = ("matplotlib", "matplotlib.pyplot", "scipy.interpolate", "scipy.sparse")
+"""What toppra imports for plots, splines and solvers that are not used here; loading it takes longer than to plan."""
 POINTS = 1000
 """Grid intervals."""
 COARSE = 200
@@ -207,3 +215,55 @@ def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[f
     if speed is None or not np.all(np.isfinite(speed)):
         return None
     return np.asarray(speed, dtype=float) ** 2 * unit
+
+
+@cache
+def load_toppra() -> None:
+    """Import toppra, silent but for critical faults; whoever imports from it afterwards finds it loaded.
+
+    While it is imported, UNUSED are stand-ins whose names load the real module when they are called or looked into, so that
+    the rest of toppra works as ever.
+    """
+    with _standing_in(UNUSED):
+        package = importlib.import_module("toppra")
+    package.setup_logging("CRITICAL")
+
+
+@contextmanager
+def _standing_in(names: tuple[str, ...]) -> Iterator[None]:
+    """Stand-ins for those modules of the names, parents first, that are not loaded yet."""
+    absent = [] if "toppra" in sys.modules else [name for name in names if name not in sys.modules]
+    for name in absent:
+        parent, _, child = name.rpartition(".")
+        sys.modules[name] = _Module(name)
+        if parent in absent:
+            setattr(sys.modules[parent], child, sys.modules[name])
+    try:
+        yield
+    finally:
+        for name in absent:
+            del sys.modules[name]
+
+
+class _Module(ModuleType):
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return _Name(self.__name__, name)
+
+
+class _Name:
+    """A function or class of a module that is not loaded until this is used."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self._where = module, name
+
+    def _real(self) -> Any:
+        module, name = self._where
+        return getattr(importlib.import_module(module), name)
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return self._real()(*arguments, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._real(), name)
