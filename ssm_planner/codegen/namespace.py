@@ -2,42 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class Namespace:
-    """Elementary functions of one kind of number; the closed forms are written once against this."""
-
-    sin: Any
-    cos: Any
-    sqrt: Any
-    exp: Any
-    sign: Any
-    arctan2: Any
-    where: Any
-    minimum: Any
-    maximum: Any
-    nonnegative: Any
-    """Cuts rounding below zero where values are numbers; leaves symbols alone, so that a solver sees NaN outside."""
+NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
+IN_CASADI = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
+"""What CasADi calls differently."""
 
 
-NUMPY = Namespace(
-    sin=np.sin,
-    cos=np.cos,
-    sqrt=np.sqrt,
-    exp=np.exp,
-    sign=np.sign,
-    arctan2=np.arctan2,
-    where=np.where,
-    minimum=np.minimum,
-    maximum=np.maximum,
-    nonnegative=lambda value: np.maximum(value, 0.0),
-)
+class Namespace(SimpleNamespace):
+    """The functions NAMES of one kind of number, as NumPy names them; the closed forms are written once against this.
+
+    nonnegative cuts rounding below zero where values are numbers; it leaves symbols alone, so that a solver sees NaN outside.
+    """
+
+
+NUMPY = Namespace(**{name: getattr(np, name) for name in NAMES}, nonnegative=lambda value: np.maximum(value, 0.0))
 
 
 @cache
@@ -45,18 +28,8 @@ def casadi_namespace() -> Namespace:
     """The same for CasADi SX and MX expressions."""
     import casadi
 
-    return Namespace(
-        sin=casadi.sin,
-        cos=casadi.cos,
-        sqrt=casadi.sqrt,
-        exp=casadi.exp,
-        sign=casadi.sign,
-        arctan2=casadi.atan2,
-        where=casadi.if_else,
-        minimum=casadi.fmin,
-        maximum=casadi.fmax,
-        nonnegative=lambda value: value,
-    )
+    functions = {name: getattr(casadi, IN_CASADI.get(name, name)) for name in NAMES}
+    return Namespace(**functions, nonnegative=lambda value: value)
 
 
 def namespace_of(*values: Any) -> Namespace:

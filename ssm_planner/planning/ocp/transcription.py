@@ -137,17 +137,17 @@ class Transcription:
             "breakaway": ca.vertcat(*breakaway),
             "duration": duration,
         }
-        program = _Program(
+        cold, warm = _solvers(
             x=ca.vertcat(ca.vec(x), times),
             p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
             objective=objective,
             constraints=ca.vertcat(*constraints.values()),
             cost_weight=p.weights[1],
             z=z,
-            element_parameters=tuple(element_parameters),
+            element_parameters=element_parameters,
             functions=functions,
+            iterations=HEAT_ITERATIONS if element.aim == "heat" else max(ITERATIONS, 2 * n),
         )
-        cold, warm = program.solvers(HEAT_ITERATIONS if element.aim == "heat" else max(ITERATIONS, 2 * n))
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, cold=cold, warm=warm, parameters=layout, sizes=sizes)
 
@@ -188,9 +188,21 @@ class Transcription:
         return inputs
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Program:
-    """min f(x) = objective + w Σ L(z_k)  subject to bounds on  g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant.
+def _solvers(
+    *,
+    x: ca.MX,
+    p: ca.MX,
+    objective: ca.MX,
+    constraints: ca.MX,
+    cost_weight: ca.MX,
+    z: ca.MX,
+    element_parameters: list[ca.MX],
+    functions: ElementFunctions,
+    iterations: int,
+) -> tuple[ca.Function, ca.Function]:
+    """Ipopt for cold and for warm starts, on the program with the elements z (4 m + 1, n) and their parameters:
+
+        min f(x) = objective + w Σ L(z_k)  subject to bounds on  g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant
 
     One Jacobian and one Hessian of the element, as expanded expressions, serve every element: this is several times faster
     than differentiating the mapped element, and gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k):
@@ -198,61 +210,47 @@ class _Program:
         ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k
         ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S
     """
+    n, of_x = z.size2(), ca.jacobian(ca.vec(z), x)
+    for_all = [i + 1 for i, parameter in enumerate(element_parameters) if parameter.size2() == 1]
 
-    x: ca.MX
-    p: ca.MX
-    objective: ca.MX
-    constraints: ca.MX
-    cost_weight: ca.MX
-    z: ca.MX
-    """(4 m + 1, n)."""
-    element_parameters: tuple[ca.MX, ...]
-    """One column per element, or a single one for all."""
-    functions: ElementFunctions
-
-    def solvers(self, iterations: int) -> tuple[ca.Function, ca.Function]:
-        """Ipopt for cold and for warm starts."""
-        x, p, functions, n = self.x, self.p, self.functions, self.z.size2()
-        of_x = ca.jacobian(ca.vec(self.z), x)
-        jacobians = _block_diagonal(self._map(functions.jacobian), functions.jacobian.sparsity_out(0), n)
-        g = ca.vertcat(self.constraints, ca.vec(self._map(functions.rows)))
-        jac_g = ca.vertcat(ca.jacobian(self.constraints, x), jacobians @ of_x)
-
-        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
-        lam_constraints, lam_rows = lam_g[: self.constraints.numel()], lam_g[self.constraints.numel() :]
-        multipliers = ca.reshape(lam_rows, -1, n)
-        f, same_f, grad_f = self.objective, self.objective, ca.gradient(self.objective, x)
-        if functions.cost is not None and functions.gradient is not None:
-            f += self.cost_weight * ca.sum2(self._map(functions.cost))
-            costs, slopes = self._map(functions.gradient)
-            same_f += self.cost_weight * ca.sum2(costs)
-            grad_f += self.cost_weight * (of_x.T @ ca.vec(slopes))
-            multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * self.cost_weight, 1, n))
-        hessians = _block_diagonal(self._map(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n)
-        hess = ca.hessian(lam_f * self.objective + ca.dot(lam_constraints, self.constraints), x)[0]
-        hess += of_x.T @ hessians @ of_x
-
-        options: dict[str, Any] = {
-            "print_time": False,
-            "error_on_fail": False,
-            "no_nlp_grad": True,  # for the multipliers of p, which nobody asks for
-            "calc_lam_p": False,
-            "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
-            "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
-            "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
-        }
-        nlp: Any = {"x": x, "p": p, "f": f, "g": g}
-        cold, warm = (
-            ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": {**ipopt_options, "max_iter": iterations}})
-            for ipopt_options in (IPOPT, WARM)
-        )
-        return cold, warm
-
-    def _map(self, function: ca.Function, *more: ca.MX) -> Any:
+    def of_elements(function: ca.Function, *more: ca.MX) -> Any:
         """The function's values at all elements side by side."""
-        single = [i + 1 for i, parameter in enumerate(self.element_parameters) if parameter.size2() == 1]
-        mapped = function.map(function.name(), "serial", self.z.size2(), single, [])
-        return mapped(self.z, *self.element_parameters, *more)
+        mapped = function.map(function.name(), "serial", n, for_all, [])
+        return mapped(z, *element_parameters, *more)
+
+    jacobians = _block_diagonal(of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n)
+    g = ca.vertcat(constraints, ca.vec(of_elements(functions.rows)))
+    jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ of_x)
+
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+    lam_constraints, lam_rows = lam_g[: constraints.numel()], lam_g[constraints.numel() :]
+    multipliers = ca.reshape(lam_rows, -1, n)
+    f, same_f, grad_f = objective, objective, ca.gradient(objective, x)
+    if functions.cost is not None and functions.gradient is not None:
+        f += cost_weight * ca.sum2(of_elements(functions.cost))
+        costs, slopes = of_elements(functions.gradient)
+        same_f += cost_weight * ca.sum2(costs)
+        grad_f += cost_weight * (of_x.T @ ca.vec(slopes))
+        multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * cost_weight, 1, n))
+    hessians = _block_diagonal(of_elements(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n)
+    hess = ca.hessian(lam_f * objective + ca.dot(lam_constraints, constraints), x)[0]
+    hess += of_x.T @ hessians @ of_x
+
+    options: dict[str, Any] = {
+        "print_time": False,
+        "error_on_fail": False,
+        "no_nlp_grad": True,  # for the multipliers of p, which nobody asks for
+        "calc_lam_p": False,
+        "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
+    }
+    nlp: Any = {"x": x, "p": p, "f": f, "g": g}
+    cold, warm = (
+        ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": {**ipopt_options, "max_iter": iterations}})
+        for ipopt_options in (IPOPT, WARM)
+    )
+    return cold, warm
 
 
 @lru_cache(maxsize=64)
