@@ -17,7 +17,7 @@ import numpy as np
 
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
-from ssm_planner.loading.json_files import parse_json, read_bytes
+from ssm_planner.loading.json_files import parse_json, read_json_in_parts
 from ssm_planner.problem.limits import Limit
 from ssm_planner.problem.motion import Joints
 from ssm_planner.problem.problem import Problem, TaskLimits
@@ -294,7 +294,11 @@ class Plan:
 
         Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError.
         """
-        document = _document(data, file)
+        return cls._of(parse_json(file, data), hashlib.sha256(data).hexdigest(), file)
+
+    @classmethod
+    def _of(cls, found: Any, sha256: str, file: Path) -> Plan:
+        document = _document(found, file)
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
             raise TrajectoryError(f"{file}: this plan holds no trajectory (status: {document.get('status')})")
@@ -311,7 +315,7 @@ class Plan:
         except TrajectoryError as error:
             raise TrajectoryError(f"{file}: {error}") from error
         object.__setattr__(plan, "file", file)
-        object.__setattr__(plan, "file_sha256", hashlib.sha256(data).hexdigest())
+        object.__setattr__(plan, "file_sha256", sha256)
         return plan
 
     def write(self, path: Path) -> Path:
@@ -363,15 +367,13 @@ def load_plan(path: str | Path) -> Plan:
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
     with locked(file.parent):  # nobody puts other results in place meanwhile
-        data = read_bytes(file, LARGEST_FILE)
+        found, sha256 = read_json_in_parts(file, LARGEST_FILE, ("trajectory", "coefficients"))
         check_generation(file.parent)
-    return Plan.from_json(data, file)
+    return Plan._of(found, sha256, file)
 
 
-def _document(data: bytes, path: Path) -> dict[str, Any]:
+def _document(document: Any, path: Path) -> dict[str, Any]:
     """The mapping in a plan.json of this version. Raises TrajectoryError."""
-
-    document = parse_json(path, data)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
     if document.get("version") != VERSION:

@@ -138,7 +138,7 @@ class Trajectory:
         try:
             phases = tuple(Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"])
             breaks = np.array(data["breaks_s"], dtype=float)
-            coefficients = np.array(data["coefficients"], dtype=float)
+            coefficients = np.asarray(data["coefficients"], dtype=float)
             if breaks.ndim != 1 or coefficients.ndim != 3:
                 raise ValueError("breaks_s is no list of numbers, or coefficients are no list of pieces")
         except (KeyError, OverflowError, TypeError, ValueError) as error:

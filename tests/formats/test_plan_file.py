@@ -3,6 +3,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +12,16 @@ import pytest
 
 from ssm_planner.cli import main
 from ssm_planner.errors import ExportError, ProblemError, SsmPlannerError, TrajectoryError
+from ssm_planner.loading.json_files import read_json_in_parts
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan as plan_problem
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.check import check
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import smooth
+from plans import smooth, write_plan
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -132,3 +135,74 @@ def test_a_plan_without_a_passed_certificate_is_not_saved(bad_plan: Plan, tmp_pa
     with pytest.raises(ExportError, match="no passed certificate"):
         bad_plan.save(tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+HOSTILE = (
+    "",
+    "{",
+    "}",
+    "[",
+    "]",
+    ",",
+    ":",
+    '"',
+    "null",
+    "1e999",
+    "1e-3",
+    "NaN",
+    "9" * 30,
+    "\ufeff",
+    "\n\n",
+    '"x"',
+    "-",
+)
+
+
+@pytest.mark.parametrize("chunk", [1, 50, 10_000])
+def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int
+) -> None:
+    """The reader of very long plans and the ordinary one agree on what is a plan, and on all of its numbers."""
+    data = json.dumps({key: plan.document[key] for key in ("format", "version", "trajectory")}, indent=1).encode()
+    path, rng = tmp_path / "plan.json", np.random.default_rng(chunk)
+    monkeypatch.setattr("ssm_planner.loading.json_files.CHUNK", chunk)
+    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH", 2)
+
+    def read(in_parts: int) -> object:
+        monkeypatch.setattr("ssm_planner.loading.json_files.IN_PARTS", in_parts)
+        try:
+            document, sha256 = read_json_in_parts(path, 10**9, ("trajectory", "coefficients"))
+            return sha256, Trajectory.from_dict(document["trajectory"]).to_dict()
+        except (TrajectoryError, KeyError, TypeError):
+            return None  # the last two: what is no plan at all
+
+    refused = 0
+    for case in range(200):
+        first = int(rng.integers(0, len(data)))
+        changed = data[:first] + str(rng.choice(HOSTILE)).encode() + data[first + case % 3 :]
+        path.write_bytes(changed if case else data)
+        whole = read(10**9)
+        assert read(0) == whole, changed[first - 40 : first + 40]
+        refused += whole is None
+    assert 0 < refused < 199
+
+
+def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(tmp_path: Path, robot: Robot) -> None:
+    """192 bytes a piece, twice while they are put together, and no text: as Python's numbers they would take 770."""
+
+    def peak(count: int) -> int:
+        breaks = np.linspace(0.0, 100.0, count + 1)
+        trajectory = Trajectory(breaks, np.full((count, 6, 4), -1e-3), (Span("all", 0.0, 100.0),))
+        path = write_plan(tmp_path / "plan.json", robot, trajectory)
+        tracemalloc.start()
+        try:
+            load_plan(path)
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ssm_planner.loading.json_files.IN_PARTS", 0)
+        patch.setattr("ssm_planner.loading.json_files.CHUNK", 2**16)
+        patch.setattr("ssm_planner.trajectory.BLOCK", 1024)
+        assert peak(12_000) - peak(4_000) < 8_000 * 600
