@@ -14,6 +14,7 @@ import ssm_planner
 
 TARGET = Path(__file__).with_name("api.md")
 BAR = "\\|"  # within a table
+QUANTITY = r"Annotated\[(\w+), Quantity\([^)]*\)\]|(Annotated\[.*), Quantity\([^)]*\)(?=\])"  # of files, not of Python
 NO_SPACE = r"(?<=[\w\]])=(?=\S)"
 HEAD = """\
 # Public names
@@ -80,7 +81,8 @@ def _fields(tree: ast.ClassDef) -> Iterator[str]:
     """One line for each public field, its docstring as a comment."""
     for node, meaning in _with_docstrings(tree.body):
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.target.id[0] != "_":
-            yield ast.unparse(node).replace("field(default_factory=dict)", "{}") + (f"  # {meaning}" if meaning else "")
+            text = re.sub(QUANTITY, r"\1\2", ast.unparse(node)).replace("field(default_factory=dict)", "{}")
+            yield text + (f"  # {meaning}" if meaning else "")
 
 
 def _with_docstrings(body: list[ast.stmt]) -> Iterator[tuple[ast.stmt, str]]:

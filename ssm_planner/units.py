@@ -90,7 +90,9 @@ class BadQuantity(ValueError):
 
 
 def quantity(value: object, kind: str) -> float:
-    """The SI magnitude of `65 deg/s` for a kind in kinds.KINDS. Raises BadQuantity."""
+    """The SI magnitude of `65 deg/s` for a kind in KINDS, of a bare number for "number". Raises BadQuantity."""
+    if kind == "number":
+        return number(value)
     wanted = KINDS[kind]
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise BadQuantity(f"{describe(value)} where {wanted.name} is needed", wanted.expected)
@@ -117,7 +119,7 @@ def number(value: object) -> float:
 
 def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     """SI magnitudes of `[1 mm, 2 mm, 3 mm]` or of the text `(1, 2, 3) mm`, one kind each. Raises BadQuantity."""
-    shape = ", ".join(KINDS[kind].example for kind in kinds)
+    shape = ", ".join(KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
     if isinstance(value, str) and (match := _VECTOR.fullmatch(_spell(value))):
         if not match[2]:
@@ -240,6 +242,8 @@ class Kind:
         return f"{self.name} such as {self.example}"
 
 
+NUMBER = Kind("a number", "0.13", "")
+"""Without a unit; not among KINDS."""
 KINDS = {
     "angle": Kind("an angle", "-110 deg", "rad", largest=4 * math.pi * (1 + 1e-9), slip="deg"),
     "length": Kind("a length", "20 mm", "m", largest=1.0, slip="mm"),

@@ -104,7 +104,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
             notes = (*notes, f"{path} gives no accelerations for all of its points: inertia is not fully counted")
         return DutyCycle(str(path), robot, ((reading.trajectory, None),), notes)
     if path.suffix.lower() in (".yaml", ".yml"):
-        from ssm_planner.loading.motorisation import load_motorisation
+        from ssm_planner.loading.load import load_motorisation
 
         return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):

@@ -14,8 +14,8 @@ from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
+from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
-from ssm_planner.loading.shipped import find
 from ssm_planner.problem.drive import Drive
 
 

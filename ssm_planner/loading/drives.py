@@ -1,106 +1,231 @@
-"""A drive file → Drive: its geometry resolved, the source of each figure beside it."""
+"""A drive file → Drive: what it may say, its geometry resolved, the source of each figure beside it."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import Field as PydanticField
+from pydantic import FiniteFloat, field_validator
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drive_geometry import BadGeometry, resolve
-from ssm_planner.loading.faults import located, validated
-from ssm_planner.loading.schema.common import Figure
-from ssm_planner.loading.schema.drive import (
-    DRIVES,
-    AntibacklashScrewModel,
-    FrictionRanges,
-    LeadScrewModel,
-    PosteriorModel,
-    WormModel,
+from ssm_planner.loading.schema import (
+    SOURCE,
+    Field,
+    Figure,
+    Model,
+    Part,
+    Text,
+    figure,
+    interval,
+    located,
+    model_from,
+    model_of,
+    quantity,
+    reading,
+    validated,
+    vector,
+    wrong,
 )
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.drive import Drive, Friction, Ratings, Rig
+from ssm_planner.problem.drive import PARAMETERS, RANGED, Drive, DriveKind, Friction, Ratings, Rig
 from ssm_planner.problem.posterior import Posterior, Ripple
-from ssm_planner.typing import Range
+from ssm_planner.problem.value import Bound, Quantity, bare, hints
 
-
-def ratings_from(model: Any) -> Ratings | None:
-    """The rated figures of a drive."""
-    if model is None:
-        return None
-    return Ratings(ends=getattr(model, "ends", None), **{name: figure.value for name, figure in model.figures()})
-
-
-def rating_figures(model: Any, default: str | None) -> tuple[dict[str, Figure], dict[str, str]]:
-    """The rated figures and their sources by name."""
-    if model is None:
-        return {}, {}
-    figures = dict(model.figures())
-    origin = model.source or default
-    return figures, {} if origin is None else dict.fromkeys(figures, origin)
-
-
-def friction_ranges_from(model: FrictionRanges | None) -> dict[str, Range]:
-    """Ranges of friction parameters by name."""
-    if model is None:
-        return {}
-    ranges = {name: getattr(model, name) for name in type(model).model_fields if name != "source"}
-    return {name: ends for name, ends in ranges.items() if ends is not None}
-
-
+TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
-AnyModel = WormModel | LeadScrewModel | AntibacklashScrewModel
+_POSITIVE = Bound(above=0.0)
+_Number = Annotated[Figure, figure(quantity("number", _POSITIVE))] | None
+_Length = Annotated[Figure, figure(quantity("length", _POSITIVE))] | None
+_Angle = Annotated[Figure, figure(quantity("angle", _POSITIVE))]
+
+
+class WormDimensions(Model):
+    """Any set that fixes ratio, both diameters and the lead (drive_geometry.py)."""
+
+    ratio: _Number = None
+    """Turns of the worm by those of the wheel."""
+    worm_diameter: _Length = None
+    wheel_diameter: _Length = None
+    lead: _Length = None
+    """Advance of the thread in one turn."""
+    lead_angle: _Angle | None = None
+    starts: _Number = None
+    """Threads beside each other: lead = starts · pitch."""
+    pitch: _Length = None
+    thread_angle: _Angle
+    """Between the two flanks, in the axial section."""
+
+
+class ScrewDimensions(Model):
+    """Any set that fixes lead and effective diameter (drive_geometry.py)."""
+
+    lead: _Length = None
+    """Advance of the thread in one turn."""
+    diameter: _Length = None
+    """At which friction acts."""
+    effective_diameter: _Length = None
+    """The same as diameter."""
+    lead_angle: _Angle | None = None
+    starts: _Number = None
+    """Threads beside each other: lead = starts · pitch."""
+    pitch: _Length = None
+    thread_angle: _Angle
+    """Between the two flanks, in the axial section."""
+    outer_diameter: _Length = None
+    """Informational; friction acts at the effective diameter."""
+
+
+def _numbers(value: Any) -> tuple[float, ...]:
+    try:
+        found = tuple(float(word) for word in value.split())
+    except (AttributeError, ValueError):
+        found = ()
+    if not found or not all(map(math.isfinite, found)):
+        raise wrong("not a row of numbers", "finite numbers in SI, separated by spaces")
+    return found
+
+
+_Numbers = Annotated[tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")]
+RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)))
+
+
+class PosteriorModel(Model):
+    """What an identification leaves open, SI; see posterior.Posterior."""
+
+    scatter: Annotated[float, quantity("torque", Bound(at_least=0.0))]
+    """Standard deviation of the mean torque from one recording to the next."""
+    forwards: Annotated[Any, Part(RippleModel)] | None = None
+    """Ripple and noise in positive motion."""
+    backwards: Annotated[Any, Part(RippleModel)] | None = None
+    draws: dict[str, _Numbers] = PydanticField(min_length=1)
+    """Equally likely values of each parameter."""
+
+
+class _DriveModel(Model):
+    @field_validator("friction", mode="before", check_fields=False)
+    @classmethod
+    def _friction(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            if value != TO_IDENTIFY:
+                raise wrong("not a friction", f"{TO_IDENTIFY}, or a mapping with mu, b_c, b_v …")
+            return None
+        return value
+
+
+def _part(model: Any) -> Any:
+    """A part that may be left out."""
+    return Annotated[Any, Part(model)] | None, None
+
+
+def _range(name: str, slides: bool) -> Any:
+    """What lubrication, temperature and wear may make of a parameter of the friction."""
+    (of,) = (mark for mark in bare(hints(Friction)[name])[1] if isinstance(mark, Quantity))
+    kind = of.kind(slides)
+    # the bounds of a bare number may be equal
+    return Annotated[Any, vector(kind, kind) if kind == "number" else interval(kind)] | None, None
+
+
+def _drive(kind: str) -> Any:
+    """What the file of a kind of drive may say."""
+    slides, has_nuts = kind != "worm", kind == "antibacklash_screw"
+    friction = {
+        "mu_static": (reading(Friction, "mu_static", figures=True) | None, None),
+        "covariance": (dict[str, dict[str, FiniteFloat]] | None, None),
+        "posterior": (PosteriorModel | None, None),
+    }
+    # of the output side, a length or shape of the screw alone
+    ratings = () if slides else ("free_length", "root_diameter", "ends")
+    ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
+    published = {name: reading(Friction, name, slides, figures=True) for name in PARAMETERS}
+    published["preload"] = reading(Drive, "preload", figures=True)
+    optional = {name: (hint | None, None) for name, hint in published.items()}
+    rig = {
+        "payload_direction": (Literal["positive", "negative"], "positive"),
+        "published": _part(model_from({**optional, "source": SOURCE})),
+        "source": SOURCE,
+    }
+    if not slides:
+        rig["payload_arm"] = Annotated[Any, quantity("length", _POSITIVE)], ...
+    more = {
+        "kind": (Literal[kind], ...),
+        "source": SOURCE,
+        "geometry": (ScrewDimensions if slides else WormDimensions, ...),
+        "self_locking": (Literal["required", "not required"], "required"),
+        "friction": (
+            Annotated[Any, Part(model_of(Friction, friction, slides=slides, figures=True))] | None,
+            PydanticField(default=None, json_schema_extra=_may_be_identified),
+        ),
+        "friction_ranges": _part(model_from(ranges)),
+        "ratings": _part(model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)),
+        "rig": _part(model_of(Rig, rig, slides=slides, without=("payload_arm",))),
+    }
+    if has_nuts:
+        more["preload"] = Annotated[Figure, figure(quantity("force", _POSITIVE))], ...
+        more["second_nut_mass"] = Annotated[Figure, figure(quantity("mass", Bound(at_least=0.0)))], ...
+    without = () if has_nuts else ("preload", "second_nut_mass")
+    return model_of(Drive, more, slides=slides, figures=True, without=without, base=_DriveModel)
+
+
+def _may_be_identified(schema: dict[str, Any]) -> None:
+    schema["anyOf"].append({"const": TO_IDENTIFY})
+
+
+DRIVES = {kind: _drive(kind) for kind in get_args(DriveKind)}
+"""The model of a drive file by its kind."""
 
 
 def drive_from(section: Section) -> Drive:
     """The drive that a section describes. Raises ProblemError."""
-    model = validated(section, _model(section))
+    kind = section.value.get("kind")
+    if not isinstance(kind, str) or kind not in DRIVES:
+        reason = "missing: this key is required" if kind is None else "not a kind of drive known here"
+        raise section.error(reason, "kind", allowed=", ".join(DRIVES))
+    model: Any = validated(section, DRIVES[kind])
     dimensions = _dimensions(section, model)
     lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
-    worm = model.kind == "worm"
+    given = {name: figure.value for name, figure in model.figures().items()}
     sources, placeholders = _origins(model)
-    friction = _friction(section, model.friction)
+    friction = None if model.friction is None else _friction(section.sub("friction"), model.friction)
     with located(section.sub("ratings")):
-        ratings = ratings_from(model.ratings)
+        ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
+    ranges = {} if model.friction_ranges is None else dict(model.friction_ranges)
     with located(section):
         drive = Drive(
             name=model.name,
             kind=model.kind,
             ratio=dimensions["ratio"],
-            gamma=dimensions["worm_diameter"] / dimensions["wheel_diameter"] if worm else dimensions["diameter"] / 2,
+            gamma=dimensions["diameter"] / 2
+            if kind != "worm"
+            else dimensions["worm_diameter"] / dimensions["wheel_diameter"],
             lead_angle=lead_angle,
             pressure_angle=math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
-            input_inertia=model.input_inertia.value,
-            output_inertia=model.output_inertia.value,
             friction=friction,
-            preload=model.preload.value if isinstance(model, AntibacklashScrewModel) else 0.0,
-            second_nut_mass=model.second_nut_mass.value if isinstance(model, AntibacklashScrewModel) else 0.0,
             self_locking=model.self_locking == "required",
             dimensions=dimensions,
             sources=sources,
             placeholders=placeholders,
-            rig=_rig(model),
-            file=None if section.file is None else str(section.file),
+            rig=None if model.rig is None else _rig(model.rig),
+            file=section.file_name,
             ratings=ratings,
-            friction_ranges=friction_ranges_from(model.friction_ranges),
+            friction_ranges={name: ends for name, ends in ranges.items() if name != "source" and ends is not None},
+            **given,
         )
         drive.check_locking()
     return drive
 
 
-def _model(section: Section) -> type[WormModel] | type[LeadScrewModel] | type[AntibacklashScrewModel]:
-    kind = section.value.get("kind")
-    allowed = ", ".join(DRIVES)
-    if kind is None:
-        raise section.error("missing: this key is required", "kind", allowed=allowed)
-    if not isinstance(kind, str) or kind not in DRIVES:
-        raise section.error("not a kind of drive known here", "kind", allowed=allowed)
-    return DRIVES[kind]
+def _values(model: Model) -> dict[str, Any]:
+    """What a model of figures holds, by the fields of its value."""
+    given = {name: each.value if isinstance(each, Figure) else each for name, each in model if each is not None}
+    return {name: value for name, value in given.items() if name in hints(model.of)}
 
 
-def _dimensions(section: Section, model: AnyModel) -> dict[str, float]:
-    given = {name: figure.value for name, figure in model.geometry.figures()}
+def _dimensions(section: Section, model: Any) -> dict[str, float]:
+    given = {name: figure.value for name, figure in model.geometry.figures().items()}
     thread_angle = given.pop("thread_angle")
     outer = given.pop("outer_diameter", None)
     if not thread_angle < math.radians(120):
@@ -117,60 +242,46 @@ def _dimensions(section: Section, model: AnyModel) -> dict[str, float]:
     return {**dimensions, "thread_angle": thread_angle}
 
 
-def _friction(section: Section, model: Any) -> Friction | None:
-    if model is None:
-        return None
-    values = {name: figure.value for name, figure in model.figures()}
+def _friction(section: Section, model: Any) -> Friction:
+    values = _values(model)
     values.setdefault("mu_static", values["mu"])
-    here = section.sub("friction")
     for name in ("mu", "mu_static"):
         if values[name] > LARGEST_MU:
-            raise here.error("implausible for a coefficient of friction", name, allowed=f"0 to {LARGEST_MU}")
+            raise section.error("implausible for a coefficient of friction", name, allowed=f"0 to {LARGEST_MU}")
     if model.law != "coulomb" and not {"mu_stribeck", "stribeck_speed"} <= values.keys():
-        raise here.error(f"the law {model.law} needs mu_stribeck and stribeck_speed", "law")
-    with located(here):
-        posterior = None if model.posterior is None else _posterior(model.posterior)
-        return Friction(law=model.law, covariance=model.covariance, posterior=posterior, source=model.source, **values)
+        raise section.error(f"the law {model.law} needs mu_stribeck and stribeck_speed", "law")
+    with located(section):
+        if model.posterior is not None:
+            values["posterior"] = _posterior(model.posterior)
+        return Friction(**values)
 
 
 def _posterior(model: PosteriorModel) -> Posterior:
-    lengths = {len(column) for column in model.draws.values()}
-    if len(lengths) != 1:
+    if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(
             "columns of different lengths", key="posterior.draws", allowed="as many sets of each parameter"
         )
-    ripples = {
-        way: Ripple(**dict(getattr(model, way))) for way in ("forwards", "backwards") if getattr(model, way) is not None
-    }
+    given = {"forwards": model.forwards, "backwards": model.backwards}
+    ripples = {way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None}
     draws = np.column_stack(list(model.draws.values()))
     return Posterior(names=tuple(model.draws), draws=draws, scatter=model.scatter, **ripples)
 
 
-def _rig(model: AnyModel) -> Rig | None:
-    rig = model.rig
-    if rig is None:
-        return None
-    published = {} if rig.published is None else {name: figure.value for name, figure in rig.published.figures()}
-    direction = 1 if rig.payload_direction == "positive" else -1
-    fields = {name: value for name, value in rig if name != "source"}
-    return Rig(**{**fields, "payload_direction": direction, "published": published})
+def _rig(model: Any) -> Rig:
+    published = {} if model.published is None else {name: f.value for name, f in model.published.figures().items()}
+    direction = 1 if model.payload_direction == "positive" else -1
+    return Rig(**{**_values(model), "payload_direction": direction, "published": published})
 
 
-def _origins(model: AnyModel) -> tuple[dict[str, str], tuple[str, ...]]:
+def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """Source of each figure, and the names of those that are placeholders."""
-    figures: dict[str, Figure] = {**dict(model.figures()), **dict(model.geometry.figures())}
+    figures: dict[str, Figure] = {}
     sources: dict[str, str] = {}
-    if model.source is not None:
-        sources = dict.fromkeys(figures, model.source)
-    if model.friction is not None:
-        friction = dict(model.friction.figures())
-        origin = model.friction.source or model.source
-        if origin is not None:
-            sources |= dict.fromkeys(friction, origin)
-        figures |= friction
-    rated, rated_sources = rating_figures(model.ratings, model.source)
-    figures |= rated
-    sources |= rated_sources
+    for part in (model, model.geometry, model.friction, model.ratings):
+        if part is not None:
+            origin = getattr(part, "source", None) or model.source
+            figures |= part.figures()
+            sources |= {} if origin is None else dict.fromkeys(part.figures(), origin)
     if model.friction_ranges is not None:
         sources["friction_ranges"] = model.friction_ranges.source
     sources |= {name: figure.source for name, figure in figures.items() if figure.source is not None}

@@ -4,18 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from ssm_planner.loading.controllers import controller_from
-from ssm_planner.loading.drives import drive_from
-from ssm_planner.loading.motors import motor_from
-from ssm_planner.loading.problems import problem_from
-from ssm_planner.loading.robots import robot_from
-from ssm_planner.loading.shipped import find
-from ssm_planner.loading.yaml_nodes import of_data, of_text, read
-from ssm_planner.problem.controller import Controller
+from pydantic import Field
+
+from ssm_planner.loading.drives import DRIVES, drive_from
+from ssm_planner.loading.files import find, follow, of_data, of_text, read
+from ssm_planner.loading.motors import MotorModel, motor_from
+from ssm_planner.loading.problems import JointValues, ProblemModel, problem_from
+from ssm_planner.loading.robots import RobotModel, robot_from
+from ssm_planner.loading.schema import (
+    SOURCE,
+    Key,
+    Model,
+    Part,
+    Reference,
+    Text,
+    by_joint,
+    keys,
+    located,
+    model_of,
+    reading,
+    validated,
+)
+from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
@@ -26,12 +41,12 @@ def load_problem(name: str | Path) -> Problem:
 
 
 def problem_from_dict(data: Mapping[str, Any]) -> Problem:
-    """See Problem.from_dict."""
+    """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
     return problem_from(of_data(data))
 
 
 def problem_from_yaml(text: str) -> Problem:
-    """See Problem.from_yaml."""
+    """The problem that the text of a problem file describes. Raises ProblemError naming line and key."""
     return problem_from(of_text(text))
 
 
@@ -53,6 +68,94 @@ def load_motor(name: str | Path) -> Motor:
     return motor_from(read(find(name, "motors")))
 
 
+def _joint_parts(cls: Any) -> Any:
+    """By joint: a value of the controller."""
+    return by_joint(model_of(cls), model_of(cls, slides=True))
+
+
+_Axes, _Compliance = _joint_parts(AxisController), _joint_parts(JointCompliance)
+ControllerModel = model_of(
+    Controller,
+    {
+        "source": SOURCE,
+        "joints": (Annotated[Any, Part(_Axes)], _Axes()),
+        "compliance": (Annotated[Any, Part(_Compliance)], _Compliance()),
+    },
+)
+"""What a controller file may say; all of it may be left out."""
+
+
 def load_controller(name: str | Path) -> Controller:
     """The controller in a YAML file, or the shipped one of this name. Raises ProblemError."""
-    return controller_from(read(find(name, "controllers")))
+    section = read(find(name, "controllers"))
+    given = dict(validated(section, ControllerModel))
+    del given["source"]
+    with located(section):
+        for key, cls in (("joints", AxisController), ("compliance", JointCompliance)):
+            given[key] = {joint: cls(**dict(part)) for joint, part in given[key] if part is not None}
+        return Controller(file=section.file_name, **given)
+
+
+def _stroke(slides: bool = False) -> Any:
+    centre = reading(Stroke, "centre", slides), 0.0
+    return model_of(Stroke, {"centre": centre}, slides=slides, without=("joint",))
+
+
+_Run = by_joint(_stroke(), _stroke(slides=True))
+
+
+class MotorisationModel(Model):
+    """What a motorisation file may say."""
+
+    name: Text | None = None
+    """By default the file's name without its ending."""
+    source: Text | None = None
+    robot: Reference
+    held: JointValues = (0.0, 0.0, 0.0, 0.0)
+    """Where the joints stand that do not move."""
+    back_and_forth: Annotated[list[Annotated[Any, Part(_Run)]], Field(min_length=1, max_length=100)]
+    """One joint in each entry."""
+
+
+def load_motorisation(name: str | Path) -> Motorisation:
+    """The motorisation runs in a YAML file, or the shipped ones of this name, their robot loaded. Raises ProblemError."""
+    section = read(find(name, "motorisation"))
+    if section.holds("motion") and not section.holds("back_and_forth"):
+        raise section.error("a problem to plan: plan it first, then size its plan.json", "motion", show=False)
+    model = validated(section, MotorisationModel)
+    robot = robot_from(follow(section, "robot"))
+    strokes: list[Stroke] = []
+    for i, run in enumerate(model.back_and_forth):
+        given = list(run.model_fields_set)
+        if len(given) != 1:
+            here = section.sub("back_and_forth", i)
+            raise here.error(f"{len(given)} joints in one run", allowed="one joint per run: roll, tilt or insertion")
+        strokes.append(Stroke(given[0], home=model.held, **dict(getattr(run, given[0]))))
+    places = {f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint) for i, stroke in enumerate(strokes)}
+    with located(section, places):
+        return Motorisation(model.name or section.name, robot, tuple(strokes), section.file_name)
+
+
+Kind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller"]
+
+
+def _models(kind: Kind) -> tuple[Any, ...]:
+    models = {
+        "problem": ProblemModel,
+        "robot": RobotModel,
+        "motor": MotorModel,
+        "motorisation": MotorisationModel,
+        "controller": ControllerModel,
+    }
+    return tuple(DRIVES.values()) if kind == "drive" else (models[kind],)
+
+
+def json_schema(kind: Kind) -> dict[str, Any]:
+    """JSON schema of a kind of file, for editors that complete and check YAML."""
+    schemas = [model.model_json_schema() for model in _models(kind)]
+    return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+
+
+def file_keys(kind: Kind) -> tuple[Key, ...]:
+    """Every key of a kind of file with its unit, what is allowed, its default and what it means."""
+    return tuple(dict.fromkeys(key for model in _models(kind) for key in keys(model)))

@@ -2,54 +2,59 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from ssm_planner.loading.eye import EyeModel, eye_from
-from ssm_planner.loading.faults import located, validated
-from ssm_planner.loading.robots import TaskLimitsModel, robot_from, task_limits
-from ssm_planner.loading.schema.common import Model, Part, Reference, Text, model_of, of, quantity, vector, wrong
-from ssm_planner.loading.yaml_nodes import Section, follow
-from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.loading.files import follow
+from ssm_planner.loading.robots import RANGES, ranges_from, robot_from
+from ssm_planner.loading.schema import (
+    Axis,
+    Model,
+    Part,
+    Reference,
+    Text,
+    located,
+    model_from,
+    model_of,
+    quantity,
+    reading,
+    validated,
+    vector,
+    wrong,
+)
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRate
 from ssm_planner.problem.motion import LARGEST_GRID, Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
-from ssm_planner.problem.problem import Objective, Planner, Problem
+from ssm_planner.problem.problem import Eye, Lens, Problem
+from ssm_planner.problem.value import Bound
+from ssm_planner.typing import Array
+from ssm_planner.units import KINDS
 
-Angle = Annotated[float, quantity("angle")]
-Length = Annotated[float, quantity("length")]
-Turning = Annotated[float, quantity("angular_velocity")]
 JointValues = Annotated[tuple[float, float, float, float], vector("angle", "angle", "angle", "length")]
-TipPosition = Annotated[tuple[float, float, float], vector("length", "length", "length")]
+LONGEST_MOTION = 10_000
+MOST_POINTS = 200
+"""Points that one motion passes without stopping."""
+PATTERNS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
+"""What each pattern of a scan has beside the common keys."""
+SQUARE = math.radians(0.5)
+"""How far the axes of a lens may be from a right angle; the first is then turned into it."""
+Place = tuple[str | int, ...]
+"""Keys and list positions that lead to a value of the file."""
 _FORMS = "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] with spin"
 
 
-class TaskModel(Model):
-    """Any of the task coordinates; those left out are held."""
-
-    roll: Angle | None = None
-    tilt: Angle | None = None
-    spin: Angle | None = None
-    depth: Length | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _not_empty(cls, data: Any) -> Any:
-        if data == {}:
-            raise wrong("no point is given", _FORMS if "joints" in cls.model_fields else "roll, tilt, spin or depth")
-        return data
-
-
-class PointModel(TaskModel):
-    """A point in one of three forms."""
-
-    joints: JointValues | None = None
-    tip: TipPosition | None = None
-
+class _PointModel(Model):
     @model_validator(mode="before")
     @classmethod
     def _one_form(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
+        if not data:
+            raise wrong("no point is given", _FORMS)
         if "joints" in data and len(data) > 1:
             other = next(key for key in data if key != "joints")
             raise wrong("given besides joints, which say everything", _FORMS, other)
@@ -62,196 +67,158 @@ class PointModel(TaskModel):
         return data
 
 
-class RateModel(Model):
-    """Rates of task coordinates at one end of a motion."""
-
-    roll: Turning | None = None
-    tilt: Turning | None = None
-    spin: Turning | None = None
-    depth: Annotated[float, quantity("velocity")] | None = None
-
-
-KEYS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
-"""What each pattern has beside the common keys."""
-Count = Annotated[float, quantity("number", at_least=1)] | None
-
-
 class _ScanModel(Model):
+    pattern: Literal["raster", "ring", "triple ring"]
+
     @model_validator(mode="before")
     @classmethod
     def _keys_of_its_pattern(cls, data: Any) -> Any:
         pattern = data.get("pattern") if isinstance(data, dict) else None
-        if pattern not in KEYS:
+        if pattern not in PATTERNS:
             return data
-        for key in (key for other, keys in KEYS.items() if other != pattern for key in keys):
+        for key in (key for other, keys in PATTERNS.items() if other != pattern for key in keys):
             if key in data:
-                raise wrong(f"not for the pattern {pattern!r}", f"for it: {', '.join(KEYS[pattern])}", key)
-        for key in KEYS[pattern]:
+                raise wrong(f"not for the pattern {pattern!r}", f"for it: {', '.join(PATTERNS[pattern])}", key)
+        for key in PATTERNS[pattern]:
             if key not in data and key != "diameters":
                 raise wrong(f"missing: the pattern {pattern!r} needs it", None, key)
-        at = data.get("at")
-        if isinstance(at, dict) and "tilt" not in at:
-            raise wrong("missing: no pattern is there without a tilt", "roll, tilt, spin", "at")
-        if isinstance(at, dict) and "depth" in at:
-            raise wrong("depth: how deep the tip goes is what distance says", "roll, tilt, spin", "at")
         return data
 
-    @model_validator(mode="after")
-    def _sizes(self) -> _ScanModel:
-        for name in ("rows", "columns"):
-            count = getattr(self, name)
-            if count is not None and (count != int(count) or count > LARGEST_GRID):
-                raise wrong("not a count", f"a whole number from 1 to {LARGEST_GRID}", name)
-        low, middle, high = dict(self)["diameters"]
-        if not 0 < low < middle < high:
-            raise wrong("not three rings one around the other", "three growing lengths", "diameters")
-        return self
+
+def _optional(hint: Any, description: str = "") -> Any:
+    """A key that may be left out."""
+    return hint | None, Field(None, description=description)
 
 
+def _part(model: Any) -> Any:
+    return Annotated[Any, Part(model)]
+
+
+def _rate(name: str, bound: Bound | None = None) -> Any:
+    """Of a task coordinate."""
+    return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound or Bound())]
+
+
+def _speed(kind: type[SpeedLimit]) -> Any:
+    """The largest speed of the tool, in the unit of its limit."""
+    (of, *_) = (name for name, each in KINDS.items() if each.unit == kind.unit)
+    return Annotated[Any, quantity(of, Bound(above=0.0))]
+
+
+TaskModel = model_of(Task)
+_TIP = Annotated[Any, vector("length", "length", "length")]
+PointModel = model_of(
+    Task,
+    {
+        "joints": _optional(JointValues, "Values of the four joints, in place of everything else."),
+        "tip": _optional(_TIP, "Position of the tool's tip in the base frame, in place of roll, tilt and depth."),
+    },
+    base=_PointModel,
+)
+_COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRID), whole=True)]
 ScanModel = model_of(
     Scan,
     {
-        "pattern": (Literal["raster", "ring", "triple ring"], ...),
-        "at": (TaskModel, ...),
-        "distance": "length",
-        "spacing": "length",
-        "dwell": "time",
-        "diameter": (Annotated[float, quantity("length", above=0)] | None, None),
-        "diameters": (Annotated[tuple[float, ...], vector("length", "length", "length")], (1e-3, 2e-3, 3e-3)),
-        "rows": (Count, None),
-        "columns": (Count, None),
+        "at": (_part(TaskModel), ...),
+        "diameter": _optional(Annotated[Any, quantity("length", Bound(above=0.0))], "Of a ring."),
+        "diameters": (Annotated[Any, vector("length", "length", "length")], (1e-3, 2e-3, 3e-3)),
+        "rows": _optional(_COUNT),
+        "columns": _optional(_COUNT),
     },
+    without=("name",),
     base=_ScanModel,
 )
-"""What a problem file may say of a scan."""
+LensModel = model_of(
+    Lens,
+    {
+        "axis": (Axis, Field(description="Direction of the third semi-axis; its length is free.")),
+        "first_axis": _optional(Axis, "Direction of the first semi-axis, where it differs from the second."),
+    },
+)
+EyeModel = model_of(Eye, {"lens": _optional(_part(LensModel))})
 
 
-LONGEST_MOTION = 10_000
-MOST_POINTS = 200
-"""Points that one motion passes without stopping."""
-Rate = Annotated[float, of(TaskRate, "largest", "angular_velocity")]
-Speed = Annotated[float, of(TaskRate, "largest", "velocity")]
-
-
-class Timed(Model):
-    """A motion that may be asked to last."""
-
-    duration: Annotated[float, of(Straight, "duration", "time")] | None = None
-    """Asked for; the motion then takes it with the least motor heat."""
-
-
-class ToAngle(Timed):
-    """To an angle."""
-
-    to: Angle
-
-
-class ToLength(Timed):
-    """To a length."""
-
-    to: Length
-
-
-class ToTask(Timed):
-    """Straight to a point in task coordinates."""
-
-    to: TaskModel
-
-
-class ToPoint(Timed):
-    """To a point in any form."""
-
-    to: PointModel
-    through: Annotated[tuple[PointModel, ...], Field(max_length=MOST_POINTS)] = ()
-    """Points that are passed without stopping."""
-
-
-class EntryModel(Model):
-    """One motion; exactly one key."""
-
-    tilt: ToAngle | None = None
-    roll: ToAngle | None = None
-    spin: ToAngle | None = None
-    insert: ToLength | None = None
-    straight: ToTask | None = None
-    free: ToPoint | None = None
-    dwell: Annotated[float, of(Dwell, "duration", "time")] | None = None
-    scan: Annotated[Any, Part(ScanModel)] | None = None
-
+class _EntryModel(Model):
     @model_validator(mode="before")
     @classmethod
     def _one_key(cls, data: Any) -> Any:
         if isinstance(data, dict) and len(data) != 1:
-            found = (
-                "no motion is given" if not data else f"{len(data)} motions in one entry ({', '.join(map(str, data))})"
-            )
+            several = f"{len(data)} motions in one entry ({', '.join(map(str, data))})"
+            found = several if data else "no motion is given"
             raise wrong(found, f"one motion per list entry: {', '.join(cls.model_fields)}")
         return data
 
 
-class LimitsModel(TaskLimitsModel):
-    """Ranges, rates and speeds of the task."""
-
-    tip_speed: Speed | None = None
-    roll_rate: Rate | None = None
-    tilt_rate: Rate | None = None
-    spin_rate: Rate | None = None
-    insertion_speed: Speed | None = None
+def _motion_to(to: Any, description: str, more: Mapping[str, Any] | None = None) -> Any:
+    model = model_of(Straight, {"to": (to, ...), **(more or {})}, without=(*TASK, "name"))
+    return _optional(_part(model), description)
 
 
-class ProblemModel(Model):
-    """What a problem file may say."""
-
-    name: Text | None = None
-    """By default the file's name without its ending."""
-    robot: Reference
-    start: PointModel
-    motion: Annotated[list[EntryModel], Field(min_length=1, max_length=LONGEST_MOTION)]
-    limits: LimitsModel = LimitsModel()
-    eye: Annotated[Any, Part(EyeModel)] | None = None
-    objective: Objective = "time then heat"
-    duration: Annotated[float, of(Problem, "duration", "time")] | None = None
-    planner: Planner = "optimal"
-    start_rate: RateModel = RateModel()
-    end_rate: RateModel = RateModel()
-
-
-Place = tuple[str | int, ...]
-"""Keys and list positions that lead to a value of the file."""
+_THROUGH = Annotated[tuple[Annotated[Any, Part(PointModel)], ...], Field(max_length=MOST_POINTS)]
+_PASSED = {"through": (_THROUGH, Field((), description="Points passed without stopping, in order."))}
+EntryModel = model_from(
+    {
+        "tilt": _motion_to(reading(Task, "tilt"), "To a tilt, the other task coordinates held."),
+        "roll": _motion_to(reading(Task, "roll"), "To a roll, the other task coordinates held."),
+        "spin": _motion_to(reading(Task, "spin"), "To a spin, the other task coordinates held."),
+        "insert": _motion_to(reading(Task, "depth"), "To a depth, the other task coordinates held."),
+        "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held."),
+        "free": _motion_to(_part(PointModel), "On whatever way the planner finds fastest.", _PASSED),
+        "dwell": _optional(reading(Dwell, "duration"), "At rest for a while."),
+        "scan": _optional(_part(ScanModel), "Spots on the retina."),
+    },
+    base=_EntryModel,
+)
+_SPEEDS = {kind.field: _optional(_speed(kind), kind.__doc__ or "") for kind in SpeedLimit.__subclasses__()}
+_RATES = {TaskRate.field_of(name): _optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.") for name in TASK}
+LimitsModel = model_from({**RANGES, **_SPEEDS, **_RATES})
+RatesModel = model_from({name: _optional(_rate(name)) for name in TASK})
+_MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
+ProblemModel = model_of(
+    Problem,
+    {
+        "name": _optional(Text, "By default the file's name without its ending."),
+        "robot": (Reference, ...),
+        "start": (_part(PointModel), ...),
+        "motion": (_MOTION, ...),
+        "limits": (_part(LimitsModel), LimitsModel()),
+        "eye": _optional(_part(EyeModel)),
+        "start_rate": (_part(RatesModel), RatesModel()),
+        "end_rate": (_part(RatesModel), RatesModel()),
+    },
+)
+"""What a problem file may say."""
 
 
 def problem_from(section: Section) -> Problem:
     """The problem that a section describes, its robot loaded. Raises ProblemError."""
-    model = validated(section, ProblemModel)
+    model: Any = validated(section, ProblemModel)
     robot = robot_from(follow(section, "robot"))
-    missing = [name for name in TASK if getattr(model.start, name) is None]
-    if model.start.joints is None and model.start.tip is None and missing:
-        raise section.error(
-            "missing: a start says where all of the tool is", "start", missing[0], allowed=", ".join(TASK)
-        )
+    if model.start.joints is None and model.start.tip is None and (missing := set(TASK) - set(_given(model.start))):
+        first = next(name for name in TASK if name in missing)
+        reason = "missing: a start says where all of the tool is"
+        raise section.error(reason, "start", first, allowed=", ".join(TASK))
+    motion = tuple(_motion(section.sub("motion", i), entry) for i, entry in enumerate(model.motion))
     with located(section, _places(model)):
         problem = Problem(
             name=model.name or section.name,
             robot=robot,
             start=_point(section.sub("start"), model.start),
-            motion=tuple(_motion(section.sub("motion", i), entry) for i, entry in enumerate(model.motion)),
-            limits=(
-                *(TaskRange(name, *ends) for name, ends in task_limits(model.limits).items()),
-                *_speeds(model.limits),
-            ),
+            motion=motion,
+            limits=(*ranges_from(model.limits), *_speeds(model.limits)),
             objective=model.objective,
             duration=model.duration,
             planner=model.planner,
-            start_rate=_rates(model.start_rate),
-            end_rate=_rates(model.end_rate),
-            file=None if section.file is None else str(section.file),
-            eye=None if model.eye is None else eye_from(section.sub("eye"), model.eye),
+            start_rate={name: rate for name, rate in _given(model.start_rate).items() if rate},
+            end_rate={name: rate for name, rate in _given(model.end_rate).items() if rate},
+            file=section.file_name,
+            eye=None if model.eye is None else _eye(section.sub("eye"), model.eye),
         )
         problem.check_total()
     return problem
 
 
-def _places(model: ProblemModel) -> dict[str, Place]:
+def _places(model: Any) -> dict[str, Place]:
     """Where fields of a Problem stand in the file, by the names that its messages use."""
     places: dict[str, Place] = {"start.values": ("start", "joints"), "start.position": ("start", "tip")}
     for i, entry in enumerate(model.motion):
@@ -271,71 +238,119 @@ def _places(model: ProblemModel) -> dict[str, Place]:
     return places
 
 
-def _speeds(model: LimitsModel) -> list[Limit]:
+def _speeds(model: Any) -> Iterable[Limit]:
     """Limits on the rates of task coordinates and on speeds of the tool."""
-    found: list[Limit] = []
     for name in TASK:
-        rate = getattr(model, TaskRate.field_of(name))
-        if rate is not None:
-            found.append(TaskRate(name, rate))
+        if (largest := getattr(model, TaskRate.field_of(name))) is not None:
+            yield TaskRate(name, largest)
     for kind in SpeedLimit.__subclasses__():
-        largest = getattr(model, kind.field, None)
-        if largest is not None:
-            found.append(kind(largest))
-    return found
+        if (largest := getattr(model, kind.field, None)) is not None:
+            yield kind(largest)
 
 
-def _motion(section: Section, entry: EntryModel) -> Motion:
+def _motion(section: Section, entry: Any) -> Motion:
     (name,) = entry.model_fields_set
-    line = section.line(name)
-    if entry.dwell is not None:
-        return Dwell(entry.dwell, name, line)
-    if entry.scan is not None:
-        return _scan(section.sub(name), entry.scan)
-    to = section.sub(name, "to")
-    if entry.free is not None:
-        passed = enumerate(entry.free.through)
-        through = tuple(_point(section.sub(name, "through", k), point) for k, point in passed)
-        return Free(_point(to, entry.free.to), through, entry.free.duration, name, line)
-    if entry.straight is not None:
-        return Straight(**_given(entry.straight.to), duration=entry.straight.duration, name=name, line=line)
-    model = getattr(entry, name)
-    coordinate = "depth" if name == "insert" else name
-    return Straight(**{coordinate: model.to}, duration=model.duration, name=name, line=line)
+    model, line, here = getattr(entry, name), section.line(name), section.sub(name)
+    with located(here):
+        if entry.dwell is not None:
+            return Dwell(entry.dwell, name, line)
+        if entry.scan is not None:
+            return _scan(here, model)
+        if entry.free is not None:
+            through = tuple(_point(here.sub("through", k), point) for k, point in enumerate(model.through))
+            return Free(_point(here.sub("to"), model.to), through, model.duration, name, line)
+        to = _given(model.to) if entry.straight is not None else {"depth" if name == "insert" else name: model.to}
+        return Straight(**to, duration=model.duration, name=name, line=line)
 
 
 def _scan(section: Section, model: Any) -> Scan:
-    diameters: tuple[float, ...] = ()
-    if model.pattern != "raster":
-        diameters = (model.diameter or 0.0,) if model.pattern == "ring" else model.diameters
-    with located(section):
-        return Scan(
-            Task(**_given(model.at), line=section.line("at")),
-            model.distance,
-            diameters,
-            rows=int(model.rows or 0),
-            columns=int(model.columns or 0),
-            spacing=model.spacing,
-            dwell=model.dwell,
-            name=model.pattern,
-            line=section.line(),
-        )
+    low, middle, high = model.diameters
+    if not 0 < low < middle < high:
+        reason = "not three rings one around the other"
+        raise section.error(reason, "diameters", allowed="three growing lengths")
+    diameters = {"raster": (), "ring": (model.diameter,), "triple ring": model.diameters}[model.pattern]
+    return Scan(
+        Task(**_given(model.at), line=section.line("at")),
+        model.distance,
+        diameters,
+        rows=model.rows or 0,
+        columns=model.columns or 0,
+        spacing=model.spacing,
+        dwell=model.dwell,
+        name=model.pattern,
+        line=section.line(),
+    )
 
 
-def _given(model: TaskModel | RateModel) -> dict[str, float]:
+def _given(model: Any) -> dict[str, float]:
     """What is given of task coordinates, or of their rates."""
     return {name: value for name in TASK if (value := getattr(model, name)) is not None}
 
 
-def _rates(model: RateModel) -> dict[str, float]:
-    return {name: rate for name, rate in _given(model).items() if rate}
-
-
-def _point(section: Section, model: PointModel) -> Point:
+def _point(section: Section, model: Any) -> Point:
     line = section.line()
     with located(section, {"values": ("joints",), "position": ("tip",)}):
         if model.joints is not None:
             return Joints(model.joints, line)
         if model.tip is not None:
-            return Tip(model.tip, float(model.spin or 0.0), line)
+            return Tip(model.tip, model.spin, line)
         return Task(**_given(model), line=line)
+
+
+def _eye(section: Section, model: Any) -> Eye:
+    lens = None
+    if model.lens is not None:
+        here = section.sub("lens")
+        with located(here):
+            lens = Lens(model.lens.centre, model.lens.semi_axes, _frame(here, model.lens))
+    with located(section):
+        return Eye(**{**dict(model), "lens": lens})
+
+
+def eye_as_written(eye: Eye) -> dict[str, Any]:
+    """What a problem file says of an eye, exactly: reading it gives the eye back."""
+
+    def lengths(vector: Array) -> list[str]:
+        return [f"{length!r} m" for length in vector.tolist()]
+
+    written: dict[str, Any] = {
+        "centre": lengths(eye.centre),
+        **{name: f"{getattr(eye, name)!r} m" for name in ("radius", "clearance", "port", "shaft_radius")},
+    }
+    if eye.lens is not None:
+        written["lens"] = {
+            "centre": lengths(eye.lens.centre),
+            "semi_axes": lengths(eye.lens.semi_axes),
+            "axis": eye.lens.frame[:, 2].tolist(),
+            "first_axis": eye.lens.frame[:, 0].tolist(),
+        }
+    return written
+
+
+def _frame(section: Section, model: Any) -> Array:
+    """Columns: the directions of the semi-axes, right-handed; (3, 3)."""
+
+    def direction(name: str) -> Array:
+        vector = np.array(getattr(model, name))
+        length = float(np.linalg.norm(vector))
+        if not 1e-9 < length < np.inf:
+            allowed = "three numbers that are not all zero; the length is free"
+            raise section.error("no direction", name, allowed=allowed)
+        return vector / length
+
+    third = direction("axis")
+    if model.first_axis is None:
+        first, second, _ = model.semi_axes
+        if min(first, second) > 0 and not math.isclose(first, second, rel_tol=1e-9):
+            allowed = "the direction of the first semi-axis"
+            raise section.error("missing: the first two semi-axes differ", "first_axis", allowed=allowed)
+        # any direction will do: the base axis that is farthest from the third
+        along = np.eye(3)[int(np.argmin(np.abs(third)))]
+    else:
+        along = direction("first_axis")
+        if abs(float(along @ third)) > math.sin(SQUARE):
+            angle = math.degrees(math.acos(float(along @ third)))
+            raise section.error(f"at {angle:.4g} deg to axis", "first_axis", allowed="a right angle, within 0.5 deg")
+    along = along - third * float(along @ third)
+    along /= np.linalg.norm(along)
+    return np.column_stack((along, np.cross(third, along), third))

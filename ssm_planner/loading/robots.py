@@ -1,94 +1,181 @@
-"""A robot file → Robot, with the drives and motors that it names; what the file may say."""
+"""A robot file → Robot with its drives and motors: axes as vectors or angles, inertias in either sign convention."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import math
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field as PydanticField
 
+from ssm_planner import units
+from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
-from ssm_planner.loading.faults import located, validated
-from ssm_planner.loading.mechanism import BodyModel, GeometryModel, bodies_from, geometry_from
+from ssm_planner.loading.files import follow
 from ssm_planner.loading.motors import motor_from
-from ssm_planner.loading.schema.common import Model, Part, Reference, Text, interval, model_of, vector
-from ssm_planner.loading.yaml_nodes import Section, follow
+from ssm_planner.loading.schema import (
+    SOURCE,
+    Axis,
+    Field,
+    Model,
+    Part,
+    Reference,
+    by_joint,
+    interval,
+    located,
+    model_from,
+    model_of,
+    quantity,
+    validated,
+    vector,
+    wrong,
+)
+from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.limits import TASK, TaskRange
-from ssm_planner.problem.robot import JOINTS, Joint, Robot, frozen
-from ssm_planner.problem.value import Sign
-from ssm_planner.typing import Range
+from ssm_planner.problem.robot import (
+    JOINTS,
+    SMALLEST_ANGLE,
+    Body,
+    Geometry,
+    Joint,
+    Robot,
+    possible,
+    principal_moments,
+    unit_vector,
+)
+from ssm_planner.problem.value import Bound, frozen
+from ssm_planner.typing import Array
 
+
+def _rotations(value: object) -> tuple[tuple[str, float], ...]:
+    allowed = "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 deg]"
+    if not isinstance(value, list):
+        raise wrong("not a chain of rotations", allowed)
+    chain = []
+    for part in value:
+        axis, _, angle = part.strip().partition(" ") if isinstance(part, str) else ("", "", "")
+        if axis not in ("x", "y", "z"):
+            raise wrong(f"{part!r} does not start with x, y or z", allowed)
+        chain.append((axis, units.quantity(angle, "angle")))
+    return tuple(chain)
+
+
+_ROTATIONS = Field(
+    _rotations, {"type": "array", "items": {"type": "string"}}, ("angle",), "such as [x 90 deg, y 30 deg]"
+)
+Rotations = Annotated[tuple[tuple[str, float], ...], _ROTATIONS]
+_Angle = Annotated[float, quantity("angle")] | None
+_PositiveAngle = Annotated[float, quantity("angle", Bound(above=0.0))] | None
+_Moment = Annotated[float, quantity("inertia", Bound(at_least=0.0))]
+_Product = Annotated[float, quantity("inertia")]
+
+
+class AxesModel(Model):
+    """Unit vectors in the base frame at q = 0."""
+
+    joint1: Axis
+    joint2: Axis
+    joint3: Axis
+
+
+class GeometryModel(Model):
+    """Axes, or angles."""
+
+    axes: AxesModel | None = None
+    """Of joints 1 to 3 as unit vectors in the base frame at q = 0; or alpha and home_tilt."""
+    alpha: _PositiveAngle = None
+    """Between the axes of joints 1 and 2."""
+    beta: _PositiveAngle = None
+    """Between the axes of joints 2 and 3."""
+    home_tilt: _Angle = None
+    """Of the tool at q = 0."""
+    home_roll: _Angle = None
+    """Of the tool at q = 0; by default what beta asks for, or 0."""
+    insertion: Literal["negative", "positive"]
+    """Direction of joint 4 that moves the tool inwards."""
+    tool_home: Rotations | None = None
+    """Base to tool at q = 0; by default the last body's frame."""
+
+
+class InertiaModel(Model):
+    """About the origin of the body frame."""
+
+    xx: _Moment
+    yy: _Moment
+    zz: _Moment
+    yz: _Product = 0.0
+    xz: _Product = 0.0
+    xy: _Product = 0.0
+
+
+class _BodyModel(Model):
+    com: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (0.0, 0.0, 0.0)
+    inertia: InertiaModel | None = None
+    """About the origin of the body frame; of a body without mass none."""
+    products_of_inertia: Literal["cad", "tensor"] | None = None
+    """Their sign: cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)."""
+    frame: Rotations
+    """Relative to the previous body at q = 0."""
+
+
+BodyModel = model_of(Body, base=_BodyModel, without=("com",))
 _ACTUATION: dict[str, Any] = {
     "drive": (Reference | None, None),
     "motor": (Reference | None, None),
     "alternatives": (list[Reference], []),
-    "motor_direction": (Sign, 1),
 }
 
 
-def _model(*kinds: str) -> Any:
-    return model_of(
-        Joint, {**dict(zip(("position", "velocity", "acceleration", "jerk"), kinds, strict=True)), **_ACTUATION}
-    )
+def _joint_model(slides: bool = False) -> Any:
+    return model_of(Joint, _ACTUATION, slides=slides, without=("name", "kind"))
 
 
-RevoluteModel = _model("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
-PrismaticModel = _model("length", "velocity", "acceleration", "jerk")
+JointsModel = by_joint(_joint_model(), _joint_model(slides=True), required=True)
+RANGES = {name: (Annotated[Any, interval("length" if name == "depth" else "angle")] | None, None) for name in TASK}
+"""Keys of the ranges of the task coordinates."""
+RangesModel = model_from(RANGES)
+RobotModel = model_of(
+    Robot,
+    {
+        "source": SOURCE,
+        "geometry": (GeometryModel, ...),
+        "bodies": (Annotated[list[Annotated[Any, Part(BodyModel)]], PydanticField(min_length=4, max_length=4)], ...),
+        "joints": (Annotated[Any, Part(JointsModel)], ...),
+        "limits": (Annotated[Any, Part(RangesModel)], RangesModel()),
+    },
+)
+"""What a robot file may say."""
 
-
-class JointsModel(Model):
-    """The four joints."""
-
-    roll: Annotated[Any, Part(RevoluteModel)]
-    tilt: Annotated[Any, Part(RevoluteModel)]
-    spin: Annotated[Any, Part(RevoluteModel)]
-    insertion: Annotated[Any, Part(PrismaticModel)]
-
-
-class TaskLimitsModel(Model):
-    """Ranges of the task coordinates."""
-
-    roll: Annotated[tuple[float, float], interval("angle")] | None = None
-    tilt: Annotated[tuple[float, float], interval("angle")] | None = None
-    spin: Annotated[tuple[float, float], interval("angle")] | None = None
-    depth: Annotated[tuple[float, float], interval("length")] | None = None
-
-
-class RobotModel(Model):
-    """What a robot file may say."""
-
-    name: Text
-    source: Text | None = None
-    geometry: GeometryModel
-    gravity: Annotated[tuple[float, float, float], vector("acceleration", "acceleration", "acceleration")]
-    bodies: Annotated[list[BodyModel], Field(min_length=4, max_length=4)]
-    joints: JointsModel
-    limits: TaskLimitsModel = TaskLimitsModel()
+BETA_TOLERANCE = math.radians(0.5)
+LARGEST_GYRATION = 1.0
+"""m; a link of a surgical tool is smaller."""
 
 
 def robot_from(section: Section) -> Robot:
     """The robot that a section describes. Raises ProblemError."""
-    model = validated(section, RobotModel)
-    bodies = bodies_from(section.sub("bodies"), model.bodies)
-    geometry = geometry_from(section.sub("geometry"), model.geometry, bodies[-1].frame)
-    roll, tilt, spin, insertion = (
-        _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
-    )
+    model: Any = validated(section, RobotModel)
+    bodies: list[Body] = []
+    for i, body in enumerate(model.bodies):
+        before = bodies[-1].frame if bodies else np.eye(3)
+        bodies.append(_body(section.sub("bodies", i), body, before @ rotation(body.frame)))
+    geometry = _geometry(section.sub("geometry"), model.geometry, bodies[-1].frame)
+    joints = tuple(_joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS)
     with located(section):
         return Robot(
             name=model.name,
             geometry=geometry,
-            bodies=bodies,
-            joints=(roll, tilt, spin, insertion),
+            bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
+            joints=(joints[0], joints[1], joints[2], joints[3]),
             gravity=frozen(model.gravity, (3,)),
-            limits=tuple(TaskRange(name, *ends) for name, ends in task_limits(model.limits).items()),
-            file=None if section.file is None else str(section.file),
+            limits=ranges_from(model.limits),
+            file=section.file_name,
         )
 
 
-def task_limits(model: TaskLimitsModel) -> dict[str, Range]:
-    """The ranges that are given, by task coordinate."""
-    ranges = ((name, getattr(model, name)) for name in TASK)
-    return {name: range_ for name, range_ in ranges if range_ is not None}
+def ranges_from(model: Any) -> tuple[TaskRange, ...]:
+    """The ranges of task coordinates that are given."""
+    given = ((name, getattr(model, name)) for name in TASK)
+    return tuple(TaskRange(name, *ends) for name, ends in given if ends is not None)
 
 
 def _joint(section: Section, name: str, model: Any) -> Joint:
@@ -100,3 +187,120 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
     with located(section):
         found = {"drive": drive, "motor": motor, "alternatives": alternatives}
         return Joint(**{**dict(model), "name": name, "kind": kind, **found})
+
+
+def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
+    """Product of elementary rotations (axis letter, angle), each about the axes of the frame turned so far; (3, 3)."""
+    result = np.eye(3)
+    for axis, angle in chain:
+        i = "xyz".index(axis)
+        j, k = (i + 1) % 3, (i + 2) % 3
+        turn = np.eye(3)
+        turn[j, j] = turn[k, k] = math.cos(angle)
+        turn[k, j] = math.sin(angle)
+        turn[j, k] = -math.sin(angle)
+        result = result @ turn
+    return result
+
+
+def _geometry(section: Section, model: GeometryModel, last_frame: Array) -> Geometry:
+    """last_frame: base ← last body at q = 0, (3, 3)."""
+    angles = [name for name in ("alpha", "beta", "home_tilt", "home_roll") if getattr(model, name) is not None]
+    if model.axes is None:
+        omegas = _from_angles(section, model)
+        places: dict[str, tuple[str, ...]] = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
+    elif angles:
+        raise section.error("axes are given as well", angles[0], allowed="either axes, or alpha with home_tilt")
+    else:
+        with located(section.sub("axes")):
+            omegas = [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
+        places = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
+    tool_home = last_frame if model.tool_home is None else rotation(model.tool_home)
+    with located(section, places):
+        return Geometry(omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1)
+
+
+def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
+    """ω1 = x, ω2 = (cos α, sin α, 0), ω3 = Rx(home_roll) Ry(home_tilt) x; the tilt axis is y."""
+    for name in ("alpha", "home_tilt"):
+        if getattr(model, name) is None:
+            allowed = "axes, or alpha and home_tilt with beta or home_roll"
+            raise section.error("missing: this key is required", name, allowed=allowed)
+    alpha, tilt = float(model.alpha or 0.0), float(model.home_tilt or 0.0)
+    for name, angle in (("alpha", alpha), ("beta", model.beta)):
+        if angle is not None and not SMALLEST_ANGLE < angle < math.pi - SMALLEST_ANGLE:
+            raise section.error("the axes would be parallel", name, allowed="between 0.1 and 179.9 deg")
+    roll = _home_roll(section, model, alpha, tilt)
+    omega3 = rotation((("x", roll), ("y", tilt)))[:, 0]
+    return [np.array([1.0, 0, 0]), np.array([math.cos(alpha), math.sin(alpha), 0]), omega3]
+
+
+def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float) -> float:
+    """As given (0 by default) where that agrees with beta; otherwise the one that beta asks for.
+
+    cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
+    """
+
+    def angle(cosine: float) -> float:
+        return math.acos(max(-1.0, min(1.0, cosine)))
+
+    roll = model.home_roll or 0.0
+    along, across = math.cos(alpha) * math.cos(tilt), math.sin(alpha) * math.sin(tilt)
+    beta = angle(along + across * math.sin(roll))
+    if model.beta is None or abs(model.beta - beta) <= BETA_TOLERANCE:
+        return roll
+    if model.home_roll is not None:
+        reason = f"alpha, home_tilt and home_roll give {math.degrees(beta):.4f} deg"
+        raise section.error(reason, "beta", allowed="within 0.5 deg of it")
+    wanted = math.cos(model.beta) - along
+    if abs(wanted) > abs(across):
+        low, high = (math.degrees(angle(along + sign * abs(across))) for sign in (1, -1))
+        reason = "no home_roll gives this beta together with alpha and home_tilt"
+        raise section.error(reason, "beta", allowed=f"{low:.4g} to {high:.4g} deg")
+    return math.asin(wanted / across)
+
+
+def _body(section: Section, model: Any, frame: Array) -> Body:
+    """frame: base ← body at q = 0, (3, 3)."""
+    tensor = _inertia(section, model)
+    with located(section):
+        try:
+            body = Body(model.name, model.mass, np.array(model.com), tensor, frame)
+        except ProblemError as error:
+            error.reason += _sign_hint(model, tensor) if model.mass > 0 else ""
+            raise
+    gyration = float(np.sqrt(principal_moments(body.mass, body.com, tensor)[2] / body.mass)) if body.mass > 0 else 0.0
+    if gyration > LARGEST_GYRATION:
+        reason = f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?"
+        raise section.error(reason, "inertia", allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m")
+    return body
+
+
+def _inertia(section: Section, model: Any) -> Array:
+    """The tensor about the frame's origin (3, 3): products −∫xy dm, whatever sign the file uses."""
+    inertia, convention = model.inertia, model.products_of_inertia
+    if inertia is None:
+        if model.mass > 0:
+            raise section.error("missing: a body with mass has an inertia", "inertia")
+        return np.zeros((3, 3))
+    sign = -1.0 if convention == "cad" else 1.0
+    xy, xz, yz = sign * inertia.xy, sign * inertia.xz, sign * inertia.yz
+    if convention is None and any((xy, xz, yz)):
+        reason = "missing: the sign convention of the products of inertia"
+        allowed = "cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)"
+        raise section.error(reason, "products_of_inertia", allowed=allowed)
+    return np.array([[inertia.xx, xy, xz], [xy, inertia.yy, yz], [xz, yz, inertia.zz]])
+
+
+def _sign_hint(model: Any, tensor: Array) -> str:
+    """What to try where no body can have the tensor."""
+    convention = model.products_of_inertia
+    if convention is None:
+        return ""
+    other = "tensor" if convention == "cad" else "cad"
+    hint = f"; the usual cause is the sign of the products of inertia: here products_of_inertia is {convention}"
+    flipped = principal_moments(model.mass, frozen(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor)
+    if possible(flipped):
+        listed = ", ".join(f"{moment:.4g}" for moment in flipped)
+        return f"{hint}, and with {other} the moments are ({listed}) kg*m^2, which a body can have: try it"
+    return f"{hint}, but {other} would not do either; check that it is about the origin of the body frame, and its unit"

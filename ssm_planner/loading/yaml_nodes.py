@@ -1,11 +1,7 @@
-"""YAML text → a tree of plain data in which every value and key knows its line.
-
-Files as the user wrote them: sections of plain data that can say where each value stands.
-"""
+"""YAML text → a tree of plain data in which every value and key knows its line, and sections of it."""
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +11,6 @@ from typing import Any
 import yaml
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.shipped import shipped_names
 
 LARGEST_TREE = 300_000
 """Values after aliases are expanded."""
@@ -169,10 +164,6 @@ def _line(event: Any) -> int:
     return int(event.start_mark.line) + 1
 
 
-LARGEST_FILE = 10_000_000
-"""Bytes; no problem file written by hand comes near it."""
-
-
 @dataclass(frozen=True)
 class Section:
     """A part of a file, by the path of keys and list positions that leads to it."""
@@ -186,6 +177,11 @@ class Section:
     def name(self) -> str:
         """The file's name without its ending."""
         return "problem" if self.file is None else self.file.stem
+
+    @property
+    def file_name(self) -> str | None:
+        """Of the file; None where the data came from Python."""
+        return None if self.file is None else str(self.file)
 
     @property
     def value(self) -> Any:
@@ -229,97 +225,17 @@ def key_text(path: tuple[str | int, ...]) -> str:
     return text
 
 
-def read(path: str | Path) -> Section:
-    """The YAML mapping in a file. Raises ProblemError for everything that is not one readable mapping."""
-    file = Path(path)
-    return _section(file, parse(file, _text(file)))
-
-
-def _section(file: Path | None, root: Node) -> Section:
-    if not isinstance(root.value, dict):
-        what = "the problem is" if file is None else "the file holds"
-        raise ProblemError(
-            f"{what} {_kind(root.value)}", file=file, line=root.line, allowed="a mapping of key: value lines"
-        )
-    return Section(file, root)
-
-
-def of_text(text: str) -> Section:
-    """The YAML mapping in a text; files that it names are relative to the working directory. Raises ProblemError."""
-    return _section(None, parse(None, text))
-
-
-def of_data(data: Any) -> Section:
-    """Data from Python in the place of a file; it has no lines. Raises ProblemError."""
-    return _section(None, _node(data))
-
-
-def _node(data: Any, depth: int = 0) -> Node:
+def plain_node(data: Any, depth: int = 0) -> Node:
+    """Data from Python as a tree; it has no lines. Raises ProblemError where it is nested too deeply."""
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
     if isinstance(data, Mapping):
-        children: dict[str | int, Node] = {str(key): _node(item, depth + 1) for key, item in data.items()}
+        children: dict[str | int, Node] = {str(key): plain_node(item, depth + 1) for key, item in data.items()}
         return Node({key: child.value for key, child in children.items()}, None, 1, children, dict.fromkeys(children))
     if isinstance(data, (list, tuple)):
-        items: dict[str | int, Node] = {i: _node(item, depth + 1) for i, item in enumerate(data)}
+        items: dict[str | int, Node] = {i: plain_node(item, depth + 1) for i, item in enumerate(data)}
         return Node([item.value for item in items.values()], None, 1, items, dict.fromkeys(items))
     return Node(data, None)
-
-
-def follow(section: Section, *path: str | int, kind: str | None = None) -> Section:
-    """The mapping that a key holds, or that the file named there holds: relative to the file that names it, or shipped.
-
-    kind: robot, drive or motor; that of the key unless given.
-    """
-    here = section.sub(*path)
-    if isinstance(here.value, dict):
-        return here
-    target = Path(os.path.normpath((Path() if section.file is None else section.file.parent) / here.value))
-    try:
-        shipped = shipped_names(f"{kind or path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
-        if shipped is not None and not target.exists():
-            return read(shipped)
-        problem = "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
-    except (OSError, ValueError) as error:
-        problem = f"cannot be read: {error}"
-    if problem:
-        raise here.error(
-            f"the file {target} {problem}", allowed="a file, named relative to this one, or a shipped name"
-        )
-    return read(target)
-
-
-def _text(file: Path) -> str:
-    try:
-        if file.is_dir():
-            raise ProblemError("this is a directory, not a file", file=file)
-        if not file.exists():
-            raise ProblemError("no such file", file=file)
-        if not file.is_file():
-            raise ProblemError("not a regular file", file=file)
-        size = file.stat().st_size
-        if size > LARGEST_FILE:
-            raise ProblemError(
-                f"the file has {size} bytes, too large for a file of this kind", file=file, allowed="at most 10 MB"
-            )
-        data = file.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ProblemError(f"cannot be read: {reason}", file=file) from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise ProblemError("not a text file in UTF-8", file=file, line=line) from None
-    if not text.strip():
-        raise ProblemError("the file is empty", file=file, line=1)
-    return text
-
-
-def _kind(value: object) -> str:
-    if value is None:
-        return "nothing"
-    return "a list" if isinstance(value, list) else f"only the text {str(value)[:40]!r}"
 
 
 def _written(value: object) -> str | None:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.load import load_drive, load_problem
-from ssm_planner.loading.motorisation import load_motorisation
+from ssm_planner.loading.load import load_drive, load_motorisation, load_problem
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Task
 from ssm_planner.problem.motorisation import Motorisation

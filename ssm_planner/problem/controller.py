@@ -7,28 +7,28 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.problem.value import Bound, Names, NotNegative, Positive, Value
+from ssm_planner.problem.value import Bound, Names, NotNegative, Positive, Quantity, Value
 
 
 @dataclass(frozen=True, eq=False)
 class AxisController(Value):
     """One drive's position loop; None: from the plant's own figures (simulation/cascade.py says how)."""
 
-    bandwidth: Positive | None = None
+    bandwidth: Annotated[Positive, Quantity("rate")] | None = None
     """Of the position loop, Hz: what gains that are None are tuned for."""
-    p: NotNegative | None = None
+    p: Annotated[NotNegative, Quantity("position_gain")] | None = None
     """A/rad at the motor."""
-    i: NotNegative | None = None
+    i: Annotated[NotNegative, Quantity("integral_gain")] | None = None
     """A/(rad·s)."""
-    d: NotNegative | None = None
+    d: Annotated[NotNegative, Quantity("derivative_gain")] | None = None
     """A·s/rad."""
-    ff_velocity: NotNegative | None = None
+    ff_velocity: Annotated[NotNegative, Quantity("derivative_gain")] | None = None
     """A·s/rad."""
-    ff_acceleration: NotNegative | None = None
+    ff_acceleration: Annotated[NotNegative, Quantity("acceleration_gain")] | None = None
     """A·s²/rad."""
-    max_current: Positive | None = None
+    max_current: Annotated[Positive, Quantity("current")] | None = None
     """A; None: the motor's largest torque by its torque constant."""
-    following_error: Positive | None = None
+    following_error: Annotated[Positive, Quantity("angle", "length")] | None = None
     """rad or m of the joint; None: the window that `export --to epos4` writes."""
 
 
@@ -36,10 +36,10 @@ class AxisController(Value):
 class JointCompliance(Value):
     """Spring, damper and free play between a drive and its joint. Every default is an assumption, not a measurement."""
 
-    frequency: Positive | None = None
+    frequency: Annotated[Positive, Quantity("rate")] | None = None
     """Natural frequency of the joint with its drive locked, Hz; None: 30 Hz, joint 4 100 Hz."""
-    damping_ratio: NotNegative = 0.3
-    backlash: NotNegative | None = None
+    damping_ratio: Annotated[NotNegative, Quantity("number")] = 0.3
+    backlash: Annotated[NotNegative, Quantity("angle", "length")] | None = None
     """From one flank to the other, rad or m; None: 0.1 deg, joint 4 0.02 mm."""
     source: str | None = None
 
@@ -49,15 +49,15 @@ class Controller(Value):
     """A cascade as an EPOS4 runs it: position PID with feed-forward at `loop_period`, inside it a current loop."""
 
     name: str = "EPOS4, tuned from the plant"
-    loop_period: Positive = 400e-6
+    loop_period: Annotated[Positive, Quantity("time")] = 400e-6
     """Of the position loop, s: 2.5 kHz in an EPOS4 (hardware reference, 50/5)."""
-    current_lag: Positive = 100e-6
+    current_lag: Annotated[Positive, Quantity("time")] = 100e-6
     """Time constant of the closed current loop, s; assumed: the current is sampled at 25 kHz."""
-    supply: Positive | None = None
+    supply: Annotated[Positive, Quantity("voltage")] | None = None
     """V; None: the motor's nominal voltage."""
-    output_share: Annotated[float, Bound(above=0.0)] = 0.9
+    output_share: Annotated[float, Bound(above=0.0), Quantity("number")] = 0.9
     """Of the supply voltage that reaches the motor: 0.9 in an EPOS4 (hardware reference, 50/5)."""
-    counts_per_turn: Annotated[int, Bound(above=0)] | None = None
+    counts_per_turn: Annotated[int, Bound(above=0), Quantity("number")] | None = None
     """Increments per motor turn where a motor file gives no encoder; None: 4096, as on the authors' rigs."""
     torque_offset: bool = True
     """Whether the drive adds the exported torque offsets. Without them velocity and acceleration feed-forward are tuned."""

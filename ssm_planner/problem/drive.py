@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from ssm_planner.problem.posterior import Posterior
-from ssm_planner.problem.value import Names, NotNegative, Positive, Sign, Value
+from ssm_planner.problem.value import Names, NotNegative, Positive, Quantity, Sign, Value
 
 LARGEST_LEAD_ANGLE = math.radians(60)
 LARGEST_THREAD_ANGLE = math.radians(120)
-_RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
-_PARAMETERS = (
+RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
+PARAMETERS = (
     "mu",
     "mu_static",
     "mu_stribeck",
@@ -31,22 +31,22 @@ _PARAMETERS = (
 class Rig(Value):
     """Payload of a rig and the meaning of its recorded channels; SI."""
 
-    payload_mass: NotNegative
+    payload_mass: Annotated[NotNegative, Quantity("mass")]
     """kg, moved by the output; 0 without payload."""
-    motor_nominal_torque: Positive
+    motor_nominal_torque: Annotated[Positive, Quantity("torque")]
     """N·m; a recorder gives torque in percent of it."""
-    payload_arm: Positive | None = None
+    payload_arm: Annotated[Positive, Quantity("length")] | None = None
     """Radius of the pulley that the payload hangs from, m (worm); None where it hangs on the nut itself (screws)."""
     payload_direction: Sign = 1
     """+1: gravity pulls the output towards positive motion."""
-    gravity: Positive = 9.81
+    gravity: Annotated[Positive, Quantity("acceleration")] = 9.81
     """m/s², positive."""
     direction: Sign = 1
     """The rig's positive motion and torque are direction times the recorded channels."""
-    load_offset: float = 0.0
+    load_offset: Annotated[float, Quantity("torque", "force")] = 0.0
     """Constant effort beside the payload that an identification found, N·m (worm) or N (screw); positive opposes positive
     motion."""
-    published: Annotated[Mapping[str, NotNegative], Names((*_PARAMETERS, "preload"))] = field(default_factory=dict)
+    published: Annotated[Mapping[str, NotNegative], Names((*PARAMETERS, "preload"))] = field(default_factory=dict)
     """Parameters that others published for this drive, by name in Friction (and preload), SI: for comparison, and the
     reference nearest to which identification settles what its data leave open (it then says so)."""
 
@@ -77,29 +77,29 @@ class Friction(Value):
     μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), s = 0, exp(−2x) or exp(−x²) by law; μ at rest is mu_static.
     """
 
-    mu: NotNegative
+    mu: Annotated[NotNegative, Quantity("number")]
     """Kinetic (Coulomb) coefficient of the mesh."""
-    mu_static: NotNegative
+    mu_static: Annotated[NotNegative, Quantity("number")]
     """Coefficient at breakaway."""
-    b_c: NotNegative
+    b_c: Annotated[NotNegative, Quantity("torque")]
     """Bearing Coulomb torque, N·m."""
-    b_v: NotNegative
+    b_v: Annotated[NotNegative, Quantity("rotary_viscosity")]
     """Bearing viscous coefficient, N·m·s/rad."""
-    b_oc: NotNegative = 0.0
+    b_oc: Annotated[NotNegative, Quantity("torque", "force")] = 0.0
     """Output Coulomb effort, N·m (worm) or N (screw)."""
-    b_ov: NotNegative = 0.0
+    b_ov: Annotated[NotNegative, Quantity("rotary_viscosity", "linear_viscosity")] = 0.0
     """Output viscous coefficient, N·m·s/rad or N·s/m."""
     law: FrictionLawName = "coulomb"
-    mu_stribeck: NotNegative = 0.0
-    stribeck_speed: Positive | None = None
+    mu_stribeck: Annotated[NotNegative, Quantity("number")] = 0.0
+    stribeck_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
     """Motor speed w_s of the Stribeck term, rad/s."""
-    dwell_constant: NotNegative | None = None
+    dwell_constant: Annotated[NotNegative, Quantity("time")] | None = None
     """c of mu_static growing as exp(−c / t_dwell), s; None: fully grown at once."""
-    memory: NotNegative = 0.0
+    memory: Annotated[NotNegative, Quantity("time")] = 0.0
     """Frictional memory: delay of w in μ(w), s."""
-    mu_lowest: NotNegative | None = None
+    mu_lowest: Annotated[NotNegative, Quantity("number")] | None = None
     """Lowest plausible mu (lubrication, temperature); the self-locking margin is reported there too."""
-    identified_speed: Positive | None = None
+    identified_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
     """Largest motor speed in the data behind the parameters, rad/s; beyond it friction is extrapolated."""
     covariance: Mapping[str, Mapping[str, float]] | None = None
     """Of the parameters, as a user states it; SI."""
@@ -129,17 +129,17 @@ ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fix
 class Ratings(Value):
     """What the manufacturer of a gear or screw allows; None where the file gives nothing."""
 
-    continuous_output: Positive | None = None
+    continuous_output: Annotated[Positive, Quantity("torque", "force")] | None = None
     """Output effort for all time, N·m (worm) or N (screws)."""
-    peak_output: Positive | None = None
+    peak_output: Annotated[Positive, Quantity("torque", "force")] | None = None
     """Output effort at any instant."""
-    input_speed: Positive | None = None
+    input_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
     """Motor speed, rad/s."""
-    duty: Positive | None = None
+    duty: Annotated[Positive, Quantity("number")] | None = None
     """Largest share of time in motion."""
-    free_length: Positive | None = None
+    free_length: Annotated[Positive, Quantity("length")] | None = None
     """Unsupported length of a screw, m."""
-    root_diameter: Positive | None = None
+    root_diameter: Annotated[Positive, Quantity("length")] | None = None
     """Core diameter of a screw, m."""
     ends: ScrewEnds | None = None
 
@@ -168,15 +168,15 @@ class Drive(Value):
     """λ, rad."""
     pressure_angle: Positive
     """Normal pressure angle θ_n, rad."""
-    input_inertia: NotNegative
+    input_inertia: Annotated[NotNegative, Quantity("inertia")]
     """Inertia on the motor shaft, rotor included, kg·m²."""
-    output_inertia: NotNegative
+    output_inertia: Annotated[NotNegative, Quantity("inertia", "mass")]
     """Inertia of the output side that is not in the bodies, kg·m² (worm) or kg (screws)."""
     friction: Friction | None
     """None only where rig is given: friction still to be identified. Drives of a robot always have friction."""
-    preload: NotNegative = 0.0
+    preload: Annotated[NotNegative, Quantity("force")] = 0.0
     """Spring force between the half nuts of an antibacklash screw, N."""
-    second_nut_mass: NotNegative = 0.0
+    second_nut_mass: Annotated[NotNegative, Quantity("mass")] = 0.0
     self_locking: bool = True
     """The robot relies on this drive holding without torque."""
     dimensions: Mapping[str, float] = field(default_factory=dict)
@@ -210,8 +210,8 @@ class Drive(Value):
         """Every range holds the parameter's own value."""
         for name, (low, high) in self.friction_ranges.items():
             field = f"friction_ranges.{name}"
-            if name not in _RANGED:
-                raise self._wrong(field, "unknown parameter", ", ".join(_RANGED), name)
+            if name not in RANGED:
+                raise self._wrong(field, "unknown parameter", ", ".join(RANGED), name)
             if self.friction is None:
                 raise self._wrong(
                     field, "a range of a friction that is still to be identified", "no range", (low, high)

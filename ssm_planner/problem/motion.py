@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.value import Bound, Count, NotNegative, Positive, Value
+from ssm_planner.problem.value import Bound, Count, NotNegative, Positive, Quantity, Value
 
 LARGEST_GRID = 50
 """Rows or columns of a scan."""
@@ -17,10 +17,10 @@ Line = Annotated[int, Bound(above=0)]
 class Task(Value):
     """A point in task coordinates, rad and m; those left out are held."""
 
-    roll: float | None = None
-    tilt: float | None = None
-    spin: float | None = None
-    depth: float | None = None
+    roll: Annotated[float, Quantity("angle")] | None = None
+    tilt: Annotated[float, Quantity("angle")] | None = None
+    spin: Annotated[float, Quantity("angle")] | None = None
+    depth: Annotated[float, Quantity("length")] | None = None
     line: Line | None = field(default=None, compare=False)
     """Line of the problem file, for messages."""
 
@@ -64,7 +64,7 @@ class Straight(Value):
     tilt: float | None = None
     spin: float | None = None
     depth: float | None = None
-    duration: Positive | None = None
+    duration: Annotated[Positive, Quantity("time")] | None = None
     """Asked for; the motion then takes it with the least motor heat, s."""
     name: str = ""
     """By default the coordinate that moves (insert: depth), or straight."""
@@ -109,7 +109,7 @@ class Dwell(Value):
     """At rest for a while."""
 
     kind: ClassVar[str] = "dwell"
-    duration: Positive
+    duration: Annotated[Positive, Quantity("time")]
     """s."""
     name: str = "dwell"
     line: Line | None = field(default=None, compare=False)
@@ -122,16 +122,16 @@ class Scan(Value):
     kind: ClassVar[str] = "scan"
     at: Task
     """Where the tool points to the middle of the pattern: tilt, and roll and spin where they are not 0."""
-    distance: Positive
+    distance: Annotated[Positive, Quantity("length")]
     """Of the tip from the retina, m."""
     diameters: tuple[Positive, ...] = ()
     """Of the rings, m, growing; none for a raster."""
-    rows: Count = 0
-    columns: Count = 0
+    rows: Annotated[Count, Quantity("number")] = 0
+    columns: Annotated[Count, Quantity("number")] = 0
     """Of a raster; 0 for rings."""
-    spacing: Positive = 0.6e-3
+    spacing: Annotated[Positive, Quantity("length")] = 0.6e-3
     """Between neighbouring spots, m; on a ring as nearly as a whole number of spots allows."""
-    dwell: NotNegative = 0.0
+    dwell: Annotated[NotNegative, Quantity("time")] = 0.0
     """At every spot, s; 0: the spots are passed without stopping."""
     name: str = "scan"
     line: Line | None = field(default=None, compare=False)

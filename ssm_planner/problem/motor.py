@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from ssm_planner.problem.value import Bound, Positive, Value
+from ssm_planner.problem.value import Bound, Positive, Quantity, Value
 
 LARGEST_DRIFT = -0.01
 """1/K."""
@@ -17,28 +17,28 @@ class Motor(Value):
     """A motor's datasheet figures; None where the file gives none."""
 
     name: str
-    nominal_torque: Positive
+    nominal_torque: Annotated[Positive, Quantity("torque")]
     """Continuous torque, N·m."""
-    max_torque: Positive
+    max_torque: Annotated[Positive, Quantity("torque")]
     """Largest usable torque, N·m: what a plan may use at any instant."""
-    max_speed: Positive
+    max_speed: Annotated[Positive, Quantity("motor_speed")]
     """rad/s."""
-    nominal_voltage: Positive | None = None
-    nominal_current: Positive | None = None
-    torque_constant: Positive | None = None
-    terminal_resistance: Positive | None = None
-    rotor_inertia: Positive | None = None
-    resistance_winding_housing: Positive | None = None
-    resistance_housing_ambient: Positive | None = None
-    time_constant_winding: Positive | None = None
-    time_constant_motor: Positive | None = None
-    max_winding_temperature: Positive | None = None
+    nominal_voltage: Annotated[Positive, Quantity("voltage")] | None = None
+    nominal_current: Annotated[Positive, Quantity("current")] | None = None
+    torque_constant: Annotated[Positive, Quantity("torque_constant")] | None = None
+    terminal_resistance: Annotated[Positive, Quantity("resistance")] | None = None
+    rotor_inertia: Annotated[Positive, Quantity("inertia")] | None = None
+    resistance_winding_housing: Annotated[Positive, Quantity("thermal_resistance")] | None = None
+    resistance_housing_ambient: Annotated[Positive, Quantity("thermal_resistance")] | None = None
+    time_constant_winding: Annotated[Positive, Quantity("time")] | None = None
+    time_constant_motor: Annotated[Positive, Quantity("time")] | None = None
+    max_winding_temperature: Annotated[Positive, Quantity("temperature")] | None = None
     """K."""
-    torque_constant_per_kelvin: float | None = None
+    torque_constant_per_kelvin: Annotated[float, Quantity("number")] | None = None
     """Relative change of the torque constant with the magnets' temperature, 1/K, negative."""
-    mass: Positive | None = None
+    mass: Annotated[Positive, Quantity("mass")] | None = None
     """kg."""
-    encoder_counts: Annotated[int, Bound(above=0)] | None = None
+    encoder_counts: Annotated[int, Bound(above=0), Quantity("number")] | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
     """Names of the figures that nobody could source for this motor; sources says what stands in and why."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.problem.value import Positive, Value, check_name
+from ssm_planner.problem.value import Positive, Quantity, Value, check_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -13,10 +14,10 @@ class Stroke(Value):
     """One joint back and forth over centre ± reach; rad or m, and their rates."""
 
     joint: str
-    centre: float
-    reach: Positive
-    velocity: Positive
-    acceleration: Positive
+    centre: Annotated[float, Quantity("angle", "length")]
+    reach: Annotated[Positive, Quantity("angle", "length")]
+    velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
+    acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
     home: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Where the other joints are held."""
 

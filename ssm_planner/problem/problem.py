@@ -13,7 +13,7 @@ import numpy as np
 from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
 from ssm_planner.problem.motion import Dwell, Free, Joints, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
-from ssm_planner.problem.value import Matrix, Names, NotNegative, Positive, Value, Vector
+from ssm_planner.problem.value import Matrix, Names, NotNegative, Positive, Quantity, Value, Vector
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
@@ -25,9 +25,9 @@ SLACK = 1e-9
 class Lens(Value):
     """An ellipsoid that the shaft keeps clear of, base frame, m."""
 
-    centre: Vector
+    centre: Annotated[Vector, Quantity("length")]
     """(3,)."""
-    semi_axes: Vector
+    semi_axes: Annotated[Vector, Quantity("length")]
     """(3,), along the columns of `frame`."""
     frame: Matrix
     """(3, 3), rotation base ← lens."""
@@ -43,14 +43,14 @@ class Lens(Value):
 class Eye(Value):
     """The eye about the remote centre, base frame, m: the retina as a sphere, and the lens where there is one."""
 
-    centre: Vector
+    centre: Annotated[Vector, Quantity("length")]
     """(3,)."""
-    radius: Positive
-    clearance: NotNegative
+    radius: Annotated[Positive, Quantity("length")]
+    clearance: Annotated[NotNegative, Quantity("length")]
     """Least distance of the tip from the retina."""
-    port: Positive = 3e-3
+    port: Annotated[Positive, Quantity("length")] = 3e-3
     """Within this distance of the remote centre there is no retina: the incision itself."""
-    shaft_radius: NotNegative = 0.0
+    shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
     """Added around the shaft where it passes the lens."""
     lens: Lens | None = None
 
@@ -183,7 +183,7 @@ class Problem(Value, Limited):
     start_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
     end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
-    duration: Positive | None = None
+    duration: Annotated[Positive, Quantity("time")] | None = None
     """Of everything together where it is asked for, s."""
     planner: Planner = "optimal"
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""

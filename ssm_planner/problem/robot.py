@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from ssm_planner.problem.limits import (
     task_limits,
 )
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.value import Interval, Matrix, NotNegative, Positive, Sign, Value, Vector, check_name
+from ssm_planner.problem.value import Interval, Matrix, NotNegative, Positive, Quantity, Sign, Value, Vector, check_name
 from ssm_planner.problem.value import frozen as frozen
 from ssm_planner.typing import Array, Range
 
@@ -78,8 +78,8 @@ class Body(Value):
     """Inertial data of one moving body, in its own frame at the RCM."""
 
     name: str
-    mass: NotNegative
-    com: Vector
+    mass: Annotated[NotNegative, Quantity("mass")]
+    com: Annotated[Vector, Quantity("length")]
     """Centre of mass in the body frame, m, (3,)."""
     inertia: Matrix
     """Inertia tensor about the body frame's origin, kg·m², (3, 3), products with the tensor's sign (−∫xy dm)."""
@@ -109,10 +109,10 @@ class Joint(Value):
 
     name: str
     kind: Literal["revolute", "prismatic"]
-    position: Interval
-    velocity: Positive
-    acceleration: Positive
-    jerk: Positive | None = None
+    position: Annotated[Interval, Quantity("angle", "length")]
+    velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
+    acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
+    jerk: Annotated[Positive, Quantity("angular_jerk", "jerk")] | None = None
     drive: Drive | None = None
     motor: Motor | None = None
     alternatives: tuple[Motor, ...] = ()
@@ -178,7 +178,7 @@ class Robot(Value, Limited):
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
     joints: tuple[Joint, Joint, Joint, Joint]
-    gravity: Vector
+    gravity: Annotated[Vector, Quantity("acceleration")]
     """Acceleration of gravity in the base frame, m/s², (3,)."""
     limits: tuple[Limit, ...] = ()
     """Ranges of task coordinates that the robot itself declares."""

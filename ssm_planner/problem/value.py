@@ -6,14 +6,18 @@ fields may not be together. Lists become tuples, arrays are copied and made read
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import difflib
+import inspect
 import math
+import textwrap
 import types
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -30,6 +34,35 @@ class Bound:
 
     above: float = -math.inf
     at_least: float = -math.inf
+    at_most: float = math.inf
+
+    @property
+    def allowed(self) -> str:
+        """In words, such as "above 0" or "from 1 to 50"; empty for any number."""
+        words = {"above": self.above, "at least": self.at_least, "at most": self.at_most}
+        if math.isfinite(self.at_least) and math.isfinite(self.at_most):
+            return f"from {self.at_least:g} to {self.at_most:g}"
+        return " and ".join(f"{word} {bound:g}" for word, bound in words.items() if math.isfinite(bound))
+
+    def fault(self, value: float) -> str | None:
+        """What is wrong with a number; None where it keeps the bound."""
+        if not value > self.above:
+            return "not greater than zero" if self.above == 0 else "too small"
+        if not value >= self.at_least:
+            return "negative" if self.at_least == 0 else "too small"
+        return None if value <= self.at_most else "too large"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with a unit in files: a kind in units.KINDS, of a joint that turns and of one that slides."""
+
+    turning: str
+    sliding: str = ""
+
+    def kind(self, slides: bool = False) -> str:
+        """Of one of the two."""
+        return self.sliding if slides and self.sliding else self.turning
 
 
 @dataclass(frozen=True)
@@ -64,7 +97,7 @@ class Value:
 
     def __post_init__(self) -> None:
         cls: Any = type(self)
-        for name, hint in _hints(cls).items():
+        for name, hint in hints(cls).items():
             place = f"{cls.__name__}.{name}"
             object.__setattr__(self, name, converted(hint, getattr(self, name), place))
         self._check()
@@ -98,15 +131,39 @@ def unchecked(value: V, **changes: Any) -> V:
     return copy
 
 
-def hint_of(cls: Any, name: str) -> tuple[Any, tuple[Any, ...]]:
-    """The type of a field without None, and what bounds it: Bound, Shape and the like."""
-    hint = _hints(cls)[name]
+@cache
+def hints(cls: Any) -> dict[str, Any]:
+    """The types of the fields of a value, with their marks."""
+    found = typing.get_type_hints(cls, include_extras=True)
+    return {field.name: found[field.name] for field in dataclasses.fields(cls)}
+
+
+def bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    """A type without None, and what bounds it: Bound, Shape and the like."""
     if get_origin(hint) in (typing.Union, types.UnionType):
-        (hint,) = (part for part in get_args(hint) if part is not type(None))
+        inner = [part for part in get_args(hint) if part is not type(None)]
+        return bare(inner[0]) if len(inner) == 1 else (hint, ())
     if get_origin(hint) is Annotated:
         kind, *marks = get_args(hint)
         return kind, tuple(marks)
     return hint, ()
+
+
+def descriptions(cls: type) -> dict[str, str]:
+    """What the docstrings below the fields of a class say, by field, on one line."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        if not base.__module__.startswith("ssm_planner"):
+            continue
+        try:
+            (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        except OSError:  # made by the program, without a source
+            continue
+        body = tree.body if isinstance(tree, ast.ClassDef) else []
+        for field, below in pairwise(body):
+            if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
+                found[ast.unparse(field.target)] = " ".join(str(ast.literal_eval(below.value)).split())
+    return found
 
 
 def frozen(value: object, shape: tuple[int, ...]) -> Array:
@@ -124,13 +181,13 @@ def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = 
     fields = {field.name: field for field in dataclasses.fields(cls)}
     check_mapping(data, tuple(fields), where)
     assert isinstance(data, Mapping)
-    hints = _hints(cls)
+    types_of = hints(cls)
     values = dict(given or {})
     for name, field in fields.items():
         if name in values:
             continue
         if name in data:
-            values[name] = converted(hints[name], data[name], f"{where}.{name}", build=True)
+            values[name] = converted(types_of[name], data[name], f"{where}.{name}", build=True)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise ProblemError("missing", key=f"{where}.{name}", allowed=f"the keys of {cls.__name__}")
     try:
@@ -198,10 +255,8 @@ def _annotated(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> A
             return _array(mark.shape, value, where)
         value = converted(kind, value, where, build)
         if isinstance(mark, Bound):
-            if not value > mark.above:
-                raise ProblemError("not greater than zero", key=where, value=value, allowed=f"above {mark.above:g}")
-            if not value >= mark.at_least:
-                raise ProblemError("negative", key=where, value=value, allowed=f"at least {mark.at_least:g}")
+            if fault := mark.fault(value):
+                raise ProblemError(fault, key=where, value=value, allowed=mark.allowed)
         elif isinstance(mark, Names):
             for key in value:
                 check_name(key, mark.names, f"{where}.{key}", "unknown key")
@@ -260,12 +315,6 @@ def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
     if array.dtype.kind not in "iuf" or not fits or not np.isfinite(array).all():
         raise wrong(where, value, allowed)
     return frozen(array, array.shape)
-
-
-@cache
-def _hints(cls: type) -> dict[str, Any]:
-    hints = typing.get_type_hints(cls, include_extras=True)
-    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
 
 
 @cache

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.loading.eye import as_written
+from ssm_planner.loading.problems import eye_as_written
 from ssm_planner.problem.limits import TASK, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Range
@@ -133,5 +133,5 @@ def _straight(problem: Problem, start: list[float], target: list[float], tilt: R
         "start": quantities(start),
         "motion": [{"straight": {"to": quantities(target)}}],
         "limits": limits,
-        **({} if problem.eye is None else {"eye": as_written(problem.eye)}),
+        **({} if problem.eye is None else {"eye": eye_as_written(problem.eye)}),
     }

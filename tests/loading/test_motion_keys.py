@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ssm_planner.cli import main
-from ssm_planner.loading.schema import json_schema
+from ssm_planner.loading.load import json_schema
 
 NAME = "tilt_insert.yaml"
 TILT = "  - tilt:   {to: -135 deg}     # straight in task space, the rest held"
@@ -197,7 +197,7 @@ def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, .
 @pytest.mark.parametrize(
     ("keys", "parts"),
     [
-        ("rows: 0\n      columns: 2", ("scan.rows = 0", "at least 1")),
+        ("rows: 0\n      columns: 2", ("scan.rows = 0", "a whole number from 1 to 50")),
         ("rows: 2.5\n      columns: 2", ("scan.rows = 2.5", "a whole number from 1 to 50")),
         ("rows: 51\n      columns: 2", ("scan.rows = 51", "a whole number from 1 to 50")),
         ("rows: 2", ("scan.columns", "missing", "'raster' needs it")),

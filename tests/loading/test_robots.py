@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.loading.mechanism import possible, principal_moments, rotation
+from ssm_planner.loading.robots import possible, principal_moments, rotation
 
 ROBOT = "robots/vitreoretinal.yaml"
 

@@ -10,9 +10,8 @@ from typing import Any
 
 import pytest
 
-from ssm_planner.loading.load import load_drive, load_motor, load_robot
-from ssm_planner.loading.schema import json_schema
-from ssm_planner.loading.yaml_nodes import read
+from ssm_planner.loading.files import read
+from ssm_planner.loading.load import file_keys, json_schema, load_drive, load_motor, load_robot
 
 SHIPPED = Path(__file__).parents[2] / "problems"
 
@@ -65,6 +64,29 @@ def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
         known = _properties(schema)
         for path in (SHIPPED / folder).glob("*.yaml"):
             assert _keys(read(path).value) <= known, path
+
+
+def test_every_key_of_the_shipped_files_is_listed() -> None:
+    folders = {"problem": ".", "robot": "robots", "drive": "drives", "motor": "motors", "controller": "controllers"}
+    free = {"posterior", "draws", "covariance", "value", "source", "placeholder"}  # of figures and of identifications
+    for kind, folder in folders.items():
+        listed = {part.removesuffix("[]") for key in file_keys(kind) for part in key.path.split(".")}
+        for path in (SHIPPED / folder).glob("*.yaml"):
+            assert _keys(read(path).value) - free <= listed, path
+
+
+def test_a_listed_key_has_unit_bound_default_and_meaning() -> None:
+    motor, controller, robot, problem = (
+        {key.path: key for key in file_keys(kind)} for kind in ("motor", "controller", "robot", "problem")
+    )
+    assert motor["nominal_torque"][1:] == ("mN*m", "above 0", "required", "Continuous torque, N·m.")
+    assert motor["rotor_inertia"][1:4] == ("g*cm^2", "above 0", "")
+    assert controller["loop_period"][1:4] == ("s", "above 0", "0.0004 s")
+    assert controller["counts_per_turn"].allowed == "a whole number above 0"
+    assert [robot[f"joints.{name}.jerk"].unit for name in ("roll", "insertion")] == ["deg/s^3", "mm/s^3"]
+    assert problem["motion[].scan.spacing"][1:4] == ("mm", "above 0", "0.6 mm")
+    assert problem["planner"].allowed == "'optimal' or 'toppra'"
+    assert problem["limits.tilt"].allowed == "[lower, upper]"
 
 
 def test_a_problem_loads_quickly_and_without_the_heavy_libraries() -> None:

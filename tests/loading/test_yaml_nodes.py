@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.yaml_nodes import read
+from ssm_planner.loading.files import read
 
 
 def write(folder: Path, text: str | bytes) -> Path:

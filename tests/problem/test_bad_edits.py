@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.load import load_drive, load_problem, load_robot
-from ssm_planner.loading.motorisation import load_motorisation
+from ssm_planner.loading.load import load_drive, load_motorisation, load_problem, load_robot
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip

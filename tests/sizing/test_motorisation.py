@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.motorisation import load_motorisation
+from ssm_planner.loading.load import load_motorisation
 from ssm_planner.problem.motorisation import Stroke
 from ssm_planner.sizing.duty import DutyCycle, back_and_forth
 from ssm_planner.sizing.requirements import motor_requirement

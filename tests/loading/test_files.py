@@ -13,15 +13,14 @@ import pytest
 
 from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
-from ssm_planner.loading.motorisation import load_motorisation
-from ssm_planner.loading.shipped import shipped_names
+from ssm_planner.loading.files import shipped_names
+from ssm_planner.loading.load import load_drive, load_motor, load_motorisation, load_problem, load_robot
 
 ROOT = Path(__file__).parents[2]
 EVERYTHING = """\
 import ssm_planner as ssm
 from pathlib import Path
-from ssm_planner.loading.shipped import shipped_folder, shipped_names
+from ssm_planner.loading.files import shipped_folder, shipped_names
 assert Path(ssm.__file__).parent in shipped_folder().parents, shipped_folder()
 for kind in ("problem", "robot", "drive", "motor"):
     load, names = getattr(ssm, "load_" + kind), shipped_names(kind + "s")

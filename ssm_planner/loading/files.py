@@ -1,0 +1,116 @@
+"""Files as the user wrote them: found by path or by shipped name, read whole, followed where one names another."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.yaml_nodes import Node, Section, parse, plain_node
+
+Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers"]
+_PACKAGE = Path(__file__).parents[1]
+LARGEST_FILE = 10_000_000
+"""Bytes; no problem file written by hand comes near it."""
+
+
+def shipped_folder() -> Path:
+    """Where the shipped files stand: within the installed package, or beside it in a checkout."""
+    within = _PACKAGE / "problems"
+    return within if within.is_dir() else _PACKAGE.parent / "problems"
+
+
+def shipped_names(folder: Folder) -> dict[str, Path]:
+    """The shipped files of one kind by name, such as tilt_insert among the problems."""
+    place = shipped_folder() if folder == "problems" else shipped_folder() / folder
+    return {file.stem: file for file in sorted(place.glob("*.yaml"))}
+
+
+def find(name: str | Path, folder: Folder) -> Path:
+    """The file of this path, or the shipped file of this name. Raises ProblemError where there is neither."""
+    path, names = Path(name), shipped_names(folder)
+    try:
+        if path.is_file() or (path.exists() and str(name) not in names):
+            return path
+    except (OSError, ValueError):
+        return path  # reading it says what is wrong
+    if str(name) in names:
+        return names[str(name)]
+    beside = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
+    close = difflib.get_close_matches(path.name, [*names, *beside], n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    raise ProblemError(f"no such file{hint}", file=path, allowed=f"a file, or a shipped name: {', '.join(names)}")
+
+
+def read(path: str | Path) -> Section:
+    """The YAML mapping in a file. Raises ProblemError for everything that is not one readable mapping."""
+    file = Path(path)
+    return _section(file, parse(file, _text(file)))
+
+
+def of_text(text: str) -> Section:
+    """The YAML mapping in a text; files that it names are relative to the working directory. Raises ProblemError."""
+    return _section(None, parse(None, text))
+
+
+def of_data(data: Mapping[str, Any]) -> Section:
+    """Data from Python in the place of a file; it has no lines. Raises ProblemError."""
+    return _section(None, plain_node(data))
+
+
+def _section(file: Path | None, root: Node) -> Section:
+    if isinstance(root.value, dict):
+        return Section(file, root)
+    what = "the problem is" if file is None else "the file holds"
+    found = "a list" if isinstance(root.value, list) else f"only the text {str(root.value)[:40]!r}"
+    reason = f"{what} {'nothing' if root.value is None else found}"
+    raise ProblemError(reason, file=file, line=root.line, allowed="a mapping of key: value lines")
+
+
+def follow(section: Section, *path: str | int, kind: str | None = None) -> Section:
+    """The mapping that a key holds, or that the file named there holds: relative to the file that names it, or shipped.
+
+    kind: robot, drive or motor; that of the key unless given.
+    """
+    here = section.sub(*path)
+    if isinstance(here.value, dict):
+        return here
+    target = Path(os.path.normpath((Path() if section.file is None else section.file.parent) / here.value))
+    try:
+        shipped = shipped_names(f"{kind or path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
+        if shipped is not None and not target.exists():
+            return read(shipped)
+        problem = "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
+    except (OSError, ValueError) as error:
+        problem = f"cannot be read: {error}"
+    if problem:
+        allowed = "a file, named relative to this one, or a shipped name"
+        raise here.error(f"the file {target} {problem}", allowed=allowed)
+    return read(target)
+
+
+def _text(file: Path) -> str:
+    def refused(reason: str, allowed: str | None = None, line: int | None = None) -> ProblemError:
+        return ProblemError(reason, file=file, line=line, allowed=allowed)
+
+    try:
+        if not file.is_file():
+            what = "this is a directory, not a file" if file.is_dir() else "not a regular file"
+            raise refused(what if file.exists() else "no such file")
+        size = file.stat().st_size
+        if size > LARGEST_FILE:
+            raise refused(f"the file has {size} bytes, too large for a file of this kind", "at most 10 MB")
+        data = file.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise refused(f"cannot be read: {reason}") from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise refused("not a text file in UTF-8", line=data.count(b"\n", 0, error.start) + 1) from None
+    if not text.strip():
+        raise refused("the file is empty", line=1)
+    return text
