@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ssm_planner import identify
-from ssm_planner.loading.shipped import shipped_names
+from ssm_planner.loading.files import shipped_names
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.motorisation import Motorisation, Stroke
