@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ssm_planner.api import check, compare, report, size
-    from ssm_planner.comparison import Alignment, AxisComparison, Difference, Kept
+    from ssm_planner.comparison.clock import Alignment, Clock
+    from ssm_planner.comparison.compare import AxisComparison, Comparison, Difference
+    from ssm_planner.comparison.findings import Finding, Kept, Verdict
     from ssm_planner.errors import (
         ExportError,
         GeometryError,
@@ -56,27 +58,28 @@ if TYPE_CHECKING:
     from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 __all__ = [
-    "Alignment", "Array", "AxisComparison", "Band", "Body", "Certificate", "Check", "Conditions", "Count",
-    "Cycle", "DemandName", "Demands", "DesignRegion", "Difference", "Drive", "DriveKind", "Dwell", "DynamicFit",
-    "Estimate", "ExportError", "Extreme", "Eye", "Free", "Friction", "FrictionLawName", "Geometry",
-    "GeometryError", "Heat", "Identification", "Indices", "Interval", "Joint", "JointLoad", "JointSizing",
-    "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion",
-    "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
-    "Point", "Positive", "Posterior", "Prediction", "PredictionBand",
-    "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason",
-    "Recording", "RecordingError", "Rig", "Ripple", "Robot", "Samples", "Scan", "ScrewEnds", "Side", "Sign", "Sizing",
-    "Span", "SpeedLimit", "SsmPlannerError", "Straight", "Task", "TaskLimits", "TaskRange", "TaskRate",
-    "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Trajectory",
-    "TrajectoryError", "Vector", "Workspace", "check", "compare", "deg", "design_region", "export", "fk",
-    "identify", "ik", "load_drive", "load_motor", "load_plan", "load_problem", "load_robot", "mNm", "mm", "ms",
-    "plan", "predict", "report", "rpm", "size", "workspace",
+    "Alignment", "Array", "AxisComparison", "Band", "Body", "Certificate", "Check", "Clock", "Comparison",
+    "Conditions", "Count", "Cycle", "DemandName", "Demands", "DesignRegion", "Difference", "Drive", "DriveKind",
+    "Dwell", "DynamicFit", "Estimate", "ExportError", "Extreme", "Eye", "Finding", "Free", "Friction",
+    "FrictionLawName", "Geometry", "GeometryError", "Heat", "Identification", "Indices", "Interval", "Joint",
+    "JointLoad", "JointSizing", "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit",
+    "Matrix", "Motion", "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary",
+    "Plan", "Planner", "Point", "Positive", "Posterior", "Prediction", "PredictionBand", "Problem", "ProblemError",
+    "Progress", "Range", "Ratings", "Reason", "Recording", "RecordingError", "Rig", "Ripple", "Robot", "Samples",
+    "Scan", "ScrewEnds", "Side", "Sign", "Sizing", "Span", "SpeedLimit", "SsmPlannerError", "Straight", "Task",
+    "TaskLimits", "TaskRange", "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown",
+    "TorqueMap", "Trajectory", "TrajectoryError", "Vector", "Verdict", "Workspace", "check", "compare", "deg",
+    "design_region", "export", "fk", "identify", "ik", "load_drive", "load_motor", "load_plan", "load_problem",
+    "load_robot", "mNm", "mm", "ms", "plan", "predict", "report", "rpm", "size", "workspace",
 ]  # fmt: skip
 
 _HOMES = {
     name: module
     for module, names in {
         "ssm_planner.api": "check compare report size",
-        "ssm_planner.comparison": "Alignment AxisComparison Difference Kept",
+        "ssm_planner.comparison.clock": "Alignment Clock",
+        "ssm_planner.comparison.compare": "AxisComparison Comparison Difference",
+        "ssm_planner.comparison.findings": "Finding Kept Verdict",
         "ssm_planner.errors": "ExportError GeometryError ProblemError RecordingError SsmPlannerError TrajectoryError",
         "ssm_planner.formats.export": "export",
         "ssm_planner.identification.dynamic": "DynamicFit",

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ssm_planner import comparison
-from ssm_planner.comparison import AxisComparison
+from ssm_planner.comparison.compare import LAG, Comparison
+from ssm_planner.comparison.compare import compare as compare_recordings
+from ssm_planner.comparison.measured import assign, read_measured
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
@@ -73,24 +74,21 @@ def size(
 
 
 def compare(
-    plan: Plan | str | Path, recordings: Mapping[str, str | Path], counts_per_turn: int | None = None
-) -> tuple[AxisComparison, ...]:
-    """A plan against recordings of its execution, one for each axis: errors, and whether the margins held.
+    plan: Plan | str | Path,
+    recordings: Mapping[str, str | Path],
+    counts_per_turn: int | None = None,
+    lag: float = LAG,
+) -> Comparison:
+    """A plan against recordings of its execution, one for each axis: held, not held, or cannot tell, with the findings.
 
-    recordings: EPOS recorder exports or CSV files by joint name. counts_per_turn: increments per motor turn of a position
-    channel, where the motor file gives no encoder_counts. Raises RecordingError, TrajectoryError or ProblemError.
+    recordings: EPOS recorder exports or CSV files by joint name, on one clock. counts_per_turn: increments per motor turn
+    of a position channel, where the motor file gives no encoder_counts. lag: time by which a joint may be behind at its
+    largest speed, s; a larger tracking error does not hold. Raises RecordingError, TrajectoryError or ProblemError.
     """
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
-    words = [f"{joint}={path}" for joint, path in recordings.items()]
-    return tuple(
-        comparison.compare(
-            plan.motion,
-            plan.robot,
-            plan.certificate,
-            comparison.read_measured(path, plan.robot, joint, counts_per_turn),
-        )
-        for joint, path in comparison.assign(words, plan.robot)
-    )
+    named = assign([f"{joint}={path}" for joint, path in recordings.items()], plan.robot)
+    measured = [read_measured(path, plan.robot, joint, counts_per_turn) for joint, path in named]
+    return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag)
 
 
 def report(plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None) -> Path:

@@ -12,14 +12,18 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import compare as command
-from ssm_planner.comparison import align, assign, compare, read_measured
+from ssm_planner.comparison.clock import align
+from ssm_planner.comparison.compare import compare
+from ssm_planner.comparison.measured import assign, read_measured
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
-from ssm_planner.plans import Plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parent))
+from executions import FAULTS, Executions, kinds, write
+from executions import RPM as RAD_PER_RPM
 from plans import read_back, trapezoids
 
 RPM = 60 / (2 * np.pi)
@@ -81,7 +85,7 @@ def executed(plan: Plan, name: str, delay: float = 0.3, direction: int = 1, nois
 def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
     path = executed(plan, name, delay=0.31, noise=0.005).write(tmp_path / f"{name}.csv", position=True)
     measured = read_measured(path, plan.robot, name, COUNTS)
-    found = compare(plan.trajectory, plan.robot, plan.certificate, measured)
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     assert found.alignment.delay == pytest.approx(0.31, abs=0.002)
     assert found.alignment.correlation > 0.99
     assert found.covered == pytest.approx(1.0, abs=0.01)
@@ -102,7 +106,7 @@ def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> No
     recorded = Executed(*(x[inside] for x in dataclasses.astuple(recorded)))
     recorded.percent = recorded.percent + 3.0
     measured = read_measured(recorded.write(tmp_path / "roll.csv"), plan.robot, "roll")
-    found = compare(plan.trajectory, plan.robot, plan.certificate, measured)
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     error = 0.03 * plan.robot.joints[0].motor.nominal_torque
     torque = found.differences["torque"]
     assert torque.rms == pytest.approx(error, rel=0.03)
@@ -113,21 +117,21 @@ def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: P
     path = executed(plan, "tilt", direction=-1).write(tmp_path / "tilt.csv", position=True)
     joint = dataclasses.replace(plan.robot.joints[1], motor_direction=-1)
     robot = dataclasses.replace(plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:]))
-    found = compare(plan.trajectory, robot, plan.certificate, read_measured(path, robot, "tilt", COUNTS))
+    (found,) = compare(plan.trajectory, robot, plan.certificate, [read_measured(path, robot, "tilt", COUNTS)])
     assert found.differences["position"].nrmsd < 0.002
     with pytest.raises(RecordingError, match="reversed it is; motor_direction"):
-        compare(plan.trajectory, plan.robot, plan.certificate, read_measured(path, plan.robot, "tilt", COUNTS))
+        compare(plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "tilt", COUNTS)])
 
 
 def test_another_joint_s_recording_is_refused(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "insertion").write(tmp_path / "x.csv")
     with pytest.raises(RecordingError, match="its speed is not the planned one of joint roll"):
-        compare(plan.trajectory, plan.robot, plan.certificate, read_measured(path, plan.robot, "roll"))
+        compare(plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")])
 
 
 def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv")
-    found = compare(plan.trajectory, plan.robot, plan.certificate, read_measured(path, plan.robot, "roll"))
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")])
     assert found.differences["position"].nrmsd < 0.01
     assert any("integral" in note for note in found.notes)
 
@@ -137,9 +141,10 @@ def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
     some = (recorded.time > 0.35) & (recorded.time < 1.2)
     part = Executed(*(x[some] for x in dataclasses.astuple(recorded)))
     measured = read_measured(part.write(tmp_path / "roll.csv"), plan.robot, "roll")
-    found = compare(plan.trajectory, plan.robot, plan.certificate, measured)
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     assert found.covered < 0.7
-    assert any("% of the motion" in note for note in found.notes)
+    assert any("% of the motion" in finding.text for finding in found.findings)
+    assert found.verdict == "cannot tell"
     assert found.differences["speed"].nrmsd < 0.01
 
 
@@ -216,13 +221,140 @@ def test_a_real_recording_of_another_machine_is_not_taken_for_this_motion(plan: 
         measured = read_measured(path, plan.robot, "roll")
         assert len(measured.time) > 100
         with pytest.raises(RecordingError, match="its speed is not the planned one"):
-            compare(plan.trajectory, plan.robot, plan.certificate, measured)
+            compare(plan.trajectory, plan.robot, plan.certificate, [measured])
 
 
 def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path) -> None:
     measured = read_measured(executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll")
     constant = dataclasses.replace(measured, tau=np.zeros_like(measured.tau))
-    found = compare(plan.trajectory, plan.robot, None, constant)
+    (found,) = compare(plan.trajectory, plan.robot, None, [constant])
     assert found.differences["torque"].nrmsd is None
     assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["nrmsd"]["torque"] is None
     assert all(limit.planned_margin is None for limit in found.limits)
+
+
+SHIPPED = Path(__file__).parents[1] / "results" / "tilt_insert" / "plan.json"
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Executions:
+    return Executions(load_plan(SHIPPED))
+
+
+def sagging(it: Executions) -> list:
+    run = it.run()
+    high = np.abs(run.tau["roll"]) > 20e-3
+    run.tau["roll"] = np.clip(run.tau["roll"], -20e-3, 20e-3)
+    run.w["roll"][high] *= 0.8
+    it.follow(run, "roll")
+    return it.measured(run, np.random.default_rng(1))
+
+
+def two_late(it: Executions) -> list:
+    run = it.run()
+    for name, late in (("tilt", 50), ("insertion", 200)):
+        run.time[name] = run.time[name] + late * 1e-3
+    return it.measured(run, np.random.default_rng(2))
+
+
+def more_torque(it: Executions) -> list:
+    run = it.run()
+    for name in it.names:
+        run.tau[name] = 1.4 * run.tau[name]
+    return it.measured(run, np.random.default_rng(3))
+
+
+def noisy(it: Executions) -> list:
+    return it.measured(it.run(), np.random.default_rng(4), rpm=2.0)
+
+
+def stalled_tilt(it: Executions) -> list:
+    run = it.run()
+    blocked = (run.time["tilt"] > 0.8) & (run.w["tilt"] != 0)
+    run.w["tilt"][run.time["tilt"] > 0.8] = 0.0
+    run.tau["tilt"][blocked] = -78e-3
+    it.follow(run, "tilt")
+    return it.measured(run, np.random.default_rng(5))
+
+
+def some_missing(it: Executions) -> list:
+    rng, run = np.random.default_rng(6), it.run()
+    for name in it.names:
+        run.keep(name, rng.random(len(run.time[name])) > 0.05)
+    return it.measured(run, rng)
+
+
+def a_gap(it: Executions) -> list:
+    run = it.run()
+    run.keep("roll", (run.time["roll"] < 1.0) | (run.time["roll"] > 1.4))
+    return it.measured(run, np.random.default_rng(7))
+
+
+def wrong_clock(it: Executions) -> list:
+    run = it.run()
+    for name in it.names:
+        run.time[name] = 1.01 * run.time[name]
+    return it.measured(run, np.random.default_rng(8))
+
+
+@pytest.mark.parametrize(
+    ("execution", "verdict", "finding"),
+    [
+        (sagging, "not held", "the torque is cut off"),
+        (two_late, "not held", "out of step, behind the first by: roll 0 ms, tilt 50 ms, insertion 200 ms"),
+        (more_torque, "not held", "torque is 1.40 times the predicted"),
+        (noisy, "held", ""),
+        (stalled_tilt, "not held", "(torque up to 78"),
+        (some_missing, "held", "% of the samples are missing"),
+        (a_gap, "cannot tell", "no samples for 0.4"),
+        (wrong_clock, "cannot tell", "the recordings' clock is off by +1 %"),
+    ],
+)
+def test_executions_of_the_shipped_plan_are_called_what_they_are(
+    shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str], execution, verdict: str, finding: str
+) -> None:
+    files = write(shipped, execution(shipped), tmp_path)
+    words = [str(SHIPPED), *(f"{joint}={path}" for joint, path in files.items()), "--counts-per-turn", "4096"]
+    parser = argparse.ArgumentParser()
+    command.compare_arguments(parser)
+    assert command.run_compare(parser.parse_args([*words, "--json"])) == (0 if verdict == "held" else 1)
+    document = json.loads(capsys.readouterr().out)
+    assert (document["verdict"], document["held"]) == (verdict, verdict == "held")
+    texts = [each["text"] for part in (document, *document["axes"]) for each in part["findings"]]
+    assert finding in " ".join(texts)
+    command.run_compare(parser.parse_args(words))
+    assert {"held": "held in", "not held": "NOT held", "cannot tell": "CANNOT TELL"}[verdict] in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_seeded_faults_are_called_rightly(shipped: Executions, kind: str) -> None:
+    """Two seeds of each here, fifty in the benchmark."""
+    for seed in (0, 1):
+        recordings, verdict, finding = shipped.faulty(kind, seed)
+        found = compare(shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, recordings)
+        assert (found.verdict, finding in kinds(found)) == (verdict, True), kinds(found)
+
+
+def test_a_healthy_run_raises_no_alarm(shipped: Executions) -> None:
+    for seed in range(8):
+        found = compare(shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, shipped.healthy(seed))
+        assert found.held, kinds(found)
+        assert abs(found.clock.rate - 1) == 0.0
+
+
+def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
+    """A limit is broken by more than the noise and by nothing less: the same excess under little and much noise."""
+    joint = shipped.joints["roll"]
+    for rpm, held in ((0.5, False), (200.0, True)):
+        run = shipped.run()
+        fast = np.abs(run.w["roll"]) > 0.999 * joint.velocity * joint.drive.ratio
+        run.w["roll"][fast] *= 1.03
+        found = compare(
+            shipped.plan.motion,
+            shipped.plan.robot,
+            None,
+            shipped.measured(run, np.random.default_rng(1), rpm=rpm),
+        )[0]
+        velocity = next(limit for limit in found.limits if limit.name == "velocity")
+        assert (velocity.verdict != "not held") == held
+        assert velocity.noise * joint.drive.ratio > rpm * RAD_PER_RPM / 10

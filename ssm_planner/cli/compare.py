@@ -5,10 +5,18 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, plan_argument, progress_reporter, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    plan_argument,
+    progress_reporter,
+    quantity_argument,
+    show,
+)
 
 if TYPE_CHECKING:
-    from ssm_planner.comparison import AxisComparison
+    from ssm_planner.comparison.compare import Comparison
 
 
 def compare_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,10 +25,17 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         "recordings",
         nargs="+",
         metavar="[JOINT=]RECORDING",
-        help="EPOS recorder exports or CSV, one for each axis; the joint is taken from the file's name where not given",
+        help="EPOS recorder exports or CSV on one clock, one for each axis; joints are taken from the files' names where "
+        "not given",
     )
     parser.add_argument(
         "--counts-per-turn", type=int, metavar="N", help="increments per motor turn of a position channel"
+    )
+    parser.add_argument(
+        "--lag",
+        type=quantity_argument("time"),
+        metavar="TIME",
+        help="time by which a joint may be behind at its largest speed: the limit of tracking errors (default 10 ms)",
     )
     output_arguments(parser)
 
@@ -28,43 +43,50 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
 def run_compare(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
-    from ssm_planner.comparison import assign, compare, read_measured
+    from ssm_planner.comparison.compare import LAG, compare
+    from ssm_planner.comparison.measured import assign, read_measured
     from ssm_planner.plans import load_plan
 
     plan = load_plan(options.plan)
-    axes = []
-    for joint, path in assign(options.recordings, plan.robot):
-        progress(f"comparing joint {joint}")
-        measured = read_measured(path, plan.robot, joint, options.counts_per_turn)
-        axes.append(compare(plan.motion, plan.robot, plan.certificate, measured))
+    named = assign(options.recordings, plan.robot)
+    recordings = [read_measured(path, plan.robot, joint, options.counts_per_turn) for joint, path in named]
+    progress("comparing")
+    found = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
     progress("done")
-    held = all(axis.held for axis in axes)
-    document = {"plan": str(options.plan), "held": held, "axes": [axis.to_dict() for axis in axes]}
-    show(options.json, document, lambda: compare_lines(axes))
-    return OK if held else FAILED
+    show(options.json, {"plan": str(options.plan), **found.to_dict()}, lambda: compare_lines(found))
+    return OK if found.held else FAILED
 
 
-def compare_lines(axes: list[AxisComparison]) -> list[str]:
-    """Errors of every axis, then its limits in reality beside the planned margins."""
+def compare_lines(found: Comparison) -> list[str]:
+    """The clock, errors of every axis, its limits in reality beside the planned margins, and what was found."""
+    from ssm_planner.comparison.clock import CERTAIN
     from ssm_planner.display import fixed, number, percent
     from ssm_planner.reporting.text import Table, unit_of_limit
 
+    clock = found.clock
+    rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"
+    played = f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed" if clock.slower else ""
+    lines = [f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}{played}", ""]
     errors = []
-    for axis in axes:
+    for axis in found:
         shares = (fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque"))
-        found = axis.alignment
-        errors.append((axis.joint, axis.recording, fixed(found.delay, 4), fixed(found.correlation, 4), *shares))
+        began = axis.alignment
+        errors.append((axis.joint, axis.recording, fixed(began.delay, 4), fixed(began.correlation, 4), *shares))
     header = ("axis", "recording", "begins at s", "correlation", "NRMSD position", "speed", "torque")
-    lines = [*Table(header, errors, range(2, 7)).lines(), ""]
+    lines += [*Table(header, errors, range(2, 7)).lines(), ""]
     rows = []
-    for axis in axes:
+    for axis in found:
         for limit in axis.limits:
             unit, scale = unit_of_limit(limit)
-            values = number(scale * limit.measured, 5), number(scale * limit.limit, 5), unit
+            values = number(scale * limit.measured, 5), number(scale * limit.noise, 2), number(scale * limit.limit, 5)
             margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
-            rows.append((limit.name, axis.joint, *values, *margins, "held" if limit.held else "EXCEEDED"))
-    of_limits = ("limit", "joint", "measured", "limit", "unit", "margin planned", "measured", "")
-    lines += Table(of_limits, rows, (2, 3, 5, 6)).lines()
-    notes = [f"note: {axis.joint}: {note}" for axis in axes for note in axis.notes]
-    held = all(axis.held for axis in axes)
-    return [*lines, "", *notes, f"margins: {'held in reality' if held else 'NOT held in reality'}"]
+            verdict = "EXCEEDED" if limit.verdict == "not held" else limit.verdict
+            rows.append((limit.name, axis.joint, *values, unit, *margins, verdict))
+    of_limits = ("limit", "joint", "measured", "noise", "limit", "unit", "margin planned", "measured", "")
+    lines += [*Table(of_limits, rows, (2, 3, 4, 6, 7)).lines(), ""]
+    lines += [f"note: {axis.joint}: {note}" for axis in found for note in axis.notes]
+    findings = [("", each) for each in found.findings]
+    findings += [(f"{axis.joint}: ", each) for axis in found for each in axis.findings]
+    lines += [f"{each.verdict}: {where}{each.kind}: {each.text}" for where, each in findings]
+    answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(found.verdict, "CANNOT TELL")
+    return [*lines, f"margins: {answer}"]

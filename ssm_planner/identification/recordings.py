@@ -33,6 +33,8 @@ class Recording:
     quantum: float = 0.0
     """Resolution of the speed channel, rad/s."""
     header: dict[str, str] = field(default_factory=dict)
+    begin: float = 0.0
+    """Time of the first sample in the file, s; `time` begins with 0."""
 
 
 def read_recording(
@@ -84,6 +86,7 @@ def read_recording(
         repairs=tuple(repairs),
         quantum=_quantum(speed),
         header=table.header,
+        begin=float(time[0]),
     )
 
 

@@ -191,7 +191,9 @@ def test_backlash_is_free_play(plan):
 def test_recordings_are_read_back(nominal, plan, tmp_path):
     files = write_recordings(nominal, tmp_path)
     assert set(files) == set(DRIVEN)
-    for axis in compare(plan, files, counts_per_turn=4096):
+    found = compare(plan, files, counts_per_turn=4096)
+    assert found.verdict == "held"
+    for axis in found:
         assert axis.alignment.correlation > 0.999
         assert axis.differences["position"].nrmsd < 1e-3
 
