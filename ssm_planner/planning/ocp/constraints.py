@@ -1,6 +1,7 @@
 """Path constraints: the limits at one instant of a motion as symbolic rows, value ≤ 1, and the costs of the motors.
 
-Of a robot, its limits are parameters of the program (`limit_table`), the rest are constants in the expressions (`robot_key`).
+Of a robot, its limits are parameters of the program (`joint_limits`), the rest are constants in the expressions
+(`robot_key`).
 """
 
 from __future__ import annotations
@@ -27,20 +28,19 @@ LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "speeds": le
 """Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool."""
 
 
-def limit_table(robot: Robot) -> Array:
-    """Velocity, acceleration, jerk and motor-torque limits (rows) of the joints (columns), (4, 4)."""
-    table = np.full((4, 4), UNLIMITED)
-    for i, joint in enumerate(robot.joints):
-        table[:3, i] = joint.velocity, joint.acceleration, UNLIMITED if joint.jerk is None else joint.jerk
-    for i, drive, motor in motorised(robot.joints):
-        table[0, i] = min(table[0, i], motor.max_speed / drive.ratio)
-        table[3, i] = motor.max_torque
-    return table
-
-
-def limits_by_name(table: Array, speeds: Array) -> dict[str, Array]:
-    """LIMITS from those of `limit_table` (4, 4) and of the tool (len(JACOBIANS),)."""
-    return dict(zip(LIMITS, (*table, speeds), strict=True))
+def joint_limits(robot: Robot) -> dict[str, Array]:
+    """Velocity, acceleration, jerk and motor-torque limits of the joints by their names in LIMITS, (4,) each."""
+    joints = robot.joints
+    limits = {
+        "velocity": np.array([joint.velocity for joint in joints]),
+        "acceleration": np.array([joint.acceleration for joint in joints]),
+        "jerk": np.array([UNLIMITED if joint.jerk is None else joint.jerk for joint in joints]),
+        "torque": np.full(4, UNLIMITED),
+    }
+    for i, drive, motor in motorised(joints):
+        limits["velocity"][i] = min(limits["velocity"][i], motor.max_speed / drive.ratio)
+        limits["torque"][i] = motor.max_torque
+    return limits
 
 
 def with_margin(robot: Robot, share: float) -> Robot:

@@ -19,7 +19,7 @@ from ssm_planner.kinematics.eye import retina_row
 from ssm_planner.kinematics.forward import speed_bounds, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
 from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
@@ -50,6 +50,7 @@ FAR, MORE = 2.0, 1.5
 is then known of where they are needed."""
 RAMP = 5e-4
 """Share of the time between two points in which a joint without a jerk limit reaches its acceleration, beside one with."""
+KINEMATIC = ("velocity", "acceleration", "jerk")
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
 
@@ -69,13 +70,13 @@ def solve_free(
     strict: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     """
     robot = problem.robot
-    table = limit_table(strict or robot)
+    limits = joint_limits(strict or robot)
     if "depth" in problem.rates:  # the rate of joint 4 alone
-        table[0, 3] = min(table[0, 3], problem.rates["depth"])
+        limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     way = np.diff(points, axis=0)
     way[np.abs(way) <= MOVES] = 0.0
     if limits_jerk(robot):
-        table = _with_ramps(table, way)
+        limits["jerk"] = _jerk_for_all(limits, way)
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
@@ -97,7 +98,7 @@ def solve_free(
             structure=structure,
             fractions=lengths / times[structure.block],
             times=times / times.sum(),
-            table=table,
+            joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
             directions=np.sign(way),
             problem=problem,
@@ -110,7 +111,8 @@ def solve_free(
             guesses=tuple(guesses),
         )
 
-    guesses = [closed_form_guess(w, table[:3], limits_jerk(robot), each, fewest) for w in way]
+    table = np.stack([limits[name] for name in KINEMATIC])
+    guesses = [closed_form_guess(w, table, limits_jerk(robot), each, fewest) for w in way]
     ocp = on_mesh_of(guesses)
     if not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
@@ -120,17 +122,15 @@ def solve_free(
     return ocp.result(optimise(ocp, ocp.guess, problem.objective, asked))
 
 
-def _with_ramps(table: Array, way: Array) -> Array:
-    """The limits (4, 4) with a jerk limit for every joint: where one has a jerk limit, no acceleration jumps.
+def _jerk_for_all(limits: dict[str, Array], way: Array) -> Array:
+    """A jerk limit for every joint, (4,): where one has a jerk limit, no acceleration jumps.
 
     A joint without one reaches its acceleration in RAMP of the time that the quickest of the ways (k, 4) takes.
     """
-    velocity, acceleration, jerk, _ = table
+    velocity, acceleration, jerk = (limits[name] for name in KINEMATIC)
     takes = np.abs(way) / velocity + 2 * np.sqrt(np.abs(way) / acceleration)
     ramp = RAMP * takes.max(axis=1).min()
-    bounded = table.copy()
-    bounded[2] = np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
-    return bounded
+    return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -165,7 +165,9 @@ class _FreeProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        velocity, acceleration, jerk = (self._scaled(self.table[k], k + 1) for k in range(3))
+        velocity, acceleration, jerk = (
+            self._scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
+        )
         return velocity, acceleration, jerk
 
     @property
@@ -213,7 +215,8 @@ class _FreeProblem(OcpProblem):
         return FreeElement.layout.pack(
             q0=self.points[0],
             d=self.unit,
-            **limits_by_name(self.table, speed_bounds(problem.speeds, UNLIMITED)),
+            **self.joint_limits,
+            speeds=speed_bounds(problem.speeds, UNLIMITED),
             range_centre=ranges.mean(axis=1) + self._whole_turns,
             range_half_width=(ranges[:, 1] - ranges[:, 0]) / 2,
             rate=[problem.rates.get(name, UNLIMITED) for name in RATED],

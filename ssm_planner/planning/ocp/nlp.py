@@ -35,9 +35,8 @@ class NlpStructure:
     joints: bool
     """The coordinates are joints: they have jerk limits of their own, and those that do not bind are smoothed."""
 
-    def split(self, chosen: Array, parts: int) -> NlpStructure:
-        """The same with the chosen elements (n,) cut into equal parts."""
-        counts = np.where(chosen, parts, 1)
+    def split(self, counts: Indices) -> NlpStructure:
+        """The same with every element cut into so many equal parts, (n,)."""
         segments, blocks = (tuple(np.bincount(of, counts).astype(int).tolist()) for of in (self.segment, self.block))
         return replace(self, segment_sizes=segments, block_sizes=blocks)
 
@@ -237,9 +236,8 @@ def cubics(elements: Array) -> Cubic:
     return Cubic(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
 
 
-def split(elements: Array, chosen: Array, parts: int) -> Array:
-    """The same motion with the chosen elements (n,) of (n, 4 m + 1) cut into equal parts."""
-    counts = np.where(chosen, parts, 1)
+def split(elements: Array, counts: Indices) -> Array:
+    """The same motion with every element of (n, 4 m + 1) cut into so many equal parts, (n,)."""
     whole = cubics(np.repeat(elements, counts, axis=0))
     share = 1.0 / np.repeat(counts, counts)[:, None]
     index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -26,7 +26,7 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.problem import Objective
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Indices
 
 NEAR = 0.8
 """A row that stays below this share of its limit in the guess is not active until it is found violated."""
@@ -71,8 +71,8 @@ class OcpProblem(ABC):
     """Length of every element as a share of its block, (n,)."""
     times: Array
     """Time of every block in the guess, (b,), in scaled time."""
-    table: Array
-    """`limit_table` of the limits to keep, (4, 4)."""
+    joint_limits: dict[str, Array]
+    """`joint_limits` of the robot with the limits to keep."""
     time_scale: float
     """Length of a scaled second, s."""
     directions: Array
@@ -123,11 +123,10 @@ class OcpProblem(ABC):
             breakaway_bound=self._breakaway_bound(),
         )
 
-    def refined(self, chosen: Array) -> OcpProblem:
-        """The same problem with the chosen elements (n,) cut into PARTS."""
-        counts = np.where(chosen, PARTS, 1)
+    def refined(self, counts: Indices) -> OcpProblem:
+        """The same problem with every element cut into so many equal parts, (n,)."""
         fractions = np.repeat(self.fractions / counts, counts)
-        return replace(self, structure=self.structure.split(chosen, PARTS), fractions=fractions)
+        return replace(self, structure=self.structure.split(counts), fractions=fractions)
 
     @property
     def always_active(self) -> frozenset[RowName]:
@@ -231,11 +230,11 @@ class _Refinement:
         return replace(self, active=active, start=InitialPoint(solution.point.x))
 
     def cut(self, solution: NlpSolution, coarse: Array) -> _Refinement:
-        """With the coarse elements (n,) cut; the parts have the backoff of the whole."""
-        elements = split(self.elements, coarse, PARTS)
-        backoff = np.repeat(self.backoff, np.where(coarse, PARTS, 1), axis=0)
+        """With the coarse elements (n,) cut into PARTS; the parts have the backoff of the whole."""
+        counts = np.where(coarse, PARTS, 1)
+        elements, backoff = split(self.elements, counts), np.repeat(self.backoff, counts, axis=0)
         start = Guess(elements, solution.times).point
-        return replace(self, problem=self.problem.refined(coarse), elements=elements, backoff=backoff, start=start)
+        return replace(self, problem=self.problem.refined(counts), elements=elements, backoff=backoff, start=start)
 
     def tightened(self, solution: NlpSolution, more: Array) -> _Refinement:
         """With more backoff (n, r), warm from the solution."""

@@ -15,7 +15,7 @@ import numpy as np
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.forward import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, limit_table, limits_by_name, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.models import FIT, StraightElement, fit, fits_hold
@@ -68,7 +68,7 @@ def solve_straight(
         ),
         fractions=mesh.fractions,
         times=mesh.times,
-        table=limit_table(strict or robot),
+        joint_limits=joint_limits(strict or robot),
         time_scale=scale,
         directions=signs,
         robot=robot,
@@ -137,8 +137,10 @@ class _StraightProblem(OcpProblem):
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        limits = limits_by_name(self.table, speed_bounds(self.limited, UNLIMITED))
-        return self.sigma, self._fitted(elements), StraightElement.layout.pack(**limits, time_scale=self.time_scale)
+        limits = StraightElement.layout.pack(
+            **self.joint_limits, speeds=speed_bounds(self.limited, UNLIMITED), time_scale=self.time_scale
+        )
+        return self.sigma, self._fitted(elements), limits
 
     @cached_property
     def _body(self) -> RigidBody:
@@ -167,9 +169,8 @@ def rate_ceiling(path: StraightPath, rates: Mapping[str, float]) -> float:
 
 def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:
     """Largest s⃛ that the jerk limits of the joints allow at low speed, (n,)."""
-    limit = np.array([UNLIMITED if joint.jerk is None else joint.jerk for joint in robot.joints])
     with np.errstate(divide="ignore"):
-        return np.asarray((limit / np.abs(path.sample(s).dq)).min(axis=1))
+        return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
 
 
 def joint_pieces(path: StraightPath, elements: Array, subdivision: int, end_speed: float) -> tuple[Array, Array]:
