@@ -29,16 +29,15 @@ class Jumps:
 
     def look(self, pieces: Pieces) -> None:
         starts, ends = pieces.ends
-        before, after, time = ends[:, :, :-1], starts[:, :, 1:], pieces.start[1:]
+        before, after, time = ends[:-1], starts[1:], pieces.start[1:]
         if self._last is not None:
-            before = np.concatenate([self._last[:, :, None], before], axis=2)
-            after, time = starts, pieces.start
-        self._last = ends[:, :, -1]
+            before, after, time = np.concatenate([self._last[None], before]), starts, pieces.start
+        self._last = ends[-1]
         if not len(time):
             return
         jump = np.abs(after - before)
-        k = jump.argmax(axis=2)
-        largest = np.take_along_axis(jump, k[:, :, None], axis=2)[:, :, 0]
+        k = jump.argmax(axis=0)
+        largest = np.take_along_axis(jump, k[None], axis=0)[0]
         self.time = np.where(largest > self.worst, time[k], self.time)
         self.worst = np.maximum(largest, self.worst)
 

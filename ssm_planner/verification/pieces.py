@@ -1,6 +1,6 @@
 """A stretch of a trajectory's pieces, each on s ∈ [0, 1], with what a check asks of them, and the extremes of polynomials.
 
-Coefficients come first and pieces last, as in scipy's BPoly: operations then run along rows that lie together in memory.
+Arrays are pieces first, in Fortran order: operations then run along values that lie together in memory.
 """
 
 from __future__ import annotations
@@ -36,27 +36,28 @@ class Pieces:
     length: Array
     """(m,), s."""
     powers: tuple[Array, ...]
-    """Of q, qd, qdd, qddd: coefficients of s^k, (6 … 3, 4, m), in rad/s^order and m/s^order."""
+    """Of q, qd, qdd, qddd: coefficients of s^k, (m, 6 … 3, 4), in rad/s^order and m/s^order."""
 
     @cached_property
     def bernstein(self) -> tuple[Array, ...]:
-        """Bernstein coefficients of q, qd, qdd, qddd."""
+        """Bernstein coefficients of q, qd, qdd, qddd, (m, 6 … 3, 4)."""
         return tuple(bernstein.from_powers(powers) for powers in self.powers)
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """(q, qd, qdd) at the start and at the end of every piece, each (3, 4, m)."""
-        return np.stack([b[0] for b in self.bernstein[:3]]), np.stack([b[-1] for b in self.bernstein[:3]])
+        """(q, qd, qdd) at the start and at the end of every piece, each (m, 3, 4)."""
+        starts, ends = (np.stack([b[:, k].T for b in self.bernstein[:3]]).transpose(2, 0, 1) for k in (0, -1))
+        return starts, ends
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """(lowest, highest) (4, 4): between these are q, qd, qdd, qddd (rows) of the four joints."""
-        lowest = np.stack([b.min(axis=2).min(axis=0) for b in self.bernstein])
-        return lowest, np.stack([b.max(axis=2).max(axis=0) for b in self.bernstein])
+        lowest = np.stack([b.min(axis=0).min(axis=0) for b in self.bernstein])
+        return lowest, np.stack([b.max(axis=0).max(axis=0) for b in self.bernstein])
 
     def at(self, piece: Indices | slice, s: Array) -> State:
         """q, qd, qdd, each (…, n, 4), at s (…, n) of pieces (n,), counted from the first of these."""
-        q, qd, qdd = (_horner(powers[:, :, piece], s) for powers in self.powers[:3])
+        q, qd, qdd = (_horner(powers.T[..., piece], s) for powers in self.powers[:3])
         return q, qd, qdd
 
     def time(self, piece: Indices, s: Array) -> Array:
@@ -64,8 +65,7 @@ class Pieces:
 
     def moving(self, robot: Robot) -> Mask:
         """(m, 4): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
-        fastest = np.abs(self.bernstein[1]).max(axis=0).T
-        return np.asarray(fastest > still(robot))
+        return np.asarray(np.abs(self.bernstein[1]).max(axis=1) > still(robot))
 
     def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
         """(piece, from, to): the pieces, cut where a joint turns back within one, so that directions keep."""
@@ -73,7 +73,7 @@ class Pieces:
         coefficients = self.bernstein[1]
         cuts_piece, cuts_s = [np.empty(0, dtype=np.intp)], [np.empty(0)]
         for i in range(4):
-            piece, s = bernstein.sign_changes(coefficients[:, i], slowest[i])
+            piece, s = bernstein.sign_changes(coefficients[:, :, i], slowest[i])
             cuts_piece.append(piece)
             cuts_s.append(s)
         whole = np.arange(len(self.start))
@@ -96,11 +96,10 @@ def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
 
 
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
-    # rows of one coefficient of one joint lie together: what follows runs along them
-    powers = [np.ascontiguousarray(coefficients.transpose(1, 2, 0)) * length ** np.arange(DEGREE + 1)[:, None, None]]
-    for _ in range(3):
-        previous = powers[-1]
-        powers.append(previous[1:] * np.arange(1, len(previous))[:, None, None] / length)
+    # the values of one coefficient of one joint lie together: what follows runs along them
+    powers = [np.asfortranarray(coefficients) * (length ** np.arange(DEGREE + 1)[:, None]).T[:, :, None]]
+    for order in range(3):
+        powers.append(powers[-1][:, 1:] * np.arange(1, DEGREE + 1 - order)[:, None] / length[:, None, None])
     return Pieces(start, length, tuple(powers))
 
 
@@ -110,10 +109,10 @@ def still(robot: Robot) -> Array:
 
 
 def _horner(powers: Array, s: Array) -> Array:
-    """Σ powers[k] s^k: powers (degree + 1, 4, n), s (…, n) → (…, n, 4), each joint's values together in memory."""
+    """Σ powers[:, k] s^k: powers (4, degree + 1, n), s (…, n) → (…, n, 4), each joint's values together in memory."""
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
-    value = np.broadcast_to(powers[-1].reshape(shape), (4, *s.shape)).copy()
-    for coefficient in powers[-2::-1]:
+    value = np.broadcast_to(powers[:, -1].reshape(shape), (4, *s.shape)).copy()
+    for coefficient in powers.swapaxes(0, 1)[-2::-1]:
         value *= s
         value += coefficient.reshape(shape)
     return np.moveaxis(value, 0, -1)
@@ -130,7 +129,7 @@ def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
             known = limit + each.excess * quantity.limit.half_width
             if max(sign * bound for bound in bounds) <= known:
                 continue
-            coefficients = pieces.bernstein[quantity.order][:, quantity.index] * (sign * quantity.scale)
+            coefficients = pieces.bernstein[quantity.order][:, :, quantity.index] * (sign * quantity.scale)
             value, piece, s = bernstein.largest(coefficients, EXACT * quantity.limit.half_width, known)
             time = float(pieces.start[piece] + s * pieces.length[piece])
             each.offer((value - limit) / quantity.limit.half_width, sign * value, time)

@@ -70,9 +70,8 @@ def middle(pieces: Pieces) -> State:
 
 def spread(pieces: Pieces, state: State, slopes: Array) -> Array:
     """How far each quantity may be from its value at the middle, (m, k); slopes (3, 4, k)."""
-    moved = [
-        np.abs(coefficients - at.T).max(axis=0).T for coefficients, at in zip(pieces.bernstein[:3], state, strict=True)
-    ]
+    pairs = zip(pieces.bernstein[:3], state, strict=True)
+    moved = [np.abs(coefficients - at[:, None]).max(axis=1) for coefficients, at in pairs]
     return CAUTION * sum(distance @ slope for distance, slope in zip(moved, slopes, strict=True))
 
 
@@ -80,6 +79,5 @@ def starting(pieces: Pieces, robot: Robot) -> Mask:
     """(m,): a driven joint stands at an end of the piece and moves within it, so that friction may be static."""
     driven = np.array([joint.drive is not None for joint in robot.joints])
     speed = np.abs(pieces.bernstein[1])
-    slower = np.minimum(speed[0], speed[-1]).T
-    ends = slower <= still(robot)
+    ends = np.minimum(speed[:, 0], speed[:, -1]) <= still(robot)
     return np.asarray(np.any((ends & pieces.moving(robot))[:, driven], axis=1))

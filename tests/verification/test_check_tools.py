@@ -30,11 +30,11 @@ polynomials = st.lists(st.lists(numbers, min_size=1, max_size=6), min_size=1, ma
 @settings(max_examples=150, deadline=None)
 def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) -> None:
     degree = max(len(row) for row in rows)
-    powers = np.array([row + [0.0] * (degree - len(row)) for row in rows]).T
+    powers = np.array([row + [0.0] * (degree - len(row)) for row in rows])
     value, index, s = bernstein.largest(bernstein.from_powers(powers), 1e-12)
     grid = np.linspace(0, 1, 2001)
-    assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers.T) - 1e-9
-    assert value == pytest.approx(float(np.polyval(powers[::-1, index], s)), abs=1e-9)
+    assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers) - 1e-9
+    assert value == pytest.approx(float(np.polyval(powers[index, ::-1], s)), abs=1e-9)
 
 
 @given(
@@ -42,13 +42,13 @@ def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) 
 )
 @settings(max_examples=150, deadline=None)
 def test_every_simple_zero_is_found(zeros: list[float], sign: int) -> None:
-    powers = sign * np.poly(zeros)[::-1][:, None]
+    powers = sign * np.poly(zeros)[None, ::-1]
     _, found = bernstein.sign_changes(bernstein.from_powers(powers), np.array([1e-12]))
     assert np.sort(found) == pytest.approx(sorted(zeros), abs=1e-9)
 
 
 def test_no_zeros_within_the_tolerance() -> None:
-    powers = np.array([[-1e-12, 2e-12], [-1.0, 2.0]]).T
+    powers = np.array([[-1e-12, 2e-12], [-1.0, 2.0]])
     index, s = bernstein.sign_changes(bernstein.from_powers(powers), np.full(2, 1e-9))
     assert index.tolist() == [1]
     assert s == pytest.approx([0.5])
@@ -57,15 +57,15 @@ def test_no_zeros_within_the_tolerance() -> None:
 @given(st.lists(numbers, min_size=1, max_size=6))
 @settings(max_examples=50, deadline=None)
 def test_powers_and_bernstein_coefficients_are_inverse(row: list[float]) -> None:
-    powers = np.array(row)[:, None]
+    powers = np.array(row)[None]
     coefficients = bernstein.from_powers(powers)
     assert bernstein.to_powers(coefficients) == pytest.approx(powers, abs=1e-10)
     assert coefficients[0, 0] == powers[0, 0]
-    assert coefficients[-1, 0] == pytest.approx(powers.sum())
+    assert coefficients[0, -1] == pytest.approx(powers.sum())
     left, right = bernstein.halves(coefficients)
     for part, s in ((left, 0.25), (right, 0.75)):
-        assert bernstein.evaluate(bernstein.to_powers(part)[:, 0], np.array(0.5)) == pytest.approx(
-            bernstein.evaluate(powers[:, 0], np.array(s)), abs=1e-9
+        assert bernstein.evaluate(bernstein.to_powers(part), np.array(0.5)) == pytest.approx(
+            bernstein.evaluate(powers, np.array(s)), abs=1e-9
         )
 
 
