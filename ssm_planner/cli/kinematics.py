@@ -83,9 +83,9 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
     result = workspace(robot).to_dict()
     if output is not None:
         from ssm_planner.kinematics.mechanism import Mechanism
-        from ssm_planner.reporting.figures.workspace import save_figures, workspace_figures
+        from ssm_planner.reporting.figures.workspace import publish_figures, workspace_figures
 
-        result["files"] = save_figures(workspace_figures(Mechanism.from_geometry(robot.geometry)), output)
+        result["files"] = publish_figures(workspace_figures(Mechanism.from_geometry(robot.geometry)), output)
     return result
 
 
@@ -109,9 +109,9 @@ def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | No
         built = own.alpha, own.beta
         result["robot"] = {"alpha": own.alpha, "beta": own.beta, "margin": design_margin(*built, reach)}
     if output is not None:
-        from ssm_planner.reporting.figures.workspace import design_region_figure, save_figures
+        from ssm_planner.reporting.figures.workspace import design_region_figure, publish_figures
 
-        result["files"] = save_figures({"design_region": design_region_figure(region, built)}, output)
+        result["files"] = publish_figures({"design_region": design_region_figure(region, built)}, output)
     return result
 
 

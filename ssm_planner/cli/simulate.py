@@ -59,7 +59,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
 
     def write(folder: Path) -> dict[str, Path]:
-        from ssm_planner.reporting.figures.simulation import write_simulation_figures
+        from ssm_planner.reporting.figures.plan import write_simulation_figures
         from ssm_planner.simulation.recorder import write_recordings
 
         recordings = {f"recording_{joint}": path for joint, path in write_recordings(result, folder).items()}

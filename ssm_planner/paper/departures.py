@@ -19,7 +19,7 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motorisation import Motorisation
 from ssm_planner.problem.robot import Body, Robot, frozen, possible, principal_moments
 from ssm_planner.problem.value import unchecked
-from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.typing import Array
@@ -84,7 +84,7 @@ def _stribeck_figure() -> Figure:
     for k, (law, label, dash) in enumerate(shapes):
         axes.plot(x, stribeck_shape(law, x), dash, color=COLOURS[k], label=label)
     finish(axes, "x = |w| / w_s", "Stribeck's part of μ by its value at rest")
-    axes.legend(fontsize=SIZE - 1, frameon=False)
+    legend(axes)
     return figure
 
 

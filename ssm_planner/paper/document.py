@@ -13,7 +13,7 @@ from ssm_planner.paper.published import RIGS, Inputs
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.publishing import publishing
-from ssm_planner.reporting.figures.style import save_figure
+from ssm_planner.reporting.figures.style import save_figures
 
 FILE = "README.md"
 
@@ -69,8 +69,7 @@ def write(document: Document, folder: Path) -> dict[str, Path]:
     """README.md and every picture as PNG and PDF, whole or not at all; paths by name. Raises ExportError."""
     with publishing(folder) as temporary:
         for section in document.sections:
-            for name, figure in section.figures.items():
-                save_figure(figure, temporary / name)
+            save_figures(section.figures, temporary)
         (temporary / FILE).write_text(document.markdown(), encoding="utf-8")
         names: Sequence[str] = sorted(path.name for path in temporary.iterdir())
     return {name: folder / name for name in names}

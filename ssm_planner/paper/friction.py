@@ -4,53 +4,53 @@ the authors', predicted against measured torque.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ssm_planner.display import NOTHING, number, percent
+from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
-from ssm_planner.identification.parameters import map_torque
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.fit import MapFit, fit_map
+from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.prediction import nrmsd, predict_recording
+from ssm_planner.identification.recordings import read_recordings
+from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.paper import published
-from ssm_planner.paper.published import DRIVEN, NUMBER, PACKAGE_FRICTION, TABLE_II, FrictionRow, Inputs
+from ssm_planner.paper.published import DRIVEN, NUMBER, PACKAGE_FRICTION, RIGS, TABLE_II, FrictionRow, Inputs
 from ssm_planner.paper.section import Section
-from ssm_planner.problem.drive import Drive, Friction
+from ssm_planner.problem.drive import Drive, Friction, FrictionLawName, Rig
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
-from ssm_planner.reporting.figures.style import COLOURS, SIZE, finish, legend_above, new_figure
+from ssm_planner.reporting.figures.sizing import speeds_of_map
+from ssm_planner.reporting.figures.style import (
+    COLOURS,
+    FIFTH,
+    SIZE,
+    finish,
+    legend,
+    legend_above,
+    new_figure,
+    zero_lines,
+)
 from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from matplotlib.figure import Figure
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.errors import RecordingError
-from ssm_planner.identification.fit import MapFit, fit_map
-from ssm_planner.identification.parameters import with_parameters
-from ssm_planner.identification.prediction import nrmsd, predict_recording
-from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
-from ssm_planner.paper.published import RIGS
-from ssm_planner.problem.drive import FrictionLawName, Rig
-from ssm_planner.reporting.figures.style import FIFTH
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 MAP_SPEEDS = {"roll": published.ROTARY_SPEED, "tilt": published.ROTARY_SPEED, "insertion": published.LINEAR_SPEED}
 """Joint speed up to which a map is drawn: the one that the application requires."""
 POINTS = 121
 LOADS = 81
 """Samples of the range of gravity loads."""
+CURVES = ("under the arm's weight", "Table II, no load", "package, no load", "breakaway, no load")
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,21 +181,16 @@ def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
     for axes, m in zip(panels, maps, strict=True):
         colour = COLOURS[JOINTS.index(m.joint)]
         for k, sign in enumerate((1.0, -1.0)):
-            x = sign * RPM * m.w
-            low, high = m.loaded[k]
-            first = k == 0
-            axes.fill_between(x, 1e3 * low, 1e3 * high, color="0.87", label="under the arm's weight" if first else None)
-            axes.plot(
-                x, 1e3 * m.unloaded[k], "--", color=colour, linewidth=1.6, label="Table II, no load" if first else None
-            )
-            axes.plot(x, 1e3 * m.package[k], ":", color="0.2", label="package, no load" if first else None)
-            start = "breakaway, no load" if first else None
+            x, (low, high) = sign * RPM * m.w, m.loaded[k]
+            loaded, ours, package, start = CURVES if k == 0 else (None,) * 4
+            axes.fill_between(x, 1e3 * low, 1e3 * high, color="0.87", label=loaded)
+            axes.plot(x, 1e3 * m.unloaded[k], "--", color=colour, linewidth=1.6, label=ours)
+            axes.plot(x, 1e3 * m.package[k], ":", color="0.2", label=package)
             axes.plot([0.0], [sign * 1e3 * m.start], "D", color=colour, markersize=4, label=start)
-        axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
-        axes.axvline(0.0, color="0.7", linewidth=0.6, zorder=0)
+        zero_lines(axes, down=True)
         axes.locator_params(axis="x", nbins=5)
-        axes.set_title(f"joint {NUMBER[m.joint]} ({m.joint})", fontsize=SIZE)
-        finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if m is maps[0] else "")
+        torque = "motor torque (mN·m)" if m is maps[0] else ""
+        finish(axes, "motor speed (rpm)", torque, f"joint {NUMBER[m.joint]} ({m.joint})")
     legend_above(figure, panels[-1], 4, SIZE - 1)
     return figure
 
@@ -371,13 +366,10 @@ def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
             ("ours, Stribeck", result.fits[LAWS[1]].drive, "-", COLOURS[0]),
         )
         for label, drive, dash, colour in drives:
-            for sign in (1.0, -1.0):
-                side = np.abs(data.w[np.sign(data.w) == sign])
-                w = sign * np.geomspace(side.min(), side.max(), 200)
+            for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
                 torque = 1e3 * map_torque(drive, w, _rig(drive).load)
-                axes.plot(RPM * w, torque, dash, color=colour, linewidth=1.4, label=label if sign > 0 else None)
-        axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
-        axes.set_title(result.title, fontsize=SIZE)
-        finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if result is results[0] else "")
-        axes.legend(fontsize=SIZE - 2, frameon=False, loc="lower right")
+                axes.plot(RPM * w, torque, dash, color=colour, linewidth=1.4, label=named)
+        zero_lines(axes)
+        finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if result is results[0] else "", result.title)
+        legend(axes, fontsize=SIZE - 2, loc="lower right")
     return figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,32 +13,35 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_rate_bound
 from ssm_planner.paper import published
-from ssm_planner.paper.published import DRIVEN, NUMBER, TABLE_III, SpeedRow
+from ssm_planner.paper.friction import with_rows
+from ssm_planner.paper.published import (
+    DRIVEN,
+    NUMBER,
+    PACKAGE_FRICTION,
+    TABLE_II,
+    TABLE_III,
+    FrictionRow,
+    Inputs,
+    SpeedRow,
+)
 from ssm_planner.paper.section import Section
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Straight, Task
+from ssm_planner.problem.motorisation import Motorisation, Stroke
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.sizing import payload_curves
+from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, new_figure, shade_phases
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.sizing.requirements import MotorRequirement
+from ssm_planner.sizing.size import Sizing, size
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-from ssm_planner.paper.published import PACKAGE_FRICTION, TABLE_II, FrictionRow, Inputs
-from ssm_planner.problem.motorisation import Motorisation, Stroke
-from ssm_planner.reporting.figures.sizing import payload_curves
-from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.requirements import MotorRequirement
-from ssm_planner.sizing.size import Sizing, size
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from matplotlib.figure import Figure
-from ssm_planner.paper.friction import with_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +145,9 @@ def _figure(runs: tuple[SpeedRun, ...]) -> Figure:
     figure = new_figure(9.6, 5.6)
     panels = figure.subplots(len(DRIVEN), len(runs), sharex="col", sharey="row", squeeze=False)
     for column, run in enumerate(runs):
-        phases = () if run.plan.trajectory is None else run.plan.trajectory.phases
         for row, joint in enumerate(DRIVEN):
             axes, load = panels[row, column], run.load(joint)
-            for phase in phases[1::2]:
-                axes.axvspan(phase.start, phase.end, color="0.95", linewidth=0, zorder=0)
+            shade_phases(axes, run.plan.motion)
             axes.plot(load.t, 1e3 * load.torque(), color=COLOURS[JOINTS.index(joint)], linewidth=1.1)
             for end in run.envelope(joint):
                 axes.axhline(1e3 * end, **LIMIT)

@@ -151,43 +151,39 @@ def _check(problem: Problem) -> None:
         raise ProblemError("Table III's motion starts from task coordinates", file=problem.file, key="start")
 
 
-_NONE, _SUPPORT = (0.0, 0.0), (1e-5, 1e-3)
+_COMMON = {
+    "b_v": (1e-5, 1e-3),
+    "b_ov": (0.0, 1e-5),
+    "preload": (0.0, 0.0),
+    "dwell_constant": (0.0, 0.0),
+    "memory": (0.0, 0.0),
+}
 
 BOUNDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "rig1_lead_screw": {
-        "preload": _NONE,
+        **_COMMON,
         "b_c": (1e-3, 1e-2),
-        "b_v": _SUPPORT,
         "b_oc": (1e-3, 5e-2),
-        "b_ov": (0.0, 1e-5),
         "mu": (0.20, 0.21),
         "mu_stribeck": (0.0, 0.08),
         "stribeck_speed": (0.0, 15.0),
-        "dwell_constant": _NONE,
-        "memory": _NONE,
     },
     "rig2_antibacklash_screw": {
+        **_COMMON,
         "preload": (0.5, 1.5),
         "b_c": (1e-5, 1e-2),
-        "b_v": _SUPPORT,
         "b_oc": (1e-5, 5e-2),
-        "b_ov": (0.0, 1e-5),
         "mu": (0.15, 0.27),
         "mu_stribeck": (0.0, 0.2),
         "stribeck_speed": (0.0, 15.0),
-        "dwell_constant": _NONE,
-        "memory": _NONE,
     },
     "rig3_worm": {
-        "preload": _NONE,
+        **_COMMON,
         "b_c": (1e-4, 1e-3),
-        "b_v": _SUPPORT,
         "b_oc": (1e-5, 1e-2),
-        "b_ov": (0.0, 1e-5),
         "mu": (0.12, 0.16),
         "mu_stribeck": (0.0, 0.1),
         "stribeck_speed": (0.0, 1.0),
-        "dwell_constant": _NONE,
         "memory": (0.0, 0.25),
     },
 }

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ssm_planner.display import minus
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import DesignRegion, design_region, joint_speed_per_tilt_speed, tilt_interval
 from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.figures.style import DPI, LIMIT, SIZE, finish, new_figure
+from ssm_planner.reporting.figures.style import LIMIT, SIZE, finish, legend, new_figure
 from ssm_planner.reporting.figures.workspace import design_region_figure, reachable_set_figure
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
         _ray(axes, tilt, 1.08, label=None if k else "measured (Table I)", **LIMIT)
     _ray(axes, mechanism.home_tilt, 1.0, color="black", linewidth=1.2, linestyle="-.", label="home")
     for tilt, measured in zip(interval, TABLE_I_MEASURED, strict=True):
-        shown = f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)".replace("-", "−")
+        shown = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
         side = "right" if math.cos(tilt) < 0 else "left"
         axes.text(1.14 * math.cos(tilt), -1.14 * math.sin(tilt), shown, ha=side, va="center", fontsize=SIZE - 1)
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
@@ -77,25 +78,7 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     finish(axes, "", "")
     axes.set(xlim=(-1.75, 1.6), ylim=(-1.15, 1.35), aspect="equal")
     axes.set_axis_off()
-    axes.legend(fontsize=SIZE - 1, frameon=False, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=2)
-    return figure
-
-
-def restyled(figure: Figure, size: tuple[float, float] | None = None) -> Figure:
-    """A figure of another room with the text sizes and resolution of this document; size in inches."""
-    figure.set_dpi(DPI)
-    if size is not None:
-        figure.set_size_inches(*size)
-    for axes in figure.axes:
-        axes.tick_params(labelsize=SIZE - 1)
-        axes.title.set_fontsize(SIZE)
-        axes.xaxis.label.set_fontsize(SIZE)
-        axes.yaxis.label.set_fontsize(SIZE)
-        for words in axes.texts:
-            words.set_fontsize(SIZE)
-        legend = axes.get_legend()
-        for words in () if legend is None else legend.get_texts():
-            words.set_fontsize(SIZE - 1)
+    legend(axes, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=2)
     return figure
 
 
@@ -122,7 +105,7 @@ def tilt_range(robot: Robot) -> TiltRange:
 def workspace_section(robot: Robot) -> Section:
     """Table I, why it differs, and the pictures."""
     mechanism = Mechanism.from_geometry(robot.geometry)
-    figures = {"tilt_disks": tilt_disks(mechanism), "reachable_set": restyled(reachable_set_figure(mechanism))}
+    figures = {"tilt_disks": tilt_disks(mechanism), "reachable_set": reachable_set_figure(mechanism)}
     return Section("workspace", {"tilt": tilt_range(robot)}, figures)
 
 
@@ -167,5 +150,5 @@ def design_section(robot: Robot) -> Section:
         "along": along,
         "beside": math.hypot(across, beside),
     }
-    figure = restyled(design_region_figure(choice.region, (mechanism.alpha, mechanism.beta)), (4.6, 4.6))
+    figure = design_region_figure(choice.region, (mechanism.alpha, mechanism.beta), size=(4.6, 4.6))
     return Section("design", values, {"design": figure})

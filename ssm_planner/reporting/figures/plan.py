@@ -1,21 +1,26 @@
-"""Figures of a plan: the motion with its limits, and what it requires of the motors."""
+"""Figures of a plan: the motion with its limits, what it requires of the motors, and its playback in simulation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.style import (
     COLOURS,
     DASHES,
     LIMIT,
     SIZE,
     finish,
+    legend_above,
+    new_figure,
     new_panels,
+    save_figures,
+    shade_phases,
     unit_of,
 )
 from ssm_planner.sizing.requirements import MotorRequirement
@@ -23,9 +28,9 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ssm_planner.simulation.simulate import SimulationResult
 
 SAMPLES = 1200
 
@@ -46,7 +51,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
             unit, scale = unit_of(base)
             axes = panels[row, column]
-            _phases(axes, trajectory, named=row == 0)
+            shade_phases(axes, trajectory, named=row == 0)
             for i, joint in enumerate(robot.joints):
                 if joint.kind != kind:
                     continue
@@ -71,7 +76,7 @@ def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[M
         i = names.index(requirement.joint)
         torque = 1e3 * requirement.torque
         over_time, against_speed = panels[row]
-        _phases(over_time, trajectory, named=row == 0)
+        shade_phases(over_time, trajectory, named=row == 0)
         over_time.plot(requirement.t, torque, color=COLOURS[i])
         against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
         rms = 1e3 * requirement.rms_torque
@@ -89,6 +94,47 @@ DRAWN: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": mo
 """The figures of a plan by file name."""
 
 
+def write_simulation_figures(result: SimulationResult, folder: Path) -> dict[str, Path]:
+    """playback and, where power was lost at several instants, power_loss, as PNG and PDF; their paths by name."""
+    figures = {"playback": playback(result)}
+    if len(result.losses.time) > 1:
+        figures["power_loss"] = power_loss(result)
+    return save_figures(figures, folder)
+
+
+def playback(result: SimulationResult) -> Figure:
+    """Following errors, motor torques with their limits, and the distance of the tip from the plan, over time."""
+    figure = new_figure(7.2, 6.6)
+    errors, torques, tip = figure.subplots(3, 1, sharex=True)
+    shown = result.time
+    for motor in result.motors:
+        k = JOINTS.index(motor.joint)
+        style = {"color": COLOURS[k], "linestyle": DASHES[k], "linewidth": 1.1, "label": motor.joint}
+        counts = result.axes[motor.joint].counts_per_turn
+        errors.plot(shown, result.following[:, k] * counts / (2 * np.pi), **style)
+        torques.plot(shown, 100 * result.torque[:, k] / motor.limit, **style)
+    for level in (-100, 100):
+        torques.axhline(level, **LIMIT)
+    tip.plot(shown, 1e3 * result.tip, color="black", linewidth=1.3)
+    finish(errors, "", "following error\n(increments)")
+    finish(torques, "", "motor torque\n(% of largest)")
+    finish(tip, "time (s)", "tip away from\nthe plan (mm)")
+    legend_above(figure, errors, 4)
+    return figure
+
+
+def power_loss(result: SimulationResult) -> Figure:
+    """Way of the tip and time until the arm stands, by the instant at which the power goes."""
+    losses = result.losses
+    figure = new_figure(7.2, 4.2)
+    travel, standing = figure.subplots(2, 1, sharex=True)
+    travel.plot(losses.time, 1e3 * losses.travel, color="black", linewidth=1.2)
+    standing.plot(losses.time, 1e3 * np.where(np.isfinite(losses.standing), losses.standing, np.nan), color="black")
+    finish(travel, "", "way of the tip (mm)")
+    finish(standing, "power lost at (s)", "until it stands (ms)")
+    return figure
+
+
 def _limit_text(motor: Motor | None) -> str:
     if motor is None:
         return "no motor given"
@@ -98,13 +144,3 @@ def _limit_text(motor: Motor | None) -> str:
 
 def _label(robot: Robot, i: int) -> str:
     return f"joint {i + 1} ({robot.joints[i].name})"
-
-
-def _phases(axes: Axes, trajectory: Trajectory, named: bool) -> None:
-    """Shade every other phase and, where asked for, name it above the panel."""
-    for k, phase in enumerate(trajectory.phases):
-        if k % 2:
-            axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
-        if named:
-            middle = (phase.start + phase.end) / 2
-            axes.text(middle, 1.02, phase.name, transform=axes.get_xaxis_transform(), ha="center", fontsize=SIZE - 1)

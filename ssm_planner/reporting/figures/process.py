@@ -20,7 +20,7 @@ from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
 from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
-from ssm_planner.reporting.figures.style import drawn, new_panels, save_drawn, save_figure
+from ssm_planner.reporting.figures.style import drawn, new_panels, save_drawn, save_figures
 from ssm_planner.sizing.requirements import motor_requirements
 
 if TYPE_CHECKING:
@@ -136,8 +136,8 @@ def write_figures_of_file(plan: Plan, folder: Path) -> dict[str, Path]:
     trajectory, robot = plan.motion, plan.robot
     requirements = motor_requirements(trajectory, robot)
     with publishing_results(folder, plan.sha256) as temporary:
-        about = f"plan {plan.sha256}"
-        paths = save_figure(motion_figure(trajectory, robot), temporary / "motion", about=about)
+        figures = {"motion": motion_figure(trajectory, robot)}
         if requirements:
-            paths |= save_figure(motors_figure(trajectory, robot, requirements), temporary / "motors", about=about)
+            figures["motors"] = motors_figure(trajectory, robot, requirements)
+        paths = save_figures(figures, temporary, f"plan {plan.sha256}")
     return {name: folder / path.name for name, path in paths.items()}

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ssm_planner.display import words
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import (
-    AXIS,
     COLOURS,
     DASHES,
     LIMIT,
     SIZE,
     finish,
+    legend,
     legend_above,
     new_figure,
-    save_figure,
+    save_figures,
+    zero_lines,
 )
 from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
 from ssm_planner.sizing.requirements import PARTS
@@ -28,16 +30,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ssm_planner.sizing.assess import MotorVerdict
-    from ssm_planner.sizing.size import JointSizing, Sizing
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ssm_planner.identification.fit import MapFit
     from ssm_planner.identification.prediction import Prediction
     from ssm_planner.identification.torque_map import TorqueMap
+    from ssm_planner.sizing.assess import MotorVerdict
+    from ssm_planner.sizing.size import JointSizing, Sizing
 
 
 PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
@@ -54,10 +51,7 @@ def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
     figures = {"payload_curves": payload_curves(sizing), "torque_split": torque_split_figure(sizing)}
     if sizing.verdicts:
         figures["operating_regions"] = operating_regions(sizing)
-    paths: dict[str, Path] = {}
-    for name, figure in figures.items():
-        paths |= save_figure(figure, folder / name)
-    return paths
+    return save_figures(figures, folder)
 
 
 def payload_curves(sizing: Sizing) -> Figure:
@@ -74,10 +68,10 @@ def payload_curves(sizing: Sizing) -> Figure:
     for axes, group in zip(figure.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
         for joint in group:
             _curve(axes, joint, sizing.conditions.confidence)
-        _cross(axes)
+        zero_lines(axes, down=True)
         axes.locator_params(axis="x", nbins=5)
         finish(axes, "motor speed (rpm)", "motor torque (mN·m)")
-        axes.legend(fontsize=SIZE - 1, frameon=False, loc="upper left")
+        legend(axes, loc="upper left")
     return figure
 
 
@@ -90,7 +84,7 @@ def torque_split_figure(sizing: Sizing) -> Figure:
         axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
         parts = dict(joint.requirement.split.parts())
         for name, colour, dash in zip(PARTS, PART_COLOURS, PART_DASHES, strict=True):
-            axes.plot(t, 1e3 * parts[name], linestyle=dash, color=colour, linewidth=1.2, label=name.replace("_", " "))
+            axes.plot(t, 1e3 * parts[name], linestyle=dash, color=colour, linewidth=1.2, label=words(name))
         finish(axes, "time (s)" if axes is panels[-1] else "", f"{_label(joint)}\nmotor torque (mN·m)")
     legend_above(figure, panels[0], 3)
     return figure
@@ -158,11 +152,6 @@ def _stretches(direction: Array) -> list[Indices]:
     return [part for part in np.split(np.arange(len(moving)), cut) if moving[part[0]]]
 
 
-def _cross(axes: Axes) -> None:
-    axes.axhline(0.0, **AXIS)
-    axes.axvline(0.0, **AXIS)
-
-
 def _label(joint: JointSizing) -> str:
     return f"joint {JOINTS.index(joint.load.joint) + 1} ({joint.load.joint})"
 
@@ -186,17 +175,20 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
     axes.plot(RPM * data.w, 1e3 * data.tau, "o", color="black", fillstyle="none", markersize=5, label="measured")
     if apart.any():
         axes.plot(RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier, weighs less")
-    for sign in (-1.0, 1.0):
-        side = data.w[np.sign(data.w) == sign]
-        w = sign * np.geomspace(np.abs(side).min(), np.abs(side).max(), 200)
-        label = f"{fit.law.replace('_', ' ')}, NRMSD {fit.nrmsd:.3f}" if sign > 0 else None
-        axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=label)
-    finish(axes, "motor speed (rpm)", "motor torque (mN·m)")
-    axes.set_title(fit.drive.name, fontsize=SIZE)
-    axes.axhline(0.0, **AXIS)
-    axes.axvline(0.0, **AXIS)
-    axes.legend(fontsize=SIZE - 1, frameon=False, loc="best")
+    label = f"{words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
+    for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
+        axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=named)
+    finish(axes, "motor speed (rpm)", "motor torque (mN·m)", fit.drive.name)
+    zero_lines(axes, down=True)
+    legend(axes, loc="best")
     return figure
+
+
+def speeds_of_map(w: Array) -> tuple[Array, Array]:
+    """Backward and forward speeds (200,) for a curve through the measured ones (n,)."""
+    sides = (np.abs(w[np.sign(w) == sign]) for sign in (-1.0, 1.0))
+    backward, forward = (np.geomspace(side.min(), side.max(), 200) for side in sides)
+    return -backward, forward
 
 
 def prediction_figure(prediction: Prediction) -> Figure:
@@ -214,10 +206,9 @@ def prediction_figure(prediction: Prediction) -> Figure:
         shade: dict[str, Any] = {"color": COLOURS[1], "alpha": 0.35, "linewidth": 0, "label": "95 % of the mean"}
         torque.fill_between(recording.time, moving + low, moving + high, **shade)
     speed.plot(recording.time, RPM * recording.w, **MEASURED)
-    finish(torque, "", "motor torque (mN·m)")
+    finish(torque, "", "motor torque (mN·m)", recording.name)
     finish(speed, "time (s)", "motor speed\n(rpm)")
-    torque.set_title(recording.name, fontsize=SIZE)
-    torque.legend(fontsize=SIZE - 1, frameon=False, loc="best")
+    legend(torque, loc="best")
     for axes in (torque, speed):
-        axes.axhline(0.0, **AXIS)
+        zero_lines(axes)
     return figure

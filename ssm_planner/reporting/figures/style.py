@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from ssm_planner.trajectory import Trajectory
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
 """Joints 1 to 4 (Okabe–Ito); line styles tell them apart in grey."""
@@ -34,11 +35,6 @@ PNG_HEADER = 33
 def unit_of(unit: str) -> tuple[str, float]:
     """`units.shown` with the degree sign of pages and figures: rad/s → (°/s, 180/π)."""
     return shown(unit, "°")
-
-
-def signed(text: str) -> str:
-    """Text with the minus sign that the axes use."""
-    return text.replace("-", "−")
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -80,10 +76,12 @@ def _bare(width: float, height: float) -> Figure:
     return figure
 
 
-def finish(axes: Axes, x: str, y: str) -> None:
+def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
     """Labels, light grid, no frame above and to the right."""
     axes.set_xlabel(x, fontsize=SIZE)
     axes.set_ylabel(y, fontsize=SIZE)
+    if title is not None:
+        axes.set_title(title, fontsize=SIZE)
     axes.tick_params(labelsize=SIZE - 1)
     axes.grid(True, color="0.9", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
@@ -117,6 +115,14 @@ def save_figure(figure: Figure, path: Path, pdf: bool = True, about: str | None 
     return save_drawn(drawn(figure, pdf, about), path, about)
 
 
+def save_figures(figures: Mapping[str, Figure], folder: Path, about: str | None = None) -> dict[str, Path]:
+    """Write each figure as PNG and PDF under its name; paths by `<name>_figure` and `<name>_pdf`. Raises ExportError."""
+    paths: dict[str, Path] = {}
+    for name, figure in figures.items():
+        paths |= save_figure(figure, folder / name, about=about)
+    return paths
+
+
 def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None) -> dict[str, Path]:
     """Write what `drawn` returned, each file whole or not at all; paths by name. Raises ExportError.
 
@@ -137,6 +143,28 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
     content = b"tEXt" + key.encode("ascii") + b"\0" + text.encode("latin-1")
     chunk = (len(content) - 4).to_bytes(4, "big") + content + crc32(content).to_bytes(4, "big")
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
+
+
+def legend(axes: Axes, **options: Any) -> None:
+    """The legend of a panel within it; options as in `Axes.legend`."""
+    axes.legend(**{"fontsize": SIZE - 1, "frameon": False, **options})
+
+
+def zero_lines(axes: Axes, down: bool = False) -> None:
+    """A line at zero across the panel, and `down` it too."""
+    axes.axhline(0.0, **AXIS)
+    if down:
+        axes.axvline(0.0, **AXIS)
+
+
+def shade_phases(axes: Axes, trajectory: Trajectory, named: bool = False) -> None:
+    """Shade every other phase and, where asked for, name it above the panel."""
+    for k, phase in enumerate(trajectory.phases):
+        if k % 2:
+            axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
+        if named:
+            middle = (phase.start + phase.end) / 2
+            axes.text(middle, 1.02, phase.name, transform=axes.get_xaxis_transform(), ha="center", fontsize=SIZE - 1)
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:

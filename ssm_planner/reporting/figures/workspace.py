@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.display import minus
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import (
     DesignRegion,
@@ -19,7 +20,7 @@ from ssm_planner.kinematics.workspace import (
     tilt_interval,
 )
 from ssm_planner.publishing import publishing
-from ssm_planner.reporting.figures.style import COLOURS, DASHES, SIZE, finish, new_figure, save_figure, signed
+from ssm_planner.reporting.figures.style import COLOURS, DASHES, SIZE, finish, legend, new_figure, save_figure
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
     }
 
 
-def save_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
+def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
     """Write each figure as PNG and PDF; the paths by name, `_pdf` added to those of PDFs. Raises ExportError."""
     folder = Path(directory)
     paths: dict[str, str] = {}
@@ -63,13 +64,12 @@ def theta2_figure(mechanism: Mechanism) -> Figure:
     tilt = _tilts(mechanism)
     for k, branch in enumerate((1, -1)):
         theta2 = theta2_from_tilt(mechanism, tilt, branch)
-        label = signed(f"branch {branch:+d}") + (" (home)" if branch == mechanism.home_branch else "")
+        label = minus(f"branch {branch:+d}") + (" (home)" if branch == mechanism.home_branch else "")
         axes.plot(np.degrees(tilt), np.degrees(theta2), DASHES[k], color=COLOURS[k], label=label)
     axes.plot([np.degrees(mechanism.home_tilt)], [0.0], "o", color="black", label="home")
     _mark_interval(axes, mechanism)
-    finish(axes, "tilt φ (°)", "θ₂ (°)")
-    axes.set_title(_title("θ₂ against tilt", mechanism), fontsize=SIZE)
-    axes.legend(frameon=False, fontsize=SIZE - 1)
+    finish(axes, "tilt φ (°)", "θ₂ (°)", _title("θ₂ against tilt", mechanism))
+    legend(axes)
     return figure
 
 
@@ -87,20 +87,24 @@ def joint_speed_figure(mechanism: Mechanism) -> Figure:
     q[:, 1] = theta2_from_tilt(mechanism, tilt, mechanism.home_branch)
     singular.plot(np.degrees(tilt), smallest_singular_value(mechanism, q), color="black")
     singular.set_ylim(bottom=0.0)
-    finish(speeds, "", "|dθᵢ/dφ| (1)")
+    finish(speeds, "", "|dθᵢ/dφ| (1)", _title("Joint speed per tilt speed", mechanism))
     finish(singular, "tilt φ (°)", "smallest\nsingular value (1)")
-    speeds.set_title(_title("Joint speed per tilt speed", mechanism), fontsize=SIZE)
-    speeds.legend(frameon=False, ncols=3, loc="upper center", fontsize=SIZE - 1)
+    legend(speeds, ncols=3, loc="upper center")
     for axes in (speeds, singular):
         _mark_interval(axes, mechanism)
     return figure
 
 
-def design_region_figure(region: DesignRegion, built: tuple[float, float] | None = None) -> Figure:
-    """All (α, β) that reach a tilt range, for growing margins, the smallest α, and a design (α, β) if one is given."""
+def design_region_figure(
+    region: DesignRegion, built: tuple[float, float] | None = None, size: tuple[float, float] = (5.6, 5.4)
+) -> Figure:
+    """All (α, β) that reach a tilt range, for growing margins, the smallest α, and a design (α, β) if one is given.
+
+    size: width and height, inches.
+    """
     from matplotlib.patches import Polygon
 
-    figure = new_figure(5.6, 5.4)
+    figure = new_figure(*size)
     axes = figure.add_subplot()
     finish(axes, "α (°)", "β (°)")
     for extra, grey in zip(np.radians((0.0, 10.0, 20.0)), ("0.85", "0.7", "0.55"), strict=True):
@@ -119,12 +123,12 @@ def design_region_figure(region: DesignRegion, built: tuple[float, float] | None
         label = f"as given: ({alpha:.4g}°, {beta:.4g}°)"
         axes.plot([alpha], [beta], "x", color="black", markersize=11, label=label, zorder=4)
     low, high = np.degrees(region.tilt_range)
-    axes.set_title(signed(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=SIZE)
+    axes.set_title(minus(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=SIZE)
     axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
     axes.set_xticks(range(0, 181, 30))
     axes.set_yticks(range(0, 181, 30))
     if not region.empty or built is not None:
-        axes.legend(frameon=False, loc="upper right", fontsize=SIZE - 1)
+        legend(axes, loc="upper right")
     return figure
 
 
@@ -161,7 +165,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
         # next to ω1 the label would lie on its arrow
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
-        text = signed(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
+        text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center", fontsize=SIZE)
     home = mechanism.home_tilt
     axes.plot([0.0, np.cos(home)], [0.0, -np.sin(home)], color="black", linewidth=1.2, linestyle="--", label="home")
@@ -170,7 +174,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
     axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")
     axes.set_axis_off()
     axes.set_title(_title("section through ω₁", mechanism), fontsize=SIZE)
-    axes.legend(frameon=False, loc="lower center", ncols=3, fontsize=SIZE - 1, handlelength=1.6, columnspacing=1.0)
+    legend(axes, loc="lower center", ncols=3, handlelength=1.6, columnspacing=1.0)
 
 
 def _on_sphere(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
