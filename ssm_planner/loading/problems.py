@@ -307,26 +307,6 @@ def _eye(section: Section, model: Any) -> Eye:
         return Eye(**{**dict(model), "lens": lens})
 
 
-def eye_as_written(eye: Eye) -> dict[str, Any]:
-    """What a problem file says of an eye, exactly: reading it gives the eye back."""
-
-    def lengths(vector: Array) -> list[str]:
-        return [f"{length!r} m" for length in vector.tolist()]
-
-    written: dict[str, Any] = {
-        "centre": lengths(eye.centre),
-        **{name: f"{getattr(eye, name)!r} m" for name in ("radius", "clearance", "port", "shaft_radius")},
-    }
-    if eye.lens is not None:
-        written["lens"] = {
-            "centre": lengths(eye.lens.centre),
-            "semi_axes": lengths(eye.lens.semi_axes),
-            "axis": eye.lens.frame[:, 2].tolist(),
-            "first_axis": eye.lens.frame[:, 0].tolist(),
-        }
-    return written
-
-
 def _frame(section: Section, model: Any) -> Array:
     """Columns: the directions of the semi-axes, right-handed; (3, 3)."""
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
+from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
-from ssm_planner.pipeline.tightening import Strictness
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, MotorTorque, SelfLocking
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.trajectory import Trajectory
@@ -21,6 +23,10 @@ from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 ATTEMPTS = 4
+MOST_HEAT = 0.25
+"""Excess of a continuous torque beyond which smaller accelerations would hardly cure it, and take for ever."""
+HELPS = 0.5
+"""Share of that excess that may remain after a tightening for another one to be tried."""
 
 Progress = Callable[[str], None]
 Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
@@ -89,6 +95,45 @@ def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory],
             return _blamed(first, outcome)
         first = first or outcome
         attempt += 1
+
+
+@dataclass(frozen=True, eq=False)
+class Strictness:
+    """A problem with stricter limits for the planner where the check found one exceeded between the planner's points."""
+
+    problem: Problem
+    heat: Mapping[str | None, float] = field(default_factory=dict)
+    """Margin of the continuous torque before the last tightening, by joint."""
+
+    def more(self, certificate: Certificate) -> Strictness | None:
+        """Stricter by what is exceeded; None where nothing that is exceeded can be tightened."""
+        problem, held, heat = self.problem, False, dict(self.heat)
+        for found in certificate.violations:
+            limits = {limit.key: limit for limit in problem.all_limits}
+            limit = limits.get((found.name, found.joint))
+            stricter: Limit | None
+            if isinstance(limit, ContinuousTorque) and found.margin > -MOST_HEAT:
+                # a smaller peak helps only where acceleration makes the heat; against friction and weight nothing does
+                if found.margin < HELPS * heat.get(found.joint, -np.inf):
+                    return None
+                heat[found.joint] = found.margin
+                peak = limits[MotorTorque.name, found.joint]
+                assert isinstance(peak, MotorTorque)
+                largest = min(peak.largest, _peak(certificate, peak))
+                stricter = replace(peak, largest=largest).tightened(found.worst, found.limit)
+            else:
+                stricter = None if limit is None else limit.tightened(found.worst, found.limit)
+            if stricter is not None:
+                try:
+                    problem, held = stricter.on(problem), True
+                except ProblemError:  # a point, or the port of the eye, lies between the two bounds
+                    return None
+        return Strictness(problem, heat) if held else None
+
+
+def _peak(certificate: Certificate, limit: MotorTorque) -> float:
+    """The largest value that was found of a motor torque."""
+    return max((found.worst for found in certificate.limits if (found.name, found.joint) == limit.key), default=np.inf)
 
 
 def _blamed(first: Outcome | None, last: Outcome) -> Outcome:

@@ -7,17 +7,18 @@ import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.loading.problems import eye_as_written
-from ssm_planner.problem.limits import TASK, TaskRate
+from ssm_planner.problem.limits import TaskRange
+from ssm_planner.problem.motion import Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Range
-from ssm_planner.view.page import SAME, Study, pose, tilt_range
+from ssm_planner.view.page import SAME, Pose, Study, pose, tilt_range
 
 KEPT = 8
+Wanted = tuple[Pose, Pose, Range]
+"""Start, target and the tilt range, rad."""
 
 
 @dataclass
@@ -49,14 +50,14 @@ class Jobs:
 
     def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """{alpha, beta, start, target, tilt_range} or {own: true} → {job}. Raises ProblemError."""
-        stated = self._problem(request)
+        wanted = self._wanted(request)
         if not self._busy.acquire(blocking=False):
             raise ProblemError("a plan is being made; one at a time")
         job = Job(secrets.token_urlsafe(16))
         self._jobs[job.identity] = job
         for old in list(self._jobs)[:-KEPT]:
             del self._jobs[old]
-        threading.Thread(target=self._run, args=(job, stated), daemon=True).start()
+        threading.Thread(target=self._run, args=(job, wanted), daemon=True).start()
         return {"job": job.identity}
 
     def progress(self, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -70,10 +71,9 @@ class Jobs:
         job = self._jobs.get(identity)
         return None if job is None else job.report
 
-    def _problem(self, request: Mapping[str, Any]) -> dict[str, Any] | None:
-        """The problem of a request as a file states it; None for the problem's own motion. Raises ProblemError."""
-        problem = self.study.problem
-        if problem is None:
+    def _wanted(self, request: Mapping[str, Any]) -> Wanted | None:
+        """The straight motion of a request; None for the problem's own motion. Raises ProblemError."""
+        if self.study.problem is None:
             raise ProblemError("planning needs a robot with drives: start the view with a problem file")
         if request.get("own") is True:
             return None
@@ -82,26 +82,28 @@ class Jobs:
             raise ProblemError(
                 f"the masses of the links are known for the robot's own alpha and beta only (within {SAME:g} rad)"
             )
-        return _straight(problem, pose(request, "start"), pose(request, "target"), tilt_range(request))
+        return pose(request, "start"), pose(request, "target"), tilt_range(request)
 
-    def _run(self, job: Job, stated: dict[str, Any] | None) -> None:
+    def _run(self, job: Job, wanted: Wanted | None) -> None:
         job.message = "stopped by a fault of the program; the terminal shows it"
         try:
-            job.message, job.report = self._outcome(job, stated)
+            job.message, job.report = self._outcome(job, wanted)
         except SsmPlannerError as error:
             job.message = str(error)
         finally:
             job.done = True
             self._busy.release()
 
-    def _outcome(self, job: Job, stated: dict[str, Any] | None) -> tuple[str, str | None]:
+    def _outcome(self, job: Job, wanted: Wanted | None) -> tuple[str, str | None]:
         job.progress("loading the planner")
         from ssm_planner.pipeline.run import plan
         from ssm_planner.reporting.html.report import report_page
 
-        problem = self.study.problem if stated is None else Problem.from_dict(stated)
+        problem = self.study.problem
         if problem is None:
             raise ProblemError("planning needs a problem")
+        if wanted is not None:
+            problem = straight_problem(problem, *wanted)
         result = plan(problem, job.progress)
         if result.trajectory is None:
             return (result.reason.message if result.reason else result.status), None
@@ -111,27 +113,15 @@ class Jobs:
         return f"planned: {result.duration:.4f} s, independent check {verdict}", page
 
 
-def _straight(problem: Problem, start: list[float], target: list[float], tilt: Range) -> dict[str, Any]:
-    """A straight motion between two poses, as a problem file states it: so it is checked like any other."""
-
-    def quantities(values: list[float]) -> dict[str, str]:
-        units = ("rad", "rad", "rad", "m")
-        return {name: f"{value!r} {unit}" for name, value, unit in zip(TASK, values, units, strict=True)}
-
-    limits: dict[str, Any] = {
-        name: [f"{end!r} {'m' if name == 'depth' else 'rad'}" for end in ends] for name, ends in problem.ranges.items()
-    }
+def straight_problem(problem: Problem, start: Pose, target: Pose, tilt: Range) -> Problem:
+    """A straight motion between two poses, rad and m, within the problem's limits and a tilt range. Raises ProblemError."""
     low, high = problem.ranges.get("tilt", tilt)
-    limits["tilt"] = [f"{max(low, tilt[0])!r} rad", f"{min(high, tilt[1])!r} rad"]
-    for speed in problem.speeds:
-        limits[speed.field] = f"{speed.largest!r} {speed.unit}"
-    for name, rate in problem.rates.items():
-        limits[TaskRate.field_of(name)] = f"{rate!r} {'m' if name == 'depth' else 'rad'}/s"
-    return {
-        "name": f"{problem.name}, from the view",
-        "robot": str(Path(str(problem.robot.file)).resolve()),
-        "start": quantities(start),
-        "motion": [{"straight": {"to": quantities(target)}}],
-        "limits": limits,
-        **({} if problem.eye is None else {"eye": eye_as_written(problem.eye)}),
-    }
+    wanted = TaskRange("tilt", max(low, tilt[0]), min(high, tilt[1]))
+    return Problem(
+        problem.robot,
+        start=Task(*start),
+        motion=(Straight(*target),),
+        limits=(*(limit for limit in problem.limits if limit.key != wanted.key), wanted),
+        eye=problem.eye,
+        name=f"{problem.name}, from the view",
+    )

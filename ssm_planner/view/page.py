@@ -26,6 +26,8 @@ PUBLISHED = math.radians(30.0), math.radians(109.778)
 """α and β of the paper's robot, for a page without a problem."""
 SAME = 1e-9
 """rad within which α and β count as those of the robot."""
+Pose = tuple[float, float, float, float]
+"""Roll, tilt, spin and depth, rad and m."""
 LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
 
 
@@ -121,15 +123,15 @@ def number(request: Mapping[str, Any], key: str, low: float, high: float) -> flo
     return _checked(request.get(key), key, low, high)
 
 
-def pose(request: Mapping[str, Any], key: str) -> list[float]:
+def pose(request: Mapping[str, Any], key: str) -> Pose:
     """Four task coordinates, rad and m. Raises ProblemError."""
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
     reach = {"roll": 4 * math.pi, "tilt": math.pi, "spin": 4 * math.pi, "depth": 1.0}
-    return [
-        _checked(value, f"{key}.{name}", -reach[name], reach[name]) for name, value in zip(TASK, values, strict=True)
-    ]
+    named = zip(TASK, values, strict=True)
+    roll, tilt, spin, depth = (_checked(value, f"{key}.{name}", -reach[name], reach[name]) for name, value in named)
+    return roll, tilt, spin, depth
 
 
 def tilt_range(request: Mapping[str, Any]) -> Range:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.loading.problems import eye_as_written
 from ssm_planner.problem.serialization import plain, problem_from_plain
 
 SHIPPED = Path(__file__).parents[2] / "problems"
@@ -55,17 +54,6 @@ def test_port_and_shaft_have_defaults_and_the_lens_may_be_left_out(files: Any) -
     files.edit(NAME, END, short + END)
     eye = files.load(NAME).eye
     assert (eye.port, eye.shaft_radius, eye.lens) == (0.003, 0.0, None)
-
-
-@pytest.mark.parametrize("axes", ["axis: [0.3, -2, 1]", "axis: [0.3, -2, 1]\n    first_axis: [2, 0.3, 0]"])
-def test_an_eye_written_down_is_read_as_it_was(files: Any, axes: str) -> None:
-    files.edit(NAME, END, EYE.replace("axis: [0, 0, 2]", axes) + END)
-    eye = files.load(NAME).eye
-    (files.root / "again.yaml").write_text((SHIPPED / NAME).read_text() + f"eye: {json.dumps(eye_as_written(eye))}\n")
-    again = files.load("again.yaml").eye
-    mine, its = plain(eye), plain(again)
-    assert np.array(its["lens"].pop("frame")) == pytest.approx(np.array(mine["lens"].pop("frame")), abs=1e-15)
-    assert its == mine
 
 
 def test_without_these_keys_nothing_is_limited(files: Any) -> None:

@@ -6,8 +6,7 @@ import dataclasses
 
 import pytest
 
-from ssm_planner.pipeline.run import plan
-from ssm_planner.pipeline.tightening import Strictness
+from ssm_planner.pipeline.run import Strictness, plan
 from ssm_planner.problem.limits import MotorTorque
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.text import summary_lines
