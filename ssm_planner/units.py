@@ -74,10 +74,9 @@ _NUMBER_HINT = "a bare number such as 0.13, without a unit"
 
 # Factors to SI of the units that column headings of tables name.
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180}
+ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": deg, "°": deg}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
-RPM = math.pi / 30.0
-SPEEDS = {"rpm": RPM, "1/min": RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0, "mrpm": 1e-3 * RPM}
+SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * rpm}
 
 
 class BadQuantity(ValueError):

@@ -77,13 +77,17 @@ def _known(text: str) -> tuple[str, float]:
 
 
 def _identified_lines(result: dict[str, Any]) -> list[str]:
-    lines = [f"law         {result['law']}", f"map NRMSD   {result['nrmsd']:.4f}", ""]
-    lines.append(f"{'parameter':<16}{'value':>12}{'95 % low':>13}{'95 % high':>13}")
+    from ssm_planner.display import fixed, number
+    from ssm_planner.reporting.text import Table
+
+    lines = [f"law         {result['law']}", f"map NRMSD   {fixed(result['nrmsd'], 4)}", ""]
+    rows = []
     for name, p in result["parameters"].items():
         flags = [text for key, text in (("fixed", "fixed"), ("at_bound", "at its bound")) if p[key]]
         if not p["separable"] and not p["fixed"]:
             flags.append("cannot be separated by these data")
-        lines.append(f"{name:<16}{p['value']:>12.4g}{p['low']:>13.4g}{p['high']:>13.4g}   {', '.join(flags)}".rstrip())
+        rows.append((name, *(number(p[key], 4) for key in ("value", "low", "high")), ", ".join(flags)))
+    lines += Table(("parameter", "value", "95 % low", "95 % high", ""), rows, (1, 2, 3)).lines()
     for row in result["start_stop"]:
         lines.append(
             f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, {row['nrmsd']:.4f} fitted"

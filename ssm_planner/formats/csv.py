@@ -186,7 +186,6 @@ LOOK = 1000
 """Rows whose digits tell how the positions were rounded."""
 FINEST_DIGIT = 400
 """No float has a finer one."""
-ORDERS = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
