@@ -46,13 +46,8 @@ def _runs(positions: Array) -> list[float]:
     """Distances between the points where the motion turns back."""
     steps = np.diff(positions)
     steps = steps[np.abs(steps) > MOVES]
-    runs: list[float] = []
-    for k, step in enumerate(steps):
-        if k and np.sign(step) == np.sign(steps[k - 1]):
-            runs[-1] += abs(float(step))
-        else:
-            runs.append(abs(float(step)))
-    return runs
+    turns = np.flatnonzero(np.diff(np.sign(steps))) + 1
+    return [float(np.abs(run).sum()) for run in np.split(steps, turns) if len(run)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Tip
@@ -131,8 +129,5 @@ def _visits(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
 
 def _axis(mechanism: Mechanism, task: Array) -> tuple[Array, Array]:
     """Direction of the tool (3,) at these task coordinates, and the direction in which roll turns it (3,)."""
-    q = inverse_task(mechanism, np.array([[task[0], task[1], task[2], 1.0]])).joints[0, 0]
-    axis = tip_position(mechanism, q[None, :])[0]
-    axis = axis / np.linalg.norm(axis)
-    assert np.allclose(task_from_joints(mechanism, q[None, :])[0, :2], task[:2], atol=1e-6)
+    (axis,) = pose_from_task(mechanism, [[*task[:3], 1.0]])[1]  # the tip at a depth of 1 m
     return axis, np.cross(mechanism.omega1, axis)

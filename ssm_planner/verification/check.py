@@ -90,15 +90,6 @@ def _locking(robot: Robot) -> list[LimitCheck]:
         lowest = limit.friction
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
-        checks.append(
-            LimitCheck(
-                limit.name,
-                limit.joint,
-                worst=lowest,
-                limit=needed,
-                margin=float(in_mu) / needed,
-                time=0.0,
-                unit=limit.unit,
-            )
-        )
+        found = {"worst": lowest, "limit": needed, "margin": float(in_mu) / needed}
+        checks.append(LimitCheck(limit.name, limit.joint, **found, time=0.0, unit=limit.unit))
     return checks
