@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import call
+from ssm_planner.kinematics.rotations import constant, rotation_symbolic
 from ssm_planner.problem.robot import Body, Geometry, Robot
 from ssm_planner.typing import Array
 
@@ -28,15 +29,16 @@ def inverse_dynamics_symbolic(
     base frame at q = 0: there axes, centres of mass and inertias are constants. Gravity enters as an acceleration −g of
     the base.
     """
-    axes = [_constant(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)]
+    axis_of = geometry.omega1, geometry.omega2, geometry.omega3
+    axes = [constant(axis) for axis in axis_of]
     omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(-ca.DM(gravity))
     moments, turns = [], []
     for i, body in enumerate(bodies):
-        com = _constant(body.frame @ body.com)
-        inertia = _constant(body.frame @ inertia_about_com(body) @ body.frame.T)
+        com = constant(body.frame @ body.com)
+        inertia = constant(body.frame @ inertia_about_com(body) @ body.frame.T)
         if i < 3:
             # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
-            back = _rotation(axes[i], q[i]).T
+            back = rotation_symbolic(axis_of[i], q[i]).T
             omega, omega_dot, base_acceleration = back @ omega, back @ omega_dot, back @ base_acceleration
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
@@ -134,7 +136,7 @@ class RigidBody:
         potential = ca.SX(0)
         for i, body in enumerate(self.bodies):
             if i < 3:
-                rotation = rotation @ _rotation(ca.DM(axes[i]), q[i])
+                rotation = rotation @ rotation_symbolic(axes[i], q[i])
             com = rotation @ ca.DM(body.frame @ body.com)
             if i == 3:
                 com += rotation @ ca.DM(axes[2]) * q[3]
@@ -145,14 +147,3 @@ class RigidBody:
 @lru_cache(maxsize=16)
 def _rigid_body(content: bytes) -> RigidBody:
     return RigidBody(*pickle.loads(content))
-
-
-def _constant(value: Array) -> ca.DM:
-    """A constant without the rounding that stands for zeros, so that expressions stay small."""
-    return ca.DM(np.where(np.abs(value) < 1e-15 * np.abs(value).max(initial=0.0), 0.0, value))
-
-
-def _rotation(axis: ca.DM, angle: ca.SX) -> ca.SX:
-    """e^{ω̂θ} for a unit axis (Rodrigues; Murray, Li, Sastry eq. 2.14)."""
-    hat = ca.skew(axis)
-    return ca.SX.eye(3) + hat * ca.sin(angle) + (hat @ hat) * (1 - ca.cos(angle))

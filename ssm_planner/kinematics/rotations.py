@@ -57,7 +57,7 @@ def constant(value: ArrayLike) -> casadi.DM:
     import casadi
 
     matrix = np.array(value, dtype=float)
-    matrix[np.abs(matrix) < 1e-15] = 0.0
+    matrix[np.abs(matrix) < 1e-15 * np.abs(matrix).max(initial=0.0)] = 0.0
     return casadi.sparsify(casadi.DM(matrix))
 
 
