@@ -29,16 +29,12 @@ class Jumps:
 
     def look(self, pieces: Pieces) -> None:
         starts, ends = pieces.ends
-        before, after, time = ends[:-1], starts[1:], pieces.start[1:]
-        if self._last is not None:
-            before, after, time = np.concatenate([self._last[None], before]), starts, pieces.start
+        # nothing is before the first piece of all
+        before = np.concatenate([(starts[0] if self._last is None else self._last)[None], ends[:-1]])
         self._last = ends[-1]
-        if not len(time):
-            return
-        jump = np.abs(after - before)
-        k = jump.argmax(axis=0)
-        largest = np.take_along_axis(jump, k[None], axis=0)[0]
-        self.time = np.where(largest > self.worst, time[k], self.time)
+        jump = np.abs(starts - before)
+        largest, k = jump.max(axis=0), jump.argmax(axis=0)
+        self.time = np.where(largest > self.worst, pieces.start[k], self.time)
         self.worst = np.maximum(largest, self.worst)
 
     def checks(self, straight: bool = False) -> list[LimitCheck]:

@@ -84,10 +84,8 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
                 yield Quantity(limit, i, 1, 1.0 if joint.drive is None else joint.drive.ratio)
             elif not isinstance(limit, (ContinuousTorque, SelfLocking)):
                 yield Quantity(limit, i, limit.order)
-    ranges: list[TaskRange | TaskRate] = [limit for limit in limits.limits if isinstance(limit, TaskRange)]
-    rates: list[TaskRange | TaskRate] = [limit for limit in limits.limits if isinstance(limit, TaskRate)]
-    for family in (ranges, rates):
-        of = {task.coordinate: task for task in family}
+    for kind in (TaskRange, TaskRate):
+        of = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)}
         for k, name in enumerate(TASK):
             if name == "depth" and name in of:
                 yield Quantity(of[name], 3, of[name].order, float(robot.geometry.insertion_sign))

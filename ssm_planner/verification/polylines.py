@@ -72,8 +72,7 @@ class _Speeds:
         """Pieces between breaks (m + 1,), with coefficients (m, 6, 4)."""
         length = np.diff(breaks)
         speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
-        k = speed.argmax(axis=0)
-        largest = np.take_along_axis(speed, k[None], axis=0)[0]
+        largest, k = speed.max(axis=0), speed.argmax(axis=0)
         self.fastest_time = np.where(largest > self.fastest, breaks[k], self.fastest_time)
         self.fastest = np.maximum(largest, self.fastest)
         orders = np.arange(1, DEGREE + 1)
@@ -95,10 +94,10 @@ class _Speeds:
         allowed = self.allowed * ((before + after) / 2)[:, None]
         share = jump / allowed
         k = share.argmax(axis=0)
-        rows = [np.take_along_axis(x, k[None], axis=0)[0] for x in (share, jump, allowed)]
-        worse = rows[0] > self.share
-        self.worst = np.where(worse, np.array([rows[1], rows[2], time[k]]), self.worst)
-        self.share = np.where(worse, rows[0], self.share)
+        each = np.arange(4)
+        worse = share[k, each] > self.share
+        self.worst = np.where(worse, np.array([jump[k, each], allowed[k, each], time[k]]), self.worst)
+        self.share = np.where(worse, share[k, each], self.share)
 
     def checks(self) -> list[LimitCheck]:
         """Velocity jumps, joint by joint."""

@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import tempfile
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -36,7 +36,6 @@ KEPT, KEPT_FILES = 24, 200
 class Source:
     """Element functions as C, and where libraries made of them are kept, each as <of the source>-<of the library>.so."""
 
-    names: tuple[str, ...]
     text: str
     folder: Path
     sha256: str
@@ -44,17 +43,13 @@ class Source:
     @classmethod
     def of(cls, element: ElementFunctions, folder: Path) -> Source:
         generator = ca.CodeGenerator("element.c")
-        names = []
-        for field in fields(element):
-            function = getattr(element, field.name)
-            if function is not None:
-                generator.add(function)
-                names.append(field.name)
+        for function in element.by_name().values():
+            generator.add(function)
         text = generator.dump()
         # a home folder may be shared between machines of several kinds
         machine = platform.system(), platform.machine()
         content = hashlib.sha256("\n".join([text, ca.CasadiMeta.version(), *machine, *FLAGS]).encode()).hexdigest()
-        return cls(tuple(names), text, folder, content[:32])
+        return cls(text, folder, content[:32])
 
     def library(self) -> Path | None:
         """A whole library that the user alone could have written; None where there is none."""
@@ -68,8 +63,8 @@ class Source:
     def load(self, element: ElementFunctions, library: Path) -> ElementFunctions:
         """The same functions from the library. Raises OSError or RuntimeError where it cannot be used."""
         os.utime(library)  # of the libraries, the last used are kept
-        loaded = {name: ca.external(getattr(element, name).name(), str(library)) for name in self.names}
-        return ElementFunctions(**{field.name: loaded.get(field.name) for field in fields(element)})  # type: ignore[arg-type]
+        names = element.by_name().items()
+        return replace(element, **{name: ca.external(function.name(), str(library)) for name, function in names})
 
     def compile(self) -> subprocess.Popen[bytes] | None:
         """Begin to make the library, in a process of low priority; whole or not at all.

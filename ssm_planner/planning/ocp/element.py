@@ -190,6 +190,10 @@ class ElementFunctions:
     cost: ca.Function | None
     gradient: ca.Function | None
 
+    def by_name(self) -> dict[str, ca.Function]:
+        """Those that there are."""
+        return {name: function for name, function in vars(self).items() if function is not None}
+
 
 def element_functions(element: ElementModel) -> ElementFunctions:
     """Exact derivatives of an element by the chain rule through the state at each point.
