@@ -16,6 +16,7 @@ from ssm_planner.reporting.html.panels import Panel, panels_of
 from ssm_planner.reporting.html.report import verdict
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import Table
+from ssm_planner.units import RPM
 from ssm_planner.verification.certificate import Certificate
 
 LEFT_OUT = ("What the motor torque is spent on",)
@@ -102,7 +103,7 @@ def _motors(first: Plan, second: Plan) -> Table:
         for key, name, scale in (
             ("peak_torque", "peak torque mN·m", 1e3),
             ("rms_torque", "RMS torque mN·m", 1e3),
-            ("peak_speed", "peak speed rad/s", 1.0),
+            ("peak_speed", "peak speed rpm", RPM),
         ):
             values = [None if key not in side else scale * side[key] for side in (a, b)]
             rows.append((joint, " / ".join(motors), name, *_pair(values)))
