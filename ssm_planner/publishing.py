@@ -123,7 +123,7 @@ def check_generation(folder: Path) -> None:
             "make them again"
         )
     for name, sha in listed(manifest).items():
-        if (folder / name).exists() and not _is(folder / name, sha):
+        if os.path.exists(folder / name) and not _is(folder / name, sha):
             raise TrajectoryError(
                 f"{folder / name}: is not the file that {MANIFEST} lists: changed since it was written, or of another "
                 f"plan; make the results again, or take {MANIFEST} away if you changed it yourself"
@@ -210,7 +210,7 @@ def _remove_stale(folder: Path, stale: Mapping[str, str]) -> None:
 
 
 def _is(path: Path, sha: str) -> bool:
-    return path.is_file() and sha256(path) == sha
+    return os.path.isfile(path) and sha256(path) == sha
 
 
 def _inside(name: str) -> bool:

@@ -237,5 +237,17 @@ def test_names_are_data_and_never_paths(name: str, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [made]
 
 
+@pytest.mark.parametrize("name", ["x" * 5000, "plan.json/x", "\udcff", "a/" * 3000 + "b"])
+def test_a_manifest_may_list_what_no_file_can_be_called(name: str, tmp_path: Path) -> None:
+    publish(tmp_path / "out", OLD)
+    path = tmp_path / "out" / publishing.MANIFEST
+    manifest = json.loads(path.read_text())
+    manifest["files"][name] = "0" * 64
+    path.write_text(json.dumps(manifest))
+    check_generation(tmp_path / "out")  # it is missing, as if somebody had taken it away
+    publish(tmp_path / "out", NEW)
+    assert name not in read_manifest(tmp_path / "out")["files"]
+
+
 def test_ordinary_names_stay() -> None:
     assert file_name("tilt_insert-2.b") == "tilt_insert-2.b"

@@ -294,6 +294,8 @@ def _data_rows(path: Path, layout: Layout, wanted: Sequence[Heading]) -> _Rows:
                 found = np.loadtxt(
                     file, comments=None, delimiter=layout.separator, usecols=used, ndmin=2, max_rows=BLOCK
                 )
+                if len(found) and all_columns and found.shape[1] != len(columns):
+                    raise ValueError("rows of another width than the header")
                 if len(found):
                     read.add((found[:, columns] if all_columns else found) * factors)
     except UnicodeDecodeError as error:

@@ -1,4 +1,4 @@
-"""`python -m tests.campaign [--minutes N] [--seed N]`: every campaign for a share of the time, and their table.
+"""`python -m tests.campaign [--minutes N] [--full] [--seed N]`: every campaign, on two processes, and their table.
 
 It writes results/campaign.md: no times or dates in it. Exit status 1 where something failed.
 """
@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import multiprocessing
 import sys
 import time
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from .rows import ROOT, Row
@@ -17,14 +20,18 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-FIRST = {"processes": 10}
-"""Cases of the first round, where not 40."""
+SLICE = {"processes": 20}
+"""Cases of one task, where not 400."""
+FULL = {"mutated": 20_000, "tampered": 2_000, "violations": 10_000, "processes": 560}
+"""Cases with --full."""
+WORKERS = 2
 OUT = ROOT / "results/campaign.md"
 
 
 def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="campaign", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0, help="for everything (default 60)")
+    parser.add_argument("--full", action="store_true", help=f"as many cases as it takes: {FULL}")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", help="modules of this folder")
     parser.add_argument("-o", "--output", type=Path, default=OUT)
@@ -34,7 +41,7 @@ def main(words: list[str] | None = None) -> int:
     rows: list[Row] = []
     for name in names:
         seconds = 60 * options.minutes * SHARES.get(name, 1.0) / whole
-        rows += campaign(name, seconds, options.seed)
+        rows += campaign(name, options.seed, None if options.full else seconds)
     text = table(rows, options.seed)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     options.output.write_text(text, encoding="utf-8")
@@ -42,23 +49,49 @@ def main(words: list[str] | None = None) -> int:
     return 1 if any(row.failures for row in rows) else 0
 
 
-def campaign(name: str, seconds: float, seed: int) -> list[Row]:
-    """Rounds of one module, each with a seed of its own, as many as the time allows; their sums."""
-    module = importlib.import_module(f"{__package__}.{name}")
-    begin, count, done = time.monotonic(), FIRST.get(name, 40), 0
+def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
+    """Slices of one module, each with a seed of its own, and their sums.
+
+    As many as the time allows, or FULL where there is none; at the least one for each process.
+    """
+    begin, size, started, cases = time.monotonic(), SLICE.get(name, 400), 0, 0
     sums: dict[str, Row] = {}
+    running: list[Future[tuple[list[Row], float]]] = []
+    pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))
+    longest = 0.0
     while True:
-        before = time.monotonic()
-        for row in module.run(count, seed + done):
+        while len(running) < WORKERS:
+            left = FULL[name] - cases if seconds is None else seconds - (time.monotonic() - begin) - longest
+            if left <= 0 and started >= WORKERS:
+                break
+            # a seed so far from the others that two campaigns share none
+            running.append(pool.submit(one, name, size, 100_000 * seed + started))
+            started, cases = started + 1, cases + size
+        if not running:
+            pool.shutdown()
+            return list(sums.values())
+        try:
+            rows, took = running.pop(0).result()
+            longest = max(longest, took)
+        except BrokenProcessPool:
+            rows, running = [Row(f"{name}: a process died", 1, 1, (f"slice {started - 1} or one before it",))], []
+            pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))
+        for row in rows:
             old = sums.get(row.kind, Row(row.kind, 0, 0, ()))
             examples = (*old.examples, *row.examples)[:5]
             sums[row.kind] = Row(row.kind, old.cases + row.cases, old.failures + row.failures, examples)
-        done += 1
-        took, left = time.monotonic() - before, seconds - (time.monotonic() - begin)
-        print(f"{name}: round {done}, {count} cases, {took:.0f} s, {left:.0f} s left", file=sys.stderr, flush=True)
-        if left < took:
-            return list(sums.values())
-        count = min(max(count, int(count * left / took / 4)), 50 * count)
+        failed = sum(row.failures for row in sums.values())
+        print(
+            f"{name}: {cases} cases begun, {failed} failed, {time.monotonic() - begin:.0f} s",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+def one(name: str, count: int, seed: int) -> tuple[list[Row], float]:
+    """A slice, and the seconds that it took."""
+    begin = time.monotonic()
+    return importlib.import_module(f"tests.campaign.{name}").run(count, seed), time.monotonic() - begin
 
 
 def table(rows: list[Row], seed: int) -> str:

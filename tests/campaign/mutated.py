@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import random
+import resource
+import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from .rows import ROBOT, ROOT, Count, Row, command
+from ssm_planner.publishing import sha256
+
+from .rows import ROBOT, ROOT, Count, Hang, Row, command, watchdog
+
+BOMBS = 0.05
+"""Share of the cases that are hostile whatever their kind."""
 
 TOKENS = (
     "1e999", "-1e999", "1e-99999999999999999999", "1e99999999999999999999", "9" * 400, "-" + "9" * 5000, "2001-99-99",
@@ -110,70 +118,100 @@ def run(count: int, seed: int) -> list[Row]:
         return Kinds(Path(folder)).run(count, seed)
 
 
+class Kind(NamedTuple):
+    """Files of one kind, and who reads them."""
+
+    name: str
+    files: Sequence[Path]
+    reader: Callable[[Path], Any]
+    """A path → words of a command; or what loads it in this process."""
+    tree: bool = False
+    """JSON whose values are changed, and not its bytes."""
+    loads: bool = False
+
+
 class Kinds:
-    """The files that are mutated, and the command that reads each kind."""
+    """The files that are mutated, and the command or function that reads each kind."""
 
     def __init__(self, folder: Path) -> None:
         from plans import trapezoids, write_plan
 
         from ssm_planner.formats.export import export
-        from ssm_planner.loading.load import load_robot
+        from ssm_planner.loading import load
+        from ssm_planner.publishing import publishing_results
 
-        self.folder = folder
-        robot = load_robot(ROBOT)
-        self.plan = write_plan(folder / "plan.json", robot, trapezoids(robot))
+        self.folder, self.large = folder, False
+        robot = load.load_robot(ROBOT)
+        plan = write_plan(folder / "plan.json", robot, trapezoids(robot))
         for form, options in (
             ("csv", {}),
             ("ros2", {"rate": 10.0}),
             ("epos4", {"counts_per_turn": 4096, "rate": 20.0}),
         ):
-            export(self.plan, form, folder / form, **options)
-        robots = ["--robot", str(ROBOT)]
-        yaml = (ROOT / "problems/tilt_insert.yaml", ROOT / "problems/laser_scan.yaml")
-        recording = next((ROOT / "problems").glob("recordings/**/*.csv"), None)
-        drive = str(ROOT / "problems/drives/rig1_lead_screw.yaml")
-        self.kinds: list[tuple[str, Sequence[Path], Callable[[Path], list[str]], bool]] = [
-            ("problem YAML", yaml, lambda path: ["ik", str(path), "--roll", "0deg"], False),
-            ("robot YAML", (ROBOT,), lambda path: ["workspace", str(path), "--json"], False),
-            ("plan.json, tree", (self.plan,), lambda path: ["check", str(path), "--json"], True),
-            ("plan.json, bytes", (self.plan,), lambda path: ["check", str(path), "--json"], False),
-            ("CSV", (folder / "csv/trajectory.csv",), lambda path: ["check", str(path), *robots, "--json"], False),
-            ("JointTrajectory", (folder / "ros2/joint_trajectory.yaml",), lambda p: ["check", str(p), *robots], False),
-            ("bag", (folder / "ros2/bag/bag.mcap",), lambda path: ["check", str(path), *robots], False),
-            ("bag metadata", (folder / "ros2/bag/metadata.yaml",), lambda p: ["check", str(p.parent), *robots], False),
-            ("manifest, tree", (folder / "epos4/manifest.json",), lambda p: ["check", str(p.parent), *robots], True),
-            ("manifest, bytes", (folder / "epos4/manifest.json",), lambda p: ["check", str(p.parent), *robots], False),
-        ]
-        if recording is not None:
-            self.kinds.append(("recording", (recording,), lambda p: ["predict", drive, str(p), "--json"], False))
+            export(plan, form, folder / form, **options)
+        with publishing_results(folder / "results", sha256(plan)) as results:
+            shutil.copy(plan, results / "plan.json")
+        drive = folder / "drive.yaml"
+        rig = ROOT / "problems/drives/rig3_worm.yaml"
+        identified = command("identify", str(rig), "-o", str(drive), seconds=60)
+        assert identified[0] == 0, f"identify: {identified}"
+        recording, recorder = _recordings(folder)
+
+        def shipped(pattern: str) -> list[Path]:
+            return sorted((ROOT / "problems").glob(pattern))
+
+        def check(path: Path) -> list[str]:
+            return ["check", str(path), "--robot", str(ROBOT)]
+
+        manifest, metadata = folder / "epos4/manifest.json", folder / "ros2/bag/metadata.yaml"
+        self.kinds = [
+            Kind("problem YAML", shipped("*.yaml"), load.load_problem, loads=True),
+            Kind("robot YAML", [ROBOT], load.load_robot, loads=True),
+            Kind("drive YAML", shipped("drives/*.yaml"), load.load_drive, loads=True),
+            Kind("drive YAML with posterior", [drive], load.load_drive, loads=True),
+            Kind("motor YAML", shipped("motors/*.yaml"), load.load_motor, loads=True),
+            Kind("controller YAML", shipped("controllers/*.yaml"), load.load_controller, loads=True),
+            Kind("motorisation YAML", shipped("motorisation/*.yaml"), load.load_motorisation, loads=True),
+            Kind("plan.json, tree", [plan], lambda path: ["check", str(path), "--json"], tree=True),
+            Kind("plan.json, bytes", [plan], lambda path: ["check", str(path), "--json"]),
+            Kind("results with manifest", [folder / "results/plan.json"], lambda path: ["check", str(path)], tree=True),
+            Kind("manifest of results", [folder / "results/manifest.json"], lambda p: ["check", str(p.parent / "plan.json")]),
+            Kind("CSV", [folder / "csv/trajectory.csv"], check),
+            Kind("JointTrajectory", [folder / "ros2/joint_trajectory.yaml"], check),
+            Kind("bag, mcap", [folder / "ros2/bag/bag.mcap"], check),
+            Kind("bag, metadata", [metadata], lambda path: check(path.parent)),
+            Kind("manifest, tree", [manifest], lambda path: check(path.parent), tree=True),
+            Kind("manifest, bytes", [manifest], lambda path: check(path.parent)),
+            Kind("recording", [recording], lambda path: ["predict", str(rig), str(path), "--json"]),
+            Kind("recording of a recorder", [recorder], lambda path: ["compare", str(plan), f"roll={path}", "--json"]),
+        ]  # fmt: skip
 
     def run(self, count: int, seed: int) -> list[Row]:
         """A share of the count for every kind."""
-        rows = []
-        for number, (kind, files, words, tree) in enumerate(self.kinds):
-            rng, counted = random.Random(f"{seed} {number}"), Count(kind)
-            sources = [(file, file.read_bytes()) for file in files]
-            cases: list[bytes | None] = [*bombs(), *([None] * max(count // len(self.kinds) - len(bombs()), 0))]
-            cases: list[bytes | None] = cases[: max(count // len(self.kinds), 1)]
-            for case in cases:
-                file, data = rng.choice(sources)
-                content = case
-                if content is None:
-                    content = mutated_tree(rng, data.decode()) if tree else mutated_bytes(rng, data)
-                counted.add(self.fault(kind, file, content, words))
+        rows, hostile = [], bombs()
+        for number, kind in enumerate(self.kinds):
+            rng, counted = random.Random(f"{seed} {number}"), Count(kind.name)
+            for _ in range(max(count // len(self.kinds), 1)):
+                file = rng.choice(kind.files)
+                data = file.read_bytes()
+                if rng.random() < BOMBS:
+                    content = rng.choice(hostile)
+                else:
+                    content = mutated_tree(rng, data.decode()) if kind.tree else mutated_bytes(rng, data)
+                counted.add(self.fault(kind, file, content))
             rows.append(counted.row)
         return rows
 
-    def fault(self, kind: str, file: Path, content: bytes, words: Callable[[Path], list[str]]) -> str | None:
+    def fault(self, kind: Kind, file: Path, content: bytes) -> str | None:
         """What is wrong with the answer to a mutated file."""
         shipped = self.folder not in file.parents
         path = self.folder / f"mutated{file.suffix}" if shipped else file
         original = None if shipped else file.read_bytes()
         path.write_bytes(content)
         try:
-            if kind == "problem YAML":
-                return _load(path)
-            status, _, err, fault = command(*words(path))
+            if kind.loads:
+                return _load(kind.reader, path)
+            status, _, err, fault = command(*kind.reader(path))
         finally:
             if original is not None:
                 path.write_bytes(original)
@@ -183,20 +221,34 @@ class Kinds:
             return f"exit status {status}: {err[-200:]}"
         if status == 2 and path.name not in err and str(path.parent) not in err:
             return f"the message does not name the file: {err[-200:]}"
+        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        if largest > 1 and not self.large:
+            self.large = True  # of the process: it never shrinks
+            return f"{largest:.2f} GB of memory: {content[:80]!r}"
         return None
 
 
-def _load(path: Path) -> str | None:
-    from ssm_planner.errors import SsmPlannerError
-    from ssm_planner.loading.load import load_problem
+def _recordings(folder: Path) -> tuple[Path, Path]:
+    """A recording with named columns, and one as an EPOS recorder exports it."""
+    time = [0.002 * k for k in range(1500)]
+    rows = [f"{t:.3f},{100 + math.sin(9 * t):.4f},{0.01 + 0.001 * math.sin(5 * t):.6f}" for t in time]
+    named, recorder = folder / "steady.csv", folder / "roll.csv"
+    named.write_text("\n".join(["time [s],velocity [rad/s],torque [N*m]", *rows]) + "\n", encoding="utf-8")
+    head = ["Date:;2024-01-01 10:00:00", f"Recorded samples:;{len(time)}", "Sampling period:;2.000"]
+    head += [";Velocity actual value averaged;Torque actual value averaged", "ms;rpm;%"]
+    rows = [f"{1e3 * t:.0f};{round(2000 * math.sin(3 * t))};{20 * math.sin(3 * t):.1f}" for t in time]
+    recorder.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+    return named, recorder
 
-    from .rows import Hang, watchdog
+
+def _load(reader: Callable[[Path], Any], path: Path) -> str | None:
+    from ssm_planner.errors import SsmPlannerError
 
     try:
         with watchdog():
-            load_problem(path)
+            reader(path)
     except SsmPlannerError as error:
-        # a fault of the robot that the problem names is said of that file
+        # a fault of a file that this one names is said of that file
         return None if ".yaml" in str(error) else f"the message does not name the file: {error}"
     except Hang:
         return "hangs"

@@ -26,7 +26,8 @@ from ssm_planner.publishing import MANIFEST, check_generation, file_name, hashes
 
 from .rows import ROOT, Count, Row
 
-PATIENCE = 60.0
+KINDS = ("plan", "report", "csv", "ros2")
+PATIENCE = 120.0
 ORPHANS = 2.0
 """s after the end of a process in which its children have to end."""
 MARK = "SSM_PLANNER_CAMPAIGN"
@@ -45,8 +46,10 @@ class Stage:
     folder: Path
     problems: tuple[Path, Path]
     results: tuple[Path, Path]
-    seconds: float
-    """How long one command takes here, when it is left alone."""
+    exports: dict[str, Path]
+    """Of the second results, by format."""
+    seconds: dict[str, float]
+    """How long each command takes here, when it is left alone."""
 
     @classmethod
     def prepared(cls, folder: Path) -> Stage:
@@ -55,12 +58,20 @@ class Stage:
         second = folder / "problems/less.yaml"
         second.write_text(first.read_text().replace("to: 20 mm", "to: 12 mm"))
         results = folder / "first", folder / "second"
-        begin = 0.0
+        stage = cls(folder, (first, second), results, {form: folder / form for form in ("csv", "ros2")}, {})
         for problem, result in zip((first, second), results, strict=True):
-            begin = time.monotonic()
-            ended = start(folder, "plan", str(problem), "-o", str(result)).wait(PATIENCE)
-            assert ended == 0, f"{problem}: exit status {ended}"
-        return cls(folder, (first, second), results, time.monotonic() - begin)
+            stage.timed("plan", "plan", str(problem), "-o", str(result))
+        for form, out in stage.exports.items():
+            stage.timed(form, "export", str(results[1]), "--to", form, "-o", str(out))
+        shutil.copytree(results[0], folder / "again")
+        stage.timed("report", "report", str(folder / "again"), "--figures", str(folder / "again"))
+        return stage
+
+    def timed(self, kind: str, *words: str) -> None:
+        begin = time.monotonic()
+        ended = start(self.folder, *words).wait(PATIENCE)
+        assert ended == 0, f"{words}: exit status {ended}"
+        self.seconds[kind] = time.monotonic() - begin
 
 
 def run(count: int, seed: int) -> list[Row]:
@@ -99,14 +110,15 @@ def interrupted(stage: Stage, count: int, number: signal.Signals, rng: random.Ra
     for k in range(count):
         case = stage.folder / "case"
         shutil.rmtree(case, ignore_errors=True)
-        kind = ("plan", "report", "csv", "ros2")[k % 4]
+        kind = rng.choice(KINDS)
         out, words, earlier = _command(stage, case, kind)
-        instant = stage.seconds * (rng.uniform(0.0, 1.1) if k % 2 else rng.uniform(0.6, 1.1))
+        # over the whole run, and as often over its last third, where files are written
+        instant = stage.seconds[kind] * (rng.uniform(0.0, 1.1) if k % 2 else rng.uniform(0.6, 1.1))
         mark = f"{number.name}-{k}-{os.getpid()}"
         errors = case / "stderr"
         with errors.open("wb") as stream:
             process = start(case, *words, mark=mark, streams={"stderr": stream})
-            time.sleep(instant * (1.0 if kind == "plan" else 0.6))
+            time.sleep(instant)
             process.send_signal(number)
             try:
                 status = process.wait(PATIENCE)
@@ -133,9 +145,7 @@ def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict
         shutil.copytree(first, out)
         words = ["report", str(out), "--figures", str(out)]
     else:
-        shutil.copytree(second, case / "second")
-        ended = start(case, "export", str(case / "second"), "--to", kind, "-o", str(out)).wait(PATIENCE)
-        assert ended == 0, f"export: exit status {ended}"
+        shutil.copytree(stage.exports[kind], out)
         words = ["export", str(first), "--to", kind, "-o", str(out)]
     return out, words, hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
 
@@ -201,7 +211,7 @@ def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
     for k in range(count):
         case = stage.folder / "case"
         shutil.rmtree(case, ignore_errors=True)
-        out, words, earlier = _command(stage, case, ("plan", "report", "csv", "ros2")[k % 4])
+        out, words, earlier = _command(stage, case, KINDS[k % 4])
         sizes = [path.stat().st_size for path in stage.results[0].iterdir()]
         with (case / "stderr").open("wb") as stream:
             limit = rng.randrange(100, max(sizes))

@@ -71,7 +71,7 @@ def watchdog(seconds: int = LONGEST) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def command(*words: str) -> tuple[int | None, str, str, str | None]:
+def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, str | None]:
     """(exit status, stdout, stderr, fault) of a command run in this process; fault: a hang, or its last traceback."""
     from ssm_planner.cli import main
 
@@ -79,12 +79,12 @@ def command(*words: str) -> tuple[int | None, str, str, str | None]:
     fault, status = None, None
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            with watchdog():
+            with watchdog(seconds):
                 status = main(list(words))
         except SystemExit as stop:
             status = int(stop.code or 0)
         except Hang:
-            fault = f"hangs over {LONGEST} s"
+            fault = f"hangs over {seconds} s"
         except BaseException as error:  # noqa: BLE001 - any is a finding
             last = traceback.extract_tb(error.__traceback__)[-1]
             fault = f"{type(error).__name__}: {str(error)[:100]} ({Path(last.filename).name}:{last.lineno})"

@@ -102,26 +102,33 @@ class Violations:
         where = f"joint {joint}, {1e6 * width:.1f} µs at {breaks[0]:.4f} s"
         return Trajectory(times, np.concatenate(parts), motion.phases), where
 
-    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points of the motion, from which cubics make it again."""
+    def table(self, ticks: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points of the motion, from which cubics make it again; two of them 1–200 µs apart. ticks: of time, s."""
         breaks = self.trajectory.breaks
         more = np.sort(self.rng.uniform(*breaks[[0, -1]], 30))
         # the breaks, where the acceleration jumps, and what is not too near to them or to each other
         apart = np.abs(more[:, None] - breaks).min(axis=1) > 1e-3
-        t = np.sort(np.concatenate([breaks, more[apart & np.append(True, np.diff(more) > 1e-3)]]))
+        more = more[apart & np.append(True, np.diff(more) > 1e-3)]
+        near = self.rng.choice(more) + 10 ** self.rng.uniform(-6, np.log10(2e-4))
+        t = np.sort(np.append(np.concatenate([breaks, more]), near))
+        if ticks:  # as seconds and nanoseconds are put together again
+            whole = np.round(t / ticks)
+            t = whole // 1e9 + whole % 1e9 * ticks
         samples = self.trajectory.sample(t)
         samples.qd[[0, -1]] = 0.0
         return t, samples.q.copy(), samples.qd.copy()
 
-    def beyond(self, peak: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
+    def beyond(self, peak: float, ticks: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
         """The table with one velocity changed, so that q̈ at the start of an interval is `peak` times its limit."""
-        t, q, qd = self.table()
+        t, q, qd = self.table(ticks)
         k, joint = int(self.rng.integers(1, len(t) - 2)), int(self.rng.integers(4))
+        if self.rng.random() < 0.5:  # the shortest
+            k = int(np.argmin(np.diff(t)))
         h = t[k + 1] - t[k]
         limit, sign = self.robot.joints[joint].acceleration, float(self.rng.choice((-1, 1)))
         # q̈ at the start of a cubic: (6 (q1 − q0) / h − 4 v0 − 2 v1) / h
         qd[k, joint] = (6 * (q[k + 1, joint] - q[k, joint]) / h - 2 * qd[k + 1, joint] - sign * peak * limit * h) / 4
-        return t, q, qd, f"joint {joint} at {t[k]:.4f} s"
+        return t, q, qd, f"joint {joint} at {t[k]:.4f} s for {1e6 * h:.1f} µs"
 
     def csv(self, count: int) -> None:
         """Rows with velocities."""
@@ -155,7 +162,7 @@ class Violations:
         empty: list[Any]
         for k in range(count):
             healthy, excess = k % 4 == 0, self.excess()
-            t, q, qd, where = (*self.table(), "") if healthy else self.beyond(1 + excess + 1e-5)
+            t, q, qd, where = (*self.table(1e-9), "") if healthy else self.beyond(1 + excess, 1e-9)
             empty = [[] for _ in t]
             names = tuple(joint.name for joint in self.robot.joints)
             message = Message(names, t, q.tolist(), qd.tolist(), accelerations=empty, effort=empty)
@@ -174,7 +181,7 @@ class Violations:
             folder = self.folder / f"epos4_{number}"
             export(plan, "epos4", folder, rate=rate, counts_per_turn=int(self.rng.choice((1024, 4096, 65536))))
             for k in range(max(count // 6, 2)):
-                if k % 20 == 0:
+                if k % 8 == 0:
                     self.judge("EPOS4 folders", folder, True, f"{rate:g} Hz")
                 elif k % 2:
                     self.changed(folder, self.nudge, rehash=False)

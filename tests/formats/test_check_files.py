@@ -166,6 +166,8 @@ def test_bad_csv_files(robot: Robot, tmp_path: Path, names: list[str], change, m
             r"t\.csv:3: 3 columns where the header has 5",
         ),
         ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0,0,0\n2,0,0", r"t\.csv:4: 3 columns"),
+        ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0\n1,0,0\n2,0,0", r"t\.csv:2: 3 columns"),
+        ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n" + "0," * 9 + "0\n" + "1," * 9 + "0\n", r"t\.csv:2: 10 columns"),
     ],
 )
 def test_text_that_is_no_table(robot: Robot, tmp_path: Path, content: str, message: str) -> None:
