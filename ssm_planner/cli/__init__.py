@@ -113,6 +113,7 @@ class _Signals:
 
 def _interrupted(signals: _Signals) -> int:
     """Say what an interruption leaves; its exit status."""
+    exec("")  # CPython remembers an interruption within exec(), and would end by SIGINT; the next exec() forgets it
     atomic = sys.modules.get("ssm_planner.atomic")
     written = [str(path) for path in atomic.written] if atomic is not None else []
     left = f"written whole before that: {', '.join(written)}" if written else "earlier results are untouched"

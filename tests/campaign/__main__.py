@@ -6,7 +6,6 @@ It writes results/campaign.md: no times or dates in it. Exit status 1 where some
 from __future__ import annotations
 
 import argparse
-import importlib
 import multiprocessing
 import sys
 import time
@@ -14,13 +13,13 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from .rows import ROOT, Row
+from .rows import ROOT, Row, one
 
 HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-SLICE = {"processes": 20}
+SLICE = {"processes": 140}
 """Cases of one task, where not 400."""
 FULL = {"mutated": 20_000, "tampered": 2_000, "violations": 10_000, "processes": 560}
 """Cases with --full."""
@@ -58,11 +57,11 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
     sums: dict[str, Row] = {}
     running: list[Future[tuple[list[Row], float]]] = []
     pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))
-    longest = 0.0
+    longest, died = 0.0, 0
     while True:
         while len(running) < WORKERS:
             left = FULL[name] - cases if seconds is None else seconds - (time.monotonic() - begin) - longest
-            if left <= 0 and started >= WORKERS:
+            if (left <= 0 and started >= WORKERS) or died > 2:
                 break
             # a seed so far from the others that two campaigns share none
             running.append(pool.submit(one, name, size, 100_000 * seed + started))
@@ -74,6 +73,7 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
             rows, took = running.pop(0).result()
             longest = max(longest, took)
         except BrokenProcessPool:
+            died += 1
             rows, running = [Row(f"{name}: a process died", 1, 1, (f"slice {started - 1} or one before it",))], []
             pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))
         for row in rows:
@@ -86,12 +86,6 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
             file=sys.stderr,
             flush=True,
         )
-
-
-def one(name: str, count: int, seed: int) -> tuple[list[Row], float]:
-    """A slice, and the seconds that it took."""
-    begin = time.monotonic()
-    return importlib.import_module(f"tests.campaign.{name}").run(count, seed), time.monotonic() - begin
 
 
 def table(rows: list[Row], seed: int) -> str:

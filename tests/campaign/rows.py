@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
@@ -89,3 +91,9 @@ def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, 
             last = traceback.extract_tb(error.__traceback__)[-1]
             fault = f"{type(error).__name__}: {str(error)[:100]} ({Path(last.filename).name}:{last.lineno})"
     return status, out.getvalue(), err.getvalue(), fault
+
+
+def one(name: str, count: int, seed: int) -> tuple[list[Row], float]:
+    """A slice, and the seconds that it took."""
+    begin = time.monotonic()
+    return importlib.import_module(f"{__package__}.{name}").run(count, seed), time.monotonic() - begin

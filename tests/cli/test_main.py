@@ -289,3 +289,20 @@ def test_joint_names_of_a_plan_are_no_paths(tmp_path: Path, capsys: pytest.Captu
     assert main(words) == 2
     assert "roll" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["plan.json"]
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_in_code_that_is_made_from_text_has_the_same_status(name: str, status: int, tmp_path: Path) -> None:
+    """Dataclasses and many libraries call exec() when they load; CPython remembers an interruption within."""
+    (tmp_path / "begun.py").write_text(f"""
+import signal, sys
+from ssm_planner import cli
+from ssm_planner.cli import check
+check.run_check = lambda options: exec("signal.raise_signal(signal.{name})", {{"signal": signal}})
+sys.argv = ["ssm-planner", "check", "x"]
+sys.exit(cli.main())
+""")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    done = subprocess.run([sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment)
+    assert done.returncode == status, done.stderr
+    assert done.stderr.endswith("earlier results are untouched\n")
