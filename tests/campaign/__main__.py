@@ -41,9 +41,9 @@ def main(words: list[str] | None = None) -> int:
     for name in names:
         seconds = 60 * options.minutes * SHARES.get(name, 1.0) / whole
         rows += campaign(name, options.seed, None if options.full else seconds)
-    text = table(rows, options.seed)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(text, encoding="utf-8")
+        text = table(rows, options.seed)
+        options.output.parent.mkdir(parents=True, exist_ok=True)
+        options.output.write_text(text, encoding="utf-8")
     print(text)
     return 1 if any(row.failures for row in rows) else 0
 

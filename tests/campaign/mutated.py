@@ -230,7 +230,7 @@ class Kinds:
 
 def _recordings(folder: Path) -> tuple[Path, Path]:
     """A recording with named columns, and one as an EPOS recorder exports it."""
-    time = [0.002 * k for k in range(1500)]
+    time = [0.002 * k for k in range(300)]
     rows = [f"{t:.3f},{100 + math.sin(9 * t):.4f},{0.01 + 0.001 * math.sin(5 * t):.6f}" for t in time]
     named, recorder = folder / "steady.csv", folder / "roll.csv"
     named.write_text("\n".join(["time [s],velocity [rad/s],torque [N*m]", *rows]) + "\n", encoding="utf-8")
