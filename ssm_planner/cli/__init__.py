@@ -27,7 +27,7 @@ STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 COMMANDS = {
     "plan": ("plan", "plan, cross-check, verify, size, report"),
     "check": ("check", "certificate for a plan.json, a CSV or a JointTrajectory of anyone's"),
-    "export": ("export", "files for the controller: csv, epos4, ros2, urdf, c"),
+    "export": ("export", "files for the controller: csv, epos4, pvt, ros2, urdf, c"),
     "simulate": ("simulate", "the exported set points played on the simulated arm, and what may go wrong"),
     "compare": ("compare", "a recording of the executed motion against the plan"),
     "size": ("size", "what the motion requires; which motors and gears satisfy it"),

@@ -9,7 +9,7 @@ from typing import Any
 from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, show
 from ssm_planner.errors import ExportError
 
-FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
+FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
 
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +30,7 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         "--counts-per-turn",
         nargs="+",
         metavar="[JOINT=]N",
-        help="epos4, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder_counts",
+        help="epos4, pvt, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder",
     )
     parser.add_argument("--effort", action="store_true", default=None, help="ros2: give joint efforts too")
     parser.add_argument("--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -75,14 +75,15 @@ def export_epos4(
         name = f"{joint.name}{suffix}.csv"
         axis = axes.get(joint.name)
         if axis is None:
-            _write(folder / name, t, {f"position_{'rad' if joint.kind == 'revolute' else 'm'}": motion["q"][:, i]})
+            unit = "rad" if joint.kind == "revolute" else "m"
+            write_table(folder / name, {TIME: t, f"position_{unit}": motion["q"][:, i]}, ("%.3f", "%.17g"))
             listed[joint.name] = {"file": name, "note": "no drive: its motion for reference, not a stream"}
             continue
         counts = fits(axis.increments(motion["q"][:, i]), INT32, joint.name, "target position", "increments")
         effects = rounding_effects(counts, motion["q"][:, i], axis, period / 1000)
-        _write(folder / name, t, _stream(mode, axis, counts, motion, i))
+        write_table(folder / name, {TIME: t, **_stream(mode, axis, counts, motion, i)})
         if mode == "csp":
-            _write(folder / f"{joint.name}_time_position{suffix}.csv", t, {"position": counts}, time="time")
+            write_table(folder / f"{joint.name}_time_position{suffix}.csv", {"time": t, "position": counts})
         rows += setup_objects(axis, mode, period, effects)
         listed[joint.name] = {"file": name, **axis.to_dict(), "rounding": effects, "homing": homing(axis, counts[0])}
     _write_objects(folder / f"objects{suffix}.csv", rows)
@@ -189,10 +190,11 @@ def _stream(mode: str, axis: Axis, counts: Array, motion: dict[str, Array], i: i
     return {"target_torque_permille": torque}
 
 
-def _write(path: Path, t: Array, columns: Stream, time: str = "time_s") -> None:
-    header = ",".join([time, *columns])
-    forms = ["%.3f", *("%.17g" if name.startswith("position_") else "%d" for name in columns)]
-    np.savetxt(path, np.column_stack([t, *columns.values()]), fmt=forms, delimiter=",", header=header, comments="")
+def write_table(path: Path, columns: Stream, forms: tuple[str, str] = ("%.3f", "%d")) -> None:
+    """Columns (n,) by name as a CSV file; forms: of the first, which is the time, and of the others."""
+    rows = np.column_stack(list(columns.values()))
+    every = [forms[0], *(forms[1],) * (len(columns) - 1)]
+    np.savetxt(path, rows, fmt=every, delimiter=",", header=",".join(columns), comments="")
 
 
 def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
@@ -235,7 +237,7 @@ def _rounding_notes(plan: Plan, listed: dict[str, Any]) -> list[str]:
     return notes
 
 
-POSITION, VELOCITY, TORQUE = "target_position_inc", "velocity_offset_mrpm", "torque_offset_permille"
+TIME, POSITION, VELOCITY, TORQUE = "time_s", "target_position_inc", "velocity_offset_mrpm", "torque_offset_permille"
 SAME = 1e-9
 """Relative: figures of the manifest and of the robot that are the same."""
 
@@ -246,24 +248,16 @@ def read_epos4(folder: Path, manifest: dict[str, Any], listed: Collection[str], 
     Joints without a drive come from their reference file, in rad or m. listed: files of the manifest whose content is
     known to be as exported. Raises TrajectoryError.
     """
-    axes = manifest.get("axes")
-    if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:
-        raise TrajectoryError(f"{folder}: the manifest does not list the joints of robot {robot.name}")
     columns, resolution, offsets = [], np.zeros(4), {}
     time: Array | None = None
-    for i, joint in enumerate(robot.joints):
-        axis = axes[joint.name]
-        name = axis.get("file") if isinstance(axis, dict) else None
-        if not isinstance(name, str) or name not in listed:
-            raise TrajectoryError(f"{folder}: the manifest lists no file for joint {joint.name}")
-        if "increments_per_unit" in axis:
-            per_unit = _per_unit(folder, joint, axis)
-            t, (counts, speed, torque) = _read_stream(folder / name, (POSITION, VELOCITY, TORQUE))
+    for i, (joint, path, per_unit) in enumerate(read_axes(folder, manifest, listed, robot)):
+        if per_unit is not None:
+            t, (counts, speed, torque) = read_table(path, TIME, (POSITION, VELOCITY, TORQUE))
             values = counts / per_unit
             resolution[i] = 0.5 / abs(per_unit)
             offsets[i] = _offsets(joint, speed, torque)
         else:
-            t, (values,) = _read_stream(folder / name, (f"position_{'rad' if joint.kind == 'revolute' else 'm'}",))
+            t, (values,) = read_table(path, TIME, (f"position_{'rad' if joint.kind == 'revolute' else 'm'}",))
         if time is not None and not np.array_equal(time, t):
             raise TrajectoryError(f"{folder}: the streams of the axes do not have the same times")
         time = t
@@ -273,6 +267,24 @@ def read_epos4(folder: Path, manifest: dict[str, Any], listed: Collection[str], 
     q = np.stack(columns, axis=1)
     reading = join_points(Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot)
     return replace(reading, checks=tuple(offset_checks(robot, time, q, resolution, offsets)))
+
+
+def read_axes(
+    folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot
+) -> Iterator[tuple[Joint, Path, float | None]]:
+    """Of every joint its file among those listed, and its increments per rad or m if it has a drive.
+
+    Raises TrajectoryError.
+    """
+    axes = manifest.get("axes")
+    if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:
+        raise TrajectoryError(f"{folder}: the manifest does not list the joints of robot {robot.name}")
+    for joint in robot.joints:
+        axis = axes[joint.name]
+        name = axis.get("file") if isinstance(axis, dict) else None
+        if not isinstance(name, str) or name not in listed:
+            raise TrajectoryError(f"{folder}: the manifest lists no file for joint {joint.name}")
+        yield joint, folder / name, _per_unit(folder, joint, axis) if "increments_per_unit" in axis else None
 
 
 def _per_unit(folder: Path, joint: Joint, axis: dict[str, Any]) -> float:
@@ -303,17 +315,17 @@ def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
     return Offsets(speed * to_speed, torque * to_torque, 0.5 * abs(to_speed), 0.5 * abs(to_torque))
 
 
-def _read_stream(path: Path, columns: Sequence[str]) -> tuple[Array, list[Array]]:
-    """(times (n,), values (n,) of each of the columns). Raises TrajectoryError."""
+def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, list[Array]]:
+    """(first column (n,), which is `time`, values (n,) of each of the columns) of a file. Raises TrajectoryError."""
     try:
         with path.open(encoding="utf-8") as file:
             names = file.readline().strip().split(",")
-        for column in columns:
+        for column in (time, *columns):
             if column not in names:
                 raise TrajectoryError(
                     f"{path}: no column {column} (streams of the modes csv and cst hold no positions)"
                 )
-        wanted = [0, *(names.index(column) for column in columns)]
+        wanted = [names.index(column) for column in (time, *columns)]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which is said below
             rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=wanted, ndmin=2, encoding="utf-8")

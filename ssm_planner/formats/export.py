@@ -16,7 +16,7 @@ from ssm_planner.publishing import EXPORT, MANIFEST, hashes, publishing
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-FORMATS = ("csv", "epos4", "ros2", "urdf", "c")
+FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
 UNVERIFIED = "_unverified"
 VERSION = 1
 """Of the manifest."""

@@ -11,6 +11,7 @@ from ssm_planner.formats.csv import read_csv
 from ssm_planner.formats.epos4 import read_epos4
 from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
+from ssm_planner.formats.pvt import read_pvt
 from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem.limits import TASK
@@ -18,6 +19,8 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, sha256
 
 ACCEPTED = "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or a folder that export wrote"
+READERS = {"epos4": read_epos4, "pvt": read_pvt}
+"""Of exports that hold a file for each axis."""
 LARGEST_MANIFEST = 20_000_000
 """Bytes."""
 LARGEST_RATE = 1e3
@@ -57,8 +60,8 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
         return read_rosbag(folder, robot)
     manifest = read_manifest(folder)
     listed = _check_hashes(folder, manifest)
-    if manifest.get("kind") == "epos4":
-        reading = read_epos4(folder, manifest, listed, robot)
+    if manifest.get("kind") in READERS:
+        reading = READERS[manifest["kind"]](folder, manifest, listed, robot)
     else:
         name = manifest.get("trajectory")
         if not isinstance(name, str):

@@ -24,7 +24,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
 
 ROOT = Path(__file__).parent.parent.parent
-OPTIONS = {"epos4": {"counts_per_turn": 4096}}
+OPTIONS = {name: {"counts_per_turn": 4096} for name in ("epos4", "pvt")}
 
 
 def run(module, words: list[str]) -> int:

@@ -1,0 +1,275 @@
+"""PVT tables: position, velocity, time rows that a drive joins by cubics of its own (Elmo PVT, maxon EPOS2 and EPOS3 IPM).
+
+Times are whole ms and positions whole increments, so rows can be neither where the plan's acceleration jumps nor quite on
+the plan, and the cubics through samples of it would exceed its limits. Rows are therefore fitted, joint by joint: the
+linear program below finds those nearest to the plan, run a little slower, between which the drive's cubics stay within
+the accelerations, velocities and positions that the plan has nearby. What the drive will run is then checked as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.epos4 import read_axes, read_table, write_table
+from ssm_planner.formats.epos4_setup import INT32, Axis, axes_of, fits
+from ssm_planner.formats.points import Points, Reading, join_points
+from ssm_planner.formats.spline_points import at_times
+from ssm_planner.plans import Plan
+from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
+
+INT24 = 2**23 - 1
+LARGEST_TIME = 255
+"""ms, of one row: 8 bits."""
+INTERVALS = (40, 60, 25, 100)
+"""ms between rows, in the order of trial: short ones feel the rounding to increments, long ones leave the plan."""
+STRETCHES = (0.002, 0.005, 0.01, 0.02, 0.05)
+"""By which the motion is slower than the plan, in the order of trial."""
+SLACK = 0.01
+"""Of the acceleration limit: beyond what the plan has nearby."""
+FINE = 40
+"""Instants of the plan that are looked at between two rows."""
+EXCESS = 1e6
+"""Increments that an acceleration beyond its bounds by the whole limit counts for."""
+TIME, POSITION, VELOCITY = "time_ms", "position", "velocity"
+FORM = {
+    "time_ms": "since the row before, 1 to 255; 0 in the first row, whose time is not used",
+    "position_inc": "absolute, INT32",
+    "velocity_inc_per_s": "at the row, 24 bits with sign; for a drive that takes 1e-3 rpm multiply by mrpm_per_inc_per_s",
+    "between": "third-order polynomial with the positions and velocities of both rows",
+    "start": "first row: where the axis must stand, with the velocity it must have there",
+    "end": "last row: the target; how a drive is told that the table ends differs from drive to drive",
+}
+NOT_VERIFIED = (
+    "nothing was tried on a drive: form and interpolation are as Elmo's SimplIQ manual (P 32, V 24, T 8 bits; ms, counts/s) "
+    "and maxon's IPM application note of the EPOS2 (0x20C1) state them; an EPOS4 has no such mode",
+    "both hold 64 rows at a time: a longer table is sent on while it runs",
+    "the drives' own velocity unit and the sign that ends a table were not found: compare with the manual of the drive",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of all joints and what the drives make of them."""
+
+    t: Array
+    """(n,), s, whole ms."""
+    rows: dict[str, tuple[Array, Array]]
+    """Positions and velocities (n,) by joint: whole increments and increments/s; rad, m where it has no drive."""
+    stretch: float
+    certificate: Certificate
+
+
+def export_pvt(
+    plan: Plan,
+    certificate: Certificate,
+    folder: Path,
+    suffix: str,
+    counts_per_turn: int | Mapping[str, int] | None = None,
+) -> dict[str, Any]:
+    """Write one table per joint; returns what the manifest says. counts_per_turn: as for epos4. Raises ExportError."""
+    axes = axes_of(plan.robot, counts_per_turn)
+    table = _table(plan, certificate, axes)
+    listed: dict[str, Any] = {}
+    notes = [
+        f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; {table.certificate.interpolation}"
+    ]
+    for joint in plan.robot.joints:
+        name = f"{joint.name}{suffix}.csv"
+        axis, (position, velocity) = axes.get(joint.name), table.rows[joint.name]
+        if axis is not None:
+            fits(position, INT32, joint.name, "position", "increments")
+            fits(velocity, INT24, joint.name, "velocity", "increments/s")
+        times = np.round(np.diff(table.t, prepend=table.t[0]) * 1000)
+        columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
+        write_table(folder / name, {TIME: times, **columns}, ("%d", "%d" if axis is not None else "%.17g"))
+        listed[joint.name] = {"file": name, "start": float(position[0]), "start_velocity": float(velocity[0])}
+        listed[joint.name] |= {"end": float(position[-1]), "end_velocity": float(velocity[-1])}
+        if axis is None:
+            listed[joint.name]["note"] = "no drive: its motion for reference"
+            continue
+        wanted, _ = _samples(plan, table.t, table.stretch, plan.robot.joints.index(joint))
+        deviation = float(np.abs(position / axis.increments_per_unit - wanted).max())
+        listed[joint.name] |= {**axis.to_dict(), "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn}
+        listed[joint.name]["deviation"] = deviation
+        unit = "rad" if joint.kind == "revolute" else "m"
+        notes.append(
+            f"joint {joint.name}: up to {deviation:.2g} {unit} from the plan at the rows; encoder {axis.encoder}"
+        )
+    return {
+        "rate_hz": None,
+        "units": {"time": "ms", "position": "increments", "velocity": "increments/s; without a drive rad, m and s"},
+        "form": FORM,
+        "axes": listed,
+        "stretch": table.stretch,
+        "spline": {"interpolation": table.certificate.interpolation, "certificate": table.certificate.to_dict()},
+        "not_verified": list(NOT_VERIFIED),
+        "notes": notes,
+    }
+
+
+def read_pvt(folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot) -> Reading:
+    """The cubics that drives run between the rows of an exported table. Raises TrajectoryError."""
+    q, qd, time = [], [], None
+    for joint, path, per_unit in read_axes(folder, manifest, listed, robot):
+        steps, (position, velocity) = read_table(path, TIME, _columns(joint, per_unit is not None))
+        if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
+            raise TrajectoryError(f"{path}: {TIME} is 0 in the first row, then a whole number from 1 to {LARGEST_TIME}")
+        if time is not None and not np.array_equal(time, steps):
+            raise TrajectoryError(f"{folder}: the tables of the axes do not have the same times")
+        time = steps
+        q.append(position / (per_unit or 1.0))
+        qd.append(velocity / (per_unit or 1.0))
+    assert time is not None
+    t, place = np.cumsum(time) / 1000, f"{folder}: row {{}}".format
+    return join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1), place=place), robot)
+
+
+def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
+    unit = "inc" if driven else "rad" if joint.kind == "revolute" else "m"
+    return f"{POSITION}_{unit}", f"{VELOCITY}_{unit}_per_s"
+
+
+def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table:
+    """The first table whose cubics keep every limit; of a plan that does not, the first. Raises ExportError."""
+    tried = []
+    for table in _trials(plan, axes, STRETCHES if certificate.passed else (0.0,)):
+        if table.certificate.passed or not certificate.passed:
+            return table
+        tried.append(table.certificate)
+    worst = max(tried, key=lambda each: each.worst.margin).worst
+    jerk = " (cubics between rows jump in acceleration)" if worst.name in ("acceleration jump", "jerk") else ""
+    raise ExportError(
+        f"{plan.path}: no PVT table was found that keeps the limits: at best the {worst.name} limit of "
+        f"{worst.joint or 'the tool'} is exceeded by {-100 * worst.margin:.3g} % at {worst.time:.4f} s{jerk}"
+    )
+
+
+def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> Iterator[Table]:
+    for slower in stretches:
+        for interval in INTERVALS:
+            total = int(np.ceil(plan.motion.duration * (1 + slower) * 1000 - 1e-6))
+            t = np.round(np.linspace(0, total, max(int(np.ceil(total / interval)), 2) + 1)) / 1000
+            if total < len(t) - 1:
+                raise ExportError(f"{plan.path}: a motion of {total} ms is too short for a table")
+            stretch = total / 1000 / plan.motion.duration
+            rows = {}
+            q, qd = [], []
+            for i, joint in enumerate(plan.robot.joints):
+                unit, (position, velocity) = 1.0, _samples(plan, t, stretch, i)
+                if joint.name in axes:
+                    unit = axes[joint.name].increments_per_unit
+                    position, velocity = _Fit(plan, i, t, stretch, unit).rows()
+                rows[joint.name] = position, velocity
+                q.append(position / unit)
+                qd.append(velocity / unit)
+            reading = join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1)), plan.robot)
+            limits = plan.limits.slower(stretch)
+            found = check(reading.trajectory, plan.robot, limits, interpolation=reading.interpolation)
+            yield Table(t, rows, stretch, found)
+
+
+def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
+    s = at_times(plan, plan.motion.breaks[0] + t, stretch)
+    return s.q[:, i], s.qd[:, i]
+
+
+class _Fit:
+    """Rows of one joint, in increments and increments per τ, τ the mean time between rows.
+
+    Unknown: deviations d of the n positions, w of the n velocities, bounds e ≥ |d|, and the excess ε ≥ 0.
+    Minimise Σ e + EXCESS ε so that on every interval, with the share ε of the acceleration limit to spare,
+
+        low ≤ acceleration at its start and end ≤ high        (it is linear in between)
+        low ≤ Bernstein coefficients of velocity and position ≤ high
+
+    where low and high are what the plan has there and on the intervals beside it.
+    """
+
+    def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
+        joint, motion, n = plan.robot.joints[i], plan.motion, len(t)
+        tau = float(t[-1]) / (n - 1)
+        q, qd = _samples(plan, t, stretch, i)
+        self.rate, self.positions, self.velocities = 1 / tau, q * unit, qd * unit * tau
+        low, high = sorted(bound * unit for bound in joint.position)
+        self.range = np.ceil(low - 1e-6), np.floor(high + 1e-6)
+        breaks = (motion.breaks - motion.breaks[0]) * stretch
+        self._dense = np.unique(np.concatenate([t, breaks, np.linspace(0, t[-1], FINE * n)]))
+        self._where = np.searchsorted(self._dense, t[:-1])
+        sides = [motion.sample(motion.breaks[0] + self._dense / stretch, side) for side in ("left", "right")]
+        bend = np.array([s.qdd[:, i] * unit * tau**2 * factor for s in sides for factor in (1, stretch**-2)])
+        a = self._nearby(bend)
+        v = self._nearby(np.array([s.qd[:, i] * unit * tau for s in sides]))
+        p = self._nearby(np.array([s.q[:, i] * unit for s in sides]))
+        limit = abs(joint.acceleration * unit * tau**2)
+        h = np.diff(t) / tau
+        # positions rounded by up to half an increment move an acceleration by up to 6 / h²; half of that seldom
+        largest = max(limit, float(np.abs(bend).max())) - 3 / h**2
+        a = np.maximum(a[0] - SLACK * limit, -largest), np.minimum(a[1] + SLACK * limit, largest)
+        zero, one = np.zeros(n - 1), np.ones(n - 1)
+        self.rows_of = (
+            ((-6 / h**2, 6 / h**2, -4 / h, -2 / h), a, limit),
+            ((6 / h**2, -6 / h**2, 2 / h, 4 / h), a, limit),
+            ((-3 / h, 3 / h, -one, -one), v, 0.0),
+            ((one, zero, h / 3, zero), p, 0.0),
+            ((zero, one, zero, -h / 3), p, 0.0),
+        )
+        """Factors of both positions and both velocities of an interval, (low, high) of their sum, what ε = 1 spares."""
+
+    def _nearby(self, values: Array) -> tuple[Array, Array]:
+        """(lowest, highest) of values (k, instants) on each interval and the two beside it."""
+        low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
+        high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
+        return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max([high[:-2], high[1:-1], high[2:]], axis=0)
+
+    def rows(self) -> tuple[Array, Array]:
+        """Whole positions (n,), and velocities (n,) in whole increments/s that suit them best."""
+        ends = np.clip(np.round(self.positions), *self.range) - self.positions
+        free = np.full(len(ends), np.inf)
+        free[[0, -1]] = 0.0
+        d, _ = self._solve(ends, free)
+        position = np.clip(np.round(self.positions + d), *self.range)
+        _, w = self._solve(position - self.positions, np.zeros(len(ends)))
+        return position, np.round((self.velocities + w) * self.rate)
+
+    def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
+        """(d, w), d within `free` (n,) of what is given where that is finite. Zeros where there is no solution."""
+        from scipy import sparse
+        from scipy.optimize import Bounds, LinearConstraint, milp
+
+        n = len(d)
+        first, second, eye = sparse.eye(n - 1, n), sparse.eye(n - 1, n, k=1), sparse.eye(n)
+        fixed = free == 0
+        known = np.where(fixed, d, 0.0) + self.positions
+        blocks: list[list[Any]] = []
+        largest: list[Array] = []
+        for (p0, p1, v0, v1), (low, high), spare in self.rows_of:
+            positions: Any = sparse.diags(p0) @ first + sparse.diags(p1) @ second
+            velocities: Any = sparse.diags(v0) @ first + sparse.diags(v1) @ second
+            base = positions @ self.positions + velocities @ self.velocities
+            rounded = positions @ known + velocities @ self.velocities
+            for sign, bound in ((1, high), (-1, -low)):
+                # the plan's own rows and rounded positions may lie a little beyond what the plan has nearby
+                edge = bound if spare else np.max([bound, sign * base, sign * rounded], axis=0)
+                blocks.append([sign * positions, sign * velocities, None, np.full((n - 1, 1), -spare)])
+                largest.append(edge - sign * base)
+        for sign in (1, -1):
+            blocks.append([sign * eye, None, -eye, None])
+            largest.append(np.zeros(n))
+        rest = np.r_[0.0, np.full(n - 2, np.inf), 0.0]
+        low, high = np.where(fixed, d, -np.inf), np.where(fixed, d, np.inf)
+        found = milp(
+            np.r_[np.zeros(2 * n), np.ones(n), EXCESS],
+            constraints=LinearConstraint(sparse.bmat(blocks, format="csr"), -np.inf, np.concatenate(largest)),
+            bounds=Bounds(np.r_[low, -rest, np.zeros(n + 1)], np.r_[high, rest, np.full(n + 1, np.inf)]),
+        )
+        x = np.zeros(3 * n + 1) if found.x is None else found.x
+        return x[:n], x[n : 2 * n]

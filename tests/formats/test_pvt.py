@@ -1,0 +1,152 @@
+"""PVT tables: what the drives run between the rows keeps the limits, as maxon's own formulas have it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.export import export
+from ssm_planner.formats.pvt import INT24, LARGEST_TIME
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.plans import Plan
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Samples
+from ssm_planner.verification.check import check
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from plans import certified
+
+COUNTS = 4096
+ROUNDING = 1e-9
+
+
+def rows(folder: Path, joint: str) -> np.ndarray:
+    """(time_ms, position, velocity), (n,) each."""
+    return np.loadtxt(folder / f"{joint}.csv", delimiter=",", skiprows=1).T
+
+
+def run(table: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Position, velocity, acceleration and jerk at times t that a drive makes of a table: maxon's IPM application note.
+
+    P(t) = a (t − t0)³ + b (t − t0)² + c (t − t0) + d with t0 at the end of the interval.
+    """
+    time, position, velocity = table
+    ends = np.cumsum(time) / 1000
+    n = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
+    h, s = time[n] / 1000, t - ends[n]
+    p1, p0, v1, v0 = position[n], position[n - 1], velocity[n], velocity[n - 1]
+    b = (-3 * (p1 - p0) + h * (2 * v1 + v0)) / h**2
+    a = (-2 * (p1 - p0) + h * (v1 + v0)) / h**3
+    return a * s**3 + b * s**2 + v1 * s + p1, 3 * a * s**2 + 2 * b * s + v1, 6 * a * s + 2 * b, 6 * a
+
+
+@pytest.mark.parametrize("which", ["plan", "smooth_plan"])
+def test_what_the_drives_run_keeps_the_limits(which: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    plan: Plan = request.getfixturevalue(which)
+    _, manifest = export(plan, "pvt", tmp_path, counts_per_turn=COUNTS)
+    robot = plan.robot
+    first = rows(tmp_path, "roll")[0]
+    assert first[0] == 0
+    assert np.all((first[1:] >= 1) & (first[1:] <= LARGEST_TIME) & (first[1:] == np.round(first[1:])))
+    end = first.sum() / 1000
+    t = np.unique(
+        np.concatenate(
+            [np.linspace(0, end, 50_001)[:-1], np.cumsum(first)[:-1] / 1000, np.cumsum(first)[1:] / 1000 - 1e-12]
+        )
+    )
+    motion = np.empty((4, len(t), 4))
+    for i, joint in enumerate(robot.joints):
+        table = rows(tmp_path, joint.name)
+        assert np.array_equal(table[0], first)
+        per_unit = manifest["axes"][joint.name].get("increments_per_unit")
+        if per_unit is not None:
+            assert np.array_equal(table, np.round(table))
+            assert np.abs(table[2]).max() <= INT24
+            assert abs(
+                table[1, -1] / per_unit - plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i]
+            ) <= 0.5 / abs(per_unit)
+        assert np.abs(table[2, [0, -1]]).max() <= 1e-12
+        for order, values in enumerate(run(table, t)):
+            motion[order, :, i] = values / (per_unit or 1.0)
+        assert np.abs(motion[1, :, i]).max() <= joint.velocity * (1 + ROUNDING)
+        assert np.abs(motion[2, :, i]).max() <= joint.acceleration * (1 + ROUNDING)
+        slowed = plan.trajectory.sample(plan.trajectory.breaks[0] + t / manifest["stretch"]).q[:, i]
+        assert np.abs(motion[0, :, i] - slowed).max() <= 1e-3 * np.ptp(slowed) + 1e-4 * joint.velocity
+    samples = Samples(t, *motion)
+    direction, breakaway = directions(robot, samples, 1)
+    torque = motor_motion(robot, RigidBody.from_robot(robot), samples, direction, breakaway).torque
+    for i, joint in enumerate(robot.joints):
+        if joint.drive is not None:
+            assert np.abs(torque[:-1, i]).max() <= joint.motor.max_torque
+    assert 1 <= manifest["stretch"] <= 1.05
+
+
+def test_round_trip_with_the_same_verdict(plan: Plan, bad_plan: Plan, robot: Robot, tmp_path: Path) -> None:
+    for source, force in ((plan, False), (bad_plan, True)):
+        folder = tmp_path / str(force)
+        _, manifest = export(source, "pvt", folder, force=force, counts_per_turn=COUNTS)
+        reading = read_trajectory(folder, robot)
+        assert reading.resolution is None
+        found = check(reading.trajectory, robot, source.limits, interpolation=reading.interpolation)
+        assert found.passed is source.certificate.passed is not force
+        assert manifest["spline"]["certificate"]["passed"] is found.passed
+        assert "cubic" in found.interpolation
+
+
+def test_encoders_of_other_resolutions_and_motors_that_turn_the_other_way(plan: Plan, tmp_path: Path) -> None:
+    joints = tuple(dataclasses.replace(joint, motor_direction=-1) for joint in plan.robot.joints)
+    robot = dataclasses.replace(plan.robot, joints=joints)
+    turned = certified(dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot)))
+    for counts in (2048, 65536):
+        _, manifest = export(turned, "pvt", tmp_path / str(counts), counts_per_turn=counts)
+        assert manifest["axes"]["roll"]["increments_per_unit"] < 0
+        found = check(read_trajectory(tmp_path / str(counts), robot).trajectory, robot, plan.limits)
+        assert found.passed
+
+
+def test_a_jerk_limit_is_refused(smooth_plan: Plan, tmp_path: Path) -> None:
+    """Cubics between whole increments jump in acceleration: said, not hidden."""
+    joints = tuple(dataclasses.replace(joint, jerk=1e4) for joint in smooth_plan.robot.joints)
+    robot = dataclasses.replace(smooth_plan.robot, joints=joints, limits=smooth_plan.robot.limits)
+    limited = certified(dataclasses.replace(smooth_plan, problem=dataclasses.replace(smooth_plan.problem, robot=robot)))
+    assert limited.passed
+    with pytest.raises(ExportError, match=r"no PVT table was found .*acceleration jump"):
+        export(limited, "pvt", tmp_path / "x", counts_per_turn=COUNTS)
+
+
+def test_tables_that_were_changed(plan: Plan, robot: Robot, tmp_path: Path) -> None:
+    files, manifest = export(plan, "pvt", tmp_path, counts_per_turn=COUNTS)
+    lines = files["tilt.csv"].read_text(encoding="utf-8").splitlines()
+    for row, column, value, message in (
+        (3, 2, "{:.0f}", None),
+        (3, 0, "0", "whole number from 1 to 255"),
+        (3, 0, "256", "whole number from 1 to 255"),
+        (3, 0, "1.5", "whole number from 1 to 255"),
+        (1, 0, "7", "0 in the first row"),
+        (3, 1, "nan", "not finite"),
+        (0, 1, "place", "no column position_inc"),
+    ):
+        changed = [line.split(",") for line in lines]
+        old = changed[row][column]
+        changed[row][column] = value.format(1.05 * float(old)) if message is None else value
+        files["tilt.csv"].write_text("\n".join(map(",".join, changed)) + "\n", encoding="utf-8")
+        files["manifest"].write_text(json.dumps(manifest), encoding="utf-8")
+        with pytest.raises(TrajectoryError, match=r"tilt\.csv: changed since the export"):
+            read_trajectory(tmp_path, robot)
+        digest = hashlib.sha256(files["tilt.csv"].read_bytes()).hexdigest()
+        mended = {**manifest, "files": {**manifest["files"], "tilt.csv": digest}}
+        files["manifest"].write_text(json.dumps(mended), encoding="utf-8")
+        if message is None:
+            assert not check(read_trajectory(tmp_path, robot).trajectory, robot, plan.limits).passed
+            continue
+        with pytest.raises(TrajectoryError, match=message):
+            read_trajectory(tmp_path, robot)
