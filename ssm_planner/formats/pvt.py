@@ -9,7 +9,7 @@ the accelerations, velocities and positions that the plan has nearby. What the d
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,11 @@ from ssm_planner.formats.epos4 import read_axes, read_table, write_table
 from ssm_planner.formats.epos4_setup import INT32, Axis, axes_of, fits
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_rates
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
@@ -37,6 +41,8 @@ SLACK = 0.01
 """Of the acceleration limit: beyond what the plan has nearby."""
 FINE = 40
 """Instants of the plan that are looked at between two rows."""
+FREE = 1e5
+"""Units per rad or m of a joint without a drive, whose rows are not rounded."""
 EXCESS = 1e6
 """Increments that an acceleration beyond its bounds by the whole limit counts for."""
 TIME, POSITION, VELOCITY = "time_ms", "position", "velocity"
@@ -65,6 +71,7 @@ class Table:
     rows: dict[str, tuple[Array, Array]]
     """Positions and velocities (n,) by joint: whole increments and increments/s; rad, m where it has no drive."""
     stretch: float
+    limits: TaskLimits
     certificate: Certificate
 
 
@@ -110,6 +117,8 @@ def export_pvt(
         "form": FORM,
         "axes": listed,
         "stretch": table.stretch,
+        "start_rate": dict(table.limits.start_rate or {}),
+        "end_rate": dict(table.limits.end_rate or {}),
         "spline": {"interpolation": table.certificate.interpolation, "certificate": table.certificate.to_dict()},
         "not_verified": list(NOT_VERIFIED),
         "notes": notes,
@@ -146,7 +155,8 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
             return table
         tried.append(table.certificate)
     worst = max(tried, key=lambda each: each.worst.margin).worst
-    jerk = " (cubics between rows jump in acceleration)" if worst.name in ("acceleration jump", "jerk") else ""
+    jerky = any(joint.jerk is not None for joint in plan.robot.joints)
+    jerk = "; cubics between rows jump in acceleration, which limits of jerk forbid" if jerky else ""
     raise ExportError(
         f"{plan.path}: no PVT table was found that keeps the limits: at best the {worst.name} limit of "
         f"{worst.joint or 'the tool'} is exceeded by {-100 * worst.margin:.3g} % at {worst.time:.4f} s{jerk}"
@@ -161,20 +171,28 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
             if total < len(t) - 1:
                 raise ExportError(f"{plan.path}: a motion of {total} ms is too short for a table")
             stretch = total / 1000 / plan.motion.duration
-            rows = {}
-            q, qd = [], []
+            rows, state = {}, np.empty((2, len(t), 4))
             for i, joint in enumerate(plan.robot.joints):
-                unit, (position, velocity) = 1.0, _samples(plan, t, stretch, i)
-                if joint.name in axes:
-                    unit = axes[joint.name].increments_per_unit
-                    position, velocity = _Fit(plan, i, t, stretch, unit).rows()
-                rows[joint.name] = position, velocity
-                q.append(position / unit)
-                qd.append(velocity / unit)
-            reading = join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1)), plan.robot)
-            limits = plan.limits.slower(stretch)
+                axis = axes.get(joint.name)
+                unit = FREE if axis is None else axis.increments_per_unit
+                position, velocity = _Fit(plan, i, t, stretch, unit).rows(whole=axis is not None)
+                state[:, :, i] = position / unit, velocity / unit
+                rows[joint.name] = (position, velocity) if axis is not None else (state[0, :, i], state[1, :, i])
+            reading = join_points(Points(t, *state), plan.robot)
+            limits = _at_ends(plan.limits.slower(stretch), plan.robot, *state)
             found = check(reading.trajectory, plan.robot, limits, interpolation=reading.interpolation)
-            yield Table(t, rows, stretch, found)
+            yield Table(t, rows, stretch, limits, found)
+
+
+def _at_ends(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
+    """Limits with the rates that rows (n, 4) have at their ends, rounded as they are, where the plan declares some."""
+    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[[0, -1]], qd[[0, -1]]).tolist()
+    start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
+    return replace(
+        limits,
+        start_rate=start if limits.start_rate else limits.start_rate,
+        end_rate=end if limits.end_rate else limits.end_rate,
+    )
 
 
 def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
@@ -230,8 +248,11 @@ class _Fit:
         high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
         return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max([high[:-2], high[1:-1], high[2:]], axis=0)
 
-    def rows(self) -> tuple[Array, Array]:
-        """Whole positions (n,), and velocities (n,) in whole increments/s that suit them best."""
+    def rows(self, whole: bool) -> tuple[Array, Array]:
+        """Positions (n,), and velocities (n,) in increments/s that suit them best; both whole numbers where asked for."""
+        if not whole:
+            d, w = self._solve(np.zeros(len(self.positions)), np.r_[0.0, np.full(len(self.positions) - 2, np.inf), 0.0])
+            return self.positions + d, (self.velocities + w) * self.rate
         ends = np.clip(np.round(self.positions), *self.range) - self.positions
         free = np.full(len(ends), np.inf)
         free[[0, -1]] = 0.0

@@ -102,7 +102,7 @@ def test_round_trip_with_the_same_verdict(plan: Plan, bad_plan: Plan, robot: Rob
         assert "cubic" in found.interpolation
 
 
-def test_encoders_of_other_resolutions_and_motors_that_turn_the_other_way(plan: Plan, tmp_path: Path) -> None:
+def test_other_encoders_and_directions(plan: Plan, tmp_path: Path) -> None:
     joints = tuple(dataclasses.replace(joint, motor_direction=-1) for joint in plan.robot.joints)
     robot = dataclasses.replace(plan.robot, joints=joints)
     turned = certified(dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot)))

@@ -110,6 +110,9 @@ def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_p
     assert not check(read_trajectory(files["joint_trajectory.yaml"], robot).trajectory, robot).passed
     files, manifest = export(plan, "csv", tmp_path / "csv")
     assert api.check(tmp_path / "csv", robot).passed
+    files, manifest = export(plan, "pvt", tmp_path / "pvt", counts_per_turn=4096)
+    assert api.check(tmp_path / "pvt", robot).passed
+    assert abs(manifest["axes"]["roll"]["end_velocity"]) > 1000
     files, manifest = export(plan, "epos4", tmp_path / "epos4", counts_per_turn=4096)
     assert api.check(tmp_path / "epos4", robot).passed
     rows = np.loadtxt(files["roll.csv"], delimiter=",", skiprows=1)
