@@ -159,7 +159,7 @@ def test_a_full_disk_leaves_nothing_and_what_was_there(
     assert [path.name for path in tmp_path.iterdir()] == ["csv"]
 
 
-@pytest.mark.parametrize("module", ["csv", "epos4", "ros2"])
+@pytest.mark.parametrize("module", ["csv", "epos4", "pvt", "ros2"])
 def test_an_interruption_midway_leaves_nothing(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str
 ) -> None:
@@ -176,7 +176,7 @@ def test_an_interruption_midway_leaves_nothing(
         return wrapped
 
     # in the middle: after the first of several files, or while the only one is judged
-    place, count = {"csv": ("_as_read", 0), "epos4": ("_write", 2), "ros2": ("write_yaml", 1)}[module]
+    place, count = {"csv": ("_as_read", 0), "epos4": ("write_table", 2), "pvt": ("write_table", 2), "ros2": ("write_yaml", 1)}[module]
     target = f"ssm_planner.formats.{module}"
     monkeypatch.setattr(f"{target}.{place}", after(count, getattr(sys.modules[target], place)))
     with pytest.raises(KeyboardInterrupt):
