@@ -76,12 +76,13 @@ def _recorded_position(
     if table.units[column].strip().lower() not in INCREMENTS:
         raise RecordingError(f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, qc)")
     counts = counts_per_turn
-    if counts is None and joint.motor is not None and joint.motor.encoder_counts is not None:
+    if counts is None and joint.motor is not None and joint.motor.encoder_known:
+        assert joint.motor.encoder_counts is not None
         counts = QUADRATURE * joint.motor.encoder_counts
     if counts is None:
         raise RecordingError(
-            f"{path}: its position channel is in increments, and the motor of joint {joint.name} has no encoder_counts: "
-            "give --counts-per-turn"
+            f"{path}: its position channel is in increments, and the motor of joint {joint.name} has no encoder_counts "
+            "or a placeholder: give --counts-per-turn"
         )
     raw = table.values[:, clock] * TIMES.get(table.units[clock].strip().lower(), 1.0)
     increment = 2 * np.pi / counts / joint.drive.ratio

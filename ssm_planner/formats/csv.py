@@ -20,7 +20,7 @@ from ssm_planner.atomic import replacing
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.epos4_setup import INT32, axes_of, fits
+from ssm_planner.formats.epos4_setup import INT32, axes_of, encoder_notes, fits
 from ssm_planner.formats.points import LONG, Points, Reading, Table, join_points
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
@@ -112,7 +112,7 @@ def export_csv(
         raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
     notes = []
     if COUNTS in (columns or ()):
-        notes.append(_write_counts(plan, folder, suffix, rate or RATE, counts_per_turn))
+        notes += _write_counts(plan, folder, suffix, rate or RATE, counts_per_turn)
         if not wanted:
             return {"rate_hz": rate or RATE, "units": {"time": "s", "position": "increments"}, "notes": notes}
     path = folder / f"trajectory{suffix}.csv"
@@ -141,7 +141,7 @@ def _rows(
 
 def _write_counts(
     plan: Plan, folder: Path, suffix: str, rate: float, counts_per_turn: int | Mapping[str, int] | None
-) -> str:
+) -> list[str]:
     """Target positions in increments, a file for each driven joint; the last row holds the target."""
     axes = axes_of(plan.robot, counts_per_turn)
     t = np.arange(int(np.ceil(plan.motion.duration * rate - 1e-9)) + 1) / rate
@@ -152,7 +152,7 @@ def _write_counts(
             counts = fits(counts, INT32, joint.name, "target position", "increments")
             path = folder / f"{joint.name}_time_position{suffix}.csv"
             _write(path, ["time", "position"], np.column_stack([t, counts]), ("%.9g", "%d"))
-    return f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz"
+    return [f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz", *encoder_notes(axes)]
 
 
 def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:

@@ -23,9 +23,9 @@ from ssm_planner.formats.epos4_setup import (
     INT32,
     MODES,
     NOT_VERIFIED,
-    PLACEHOLDER,
     Axis,
     axes_of,
+    encoder_notes,
     fits,
     homing,
     pdo_mapping,
@@ -218,9 +218,7 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array) -> list[str]:
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
             notes.append(f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure")
-        if axis.encoder.startswith(PLACEHOLDER):
-            notes.append(f"joint {joint.name}: the encoder behind its increments is a placeholder figure")
-    return notes
+    return [*notes, *encoder_notes(axes)]
 
 
 def _rounding_notes(plan: Plan, listed: dict[str, Any]) -> list[str]:

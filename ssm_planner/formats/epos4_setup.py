@@ -80,6 +80,15 @@ def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> di
     return axes
 
 
+def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
+    """What is not known of the encoders."""
+    return [
+        f"joint {name}: the encoder behind its increments is a placeholder figure"
+        for name, axis in axes.items()
+        if axis.encoder.startswith(PLACEHOLDER)
+    ]
+
+
 def fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
     """Whole numbers (n,) that a drive's object holds. Raises ExportError naming joint, value and what is allowed."""
     k = int(np.argmax(np.abs(values)))

@@ -17,7 +17,7 @@ import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4 import read_axes, read_table, write_table
-from ssm_planner.formats.epos4_setup import INT32, Axis, axes_of, fits
+from ssm_planner.formats.epos4_setup import INT32, Axis, axes_of, encoder_notes, fits
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -108,9 +108,7 @@ def export_pvt(
         listed[joint.name] |= {**axis.to_dict(), "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn}
         listed[joint.name]["deviation"] = deviation
         unit = "rad" if joint.kind == "revolute" else "m"
-        notes.append(
-            f"joint {joint.name}: up to {deviation:.2g} {unit} from the plan at the rows; encoder {axis.encoder}"
-        )
+        notes.append(f"joint {joint.name}: up to {deviation:.2g} {unit} from the plan at the rows")
     return {
         "rate_hz": None,
         "units": {"time": "ms", "position": "increments", "velocity": "increments/s; without a drive rad, m and s"},
@@ -121,7 +119,7 @@ def export_pvt(
         "end_rate": dict(table.limits.end_rate or {}),
         "spline": {"interpolation": table.certificate.interpolation, "certificate": table.certificate.to_dict()},
         "not_verified": list(NOT_VERIFIED),
-        "notes": notes,
+        "notes": [*notes, *encoder_notes(axes)],
     }
 
 

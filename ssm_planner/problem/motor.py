@@ -46,8 +46,13 @@ class Motor(Value):
 
     @property
     def placeholder(self) -> bool:
-        """Some figures stand in for unknown ones."""
-        return bool(self.placeholders)
+        """Some figures that a verdict rests on, the encoder being none of them, stand in for unknown ones."""
+        return any(name != "encoder_counts" for name in self.placeholders)
+
+    @property
+    def encoder_known(self) -> bool:
+        """The encoder is given, and not by a figure that stands in."""
+        return self.encoder_counts is not None and "encoder_counts" not in self.placeholders
 
     def _check(self) -> None:
         if self.max_torque < self.nominal_torque:

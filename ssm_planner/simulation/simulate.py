@@ -440,6 +440,8 @@ class _Stage:
                 notes.append(
                     f"joint {joint.name}: its motor file gives no encoder; {COUNTS} increments per turn assumed"
                 )
+            elif motor.encoder_counts is not None and not motor.encoder_known:
+                notes.append(f"joint {joint.name}: its encoder, {motor.encoder_counts} counts, is a placeholder figure")
             if motor.terminal_resistance is None:
                 notes.append(f"joint {joint.name}: terminal_resistance unknown; the winding's voltage drop is left out")
             if motor.placeholder:

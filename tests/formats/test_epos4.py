@@ -115,35 +115,35 @@ def test_the_direction_of_the_motor(plan: Plan, tmp_path: Path) -> None:
     assert back.trajectory.coefficients[0, 0] == pytest.approx(plan.trajectory.coefficients[0, 0], abs=1e-5)
 
 
-def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
-    with pytest.raises(
-        ExportError, match=r"maxon_ecx_torque_22_xl\.yaml: encoder_counts is missing .*--counts-per-turn"
-    ):
-        export(plan, "epos4", tmp_path)
-    with pytest.raises(ExportError, match="motor of joint insertion"):
-        export(plan, "epos4", tmp_path, counts_per_turn={"roll": COUNTS, "tilt": COUNTS})
+def with_encoders(plan: Plan, counts: int | None) -> Plan:
+    """The plan with known encoders at all motors, or without."""
     joints = tuple(
         dataclasses.replace(
-            joint, motor=None if joint.motor is None else dataclasses.replace(joint.motor, encoder_counts=1024)
+            joint,
+            motor=None
+            if joint.motor is None
+            else dataclasses.replace(joint.motor, encoder_counts=counts, placeholders=(), file="some_motor.yaml"),
         )
         for joint in plan.robot.joints
     )
-    equipped = dataclasses.replace(
-        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
-    )
-    _, manifest = export(certified(equipped), "epos4", tmp_path)
-    assert manifest["axes"]["roll"]["increments_per_motor_turn"] == COUNTS
+    robot = dataclasses.replace(plan.robot, joints=joints)
+    return certified(dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot)))
+
+
+def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
+    _, manifest = export(plan, "epos4", tmp_path)
+    for name in DRIVEN:
+        assert manifest["axes"][name]["increments_per_motor_turn"] == COUNTS
+        assert manifest["axes"][name]["encoder"].startswith("PLACEHOLDER: not known")
+        assert any(f"joint {name}: the encoder behind its increments is a placeholder" in x for x in manifest["notes"])
+    bare = with_encoders(plan, None)
+    with pytest.raises(ExportError, match=r"some_motor\.yaml: encoder_counts is missing .*--counts-per-turn"):
+        export(bare, "epos4", tmp_path)
+    with pytest.raises(ExportError, match="motor of joint insertion"):
+        export(bare, "epos4", tmp_path, counts_per_turn={"roll": COUNTS, "tilt": COUNTS})
+    _, manifest = export(with_encoders(plan, 512), "epos4", tmp_path)
+    assert manifest["axes"]["roll"]["increments_per_motor_turn"] == 2048
     assert not any("encoder" in note for note in manifest["notes"])
-    guessed = dataclasses.replace(
-        joints[0].motor, placeholders=("encoder_counts",), sources={"encoder_counts": "a rig's"}
-    )
-    joints = (dataclasses.replace(joints[0], motor=guessed), *joints[1:])
-    unsure = dataclasses.replace(
-        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
-    )
-    _, manifest = export(certified(unsure), "epos4", tmp_path)
-    assert manifest["axes"]["roll"]["encoder"] == "PLACEHOLDER: a rig's"
-    assert any("joint roll: the encoder behind its increments is a placeholder" in note for note in manifest["notes"])
 
 
 def test_what_is_not_verified_is_said(plan: Plan, tmp_path: Path) -> None:

@@ -176,7 +176,12 @@ def test_an_interruption_midway_leaves_nothing(
         return wrapped
 
     # in the middle: after the first of several files, or while the only one is judged
-    place, count = {"csv": ("_as_read", 0), "epos4": ("write_table", 2), "pvt": ("write_table", 2), "ros2": ("write_yaml", 1)}[module]
+    place, count = {
+        "csv": ("_as_read", 0),
+        "epos4": ("write_table", 2),
+        "pvt": ("write_table", 2),
+        "ros2": ("write_yaml", 1),
+    }[module]
     target = f"ssm_planner.formats.{module}"
     monkeypatch.setattr(f"{target}.{place}", after(count, getattr(sys.modules[target], place)))
     with pytest.raises(KeyboardInterrupt):

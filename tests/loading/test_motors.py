@@ -58,13 +58,14 @@ def test_every_fault_of_a_file_is_listed(files: Any) -> None:
 
 def test_placeholders_are_named_and_explained(files: Any) -> None:
     motor = files.load(M22)
-    assert motor.placeholders == ("max_speed",)
+    assert motor.placeholders == ("max_speed", "encoder_counts")
     assert motor.placeholder
     assert "no datasheet" in motor.sources["max_speed"]
     motor = files.load("motors/maxon_ecx_torque_22_xl.yaml")
     given = {name for name in motor.sources if getattr(motor, name) is not None}
     assert set(motor.placeholders) == given
-    assert all("22 M" in motor.sources[name] for name in given)
+    assert all("22 M" in motor.sources[name] for name in given - {"encoder_counts"})
+    assert "rigs" in motor.sources["encoder_counts"]
 
 
 def test_complete_motor(files: Any) -> None:

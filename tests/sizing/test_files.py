@@ -105,7 +105,7 @@ def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path
     orders = {"standard": "ECXZ13M1VF40N1IL1D561A", "high-power": "ECXZ13M2KN48N1IL1D497A"}
     for motor, (winding, order) in zip((insertion.motor, *insertion.alternatives), orders.items(), strict=True):
         assert winding in motor.name
-        assert not motor.placeholders
+        assert motor.placeholders == ("encoder_counts",)
         assert all(order in motor.sources[name] for name in ("nominal_torque", "rotor_inertia", "stall_torque", "mass"))
         assert "no rating" in motor.sources["max_torque"]
     rig = load_motor(SHIPPED / "motors/rig_motor.yaml")
@@ -120,7 +120,8 @@ def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path
 
 def test_the_complete_motor_file() -> None:
     motor = load_motor(MOTOR)
-    assert motor.placeholders == ()
+    assert motor.placeholders == ("encoder_counts",)
+    assert not motor.placeholder
     assert motor.max_winding_temperature == pytest.approx(428.15)
     assert motor.rotor_inertia == pytest.approx(4.45e-7)
 
