@@ -135,6 +135,7 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
         ("csv", {}),
         ("ros2", {"rate": 10.0}),
         ("epos4", {"counts_per_turn": 4096, "rate": 20.0}),
+        ("pvt", {}),
     )
     for form, options in forms:
         rng, counted = random.Random(f"{seed} {form}"), Count(f"export folders changed by hand: {form}")

@@ -120,8 +120,7 @@ def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path
 
 def test_the_complete_motor_file() -> None:
     motor = load_motor(MOTOR)
-    assert motor.placeholders == ("encoder_counts",)
-    assert not motor.placeholder
+    assert motor.placeholders == ()
     assert motor.max_winding_temperature == pytest.approx(428.15)
     assert motor.rotor_inertia == pytest.approx(4.45e-7)
 
