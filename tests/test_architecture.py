@@ -25,7 +25,7 @@ ROOMS = (
         "loading",
     ),
     *("planning", "verification", "sizing", "identification", "plans", "formats", "simulation", "comparison"),
-    *("reporting", "pipeline", "api", "view", "paper", "cli", "__main__"),
+    *("reporting", "pipeline", "studies", "api", "view", "paper", "cli", "__main__"),
 )
 """Bottom to top: a room imports only from itself and from rooms before it."""
 STRANGERS = {"planning", "verification"}

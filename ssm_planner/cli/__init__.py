@@ -31,6 +31,7 @@ COMMANDS = {
     "simulate": ("simulate", "the exported set points played on the simulated arm, and what may go wrong"),
     "compare": ("compare", "a recording of the executed motion against the plan"),
     "size": ("size", "what the motion requires; which motors and gears satisfy it"),
+    "study": ("study", "candidate robots by the thousand: geometry, gears and motors over a set of motions"),
     "report": ("pages", "a page with mechanism, plots and certificate; of two plans, a comparison"),
     "view": ("pages", "a local page: workspace, inverse kinematics and planning by sliders"),
     "workspace": ("kinematics", "closed-form tilt range, or the (alpha, beta) that reach a range"),

@@ -6,6 +6,7 @@ One recursion (Newton–Euler about the RCM) written in CasADi; every number in 
 from __future__ import annotations
 
 import pickle
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -29,16 +30,36 @@ def inverse_dynamics_symbolic(
     base frame at q = 0: there axes, centres of mass and inertias are constants. Gravity enters as an acceleration −g of
     the base.
     """
-    axis_of = geometry.omega1, geometry.omega2, geometry.omega3
-    axes = [constant(axis) for axis in axis_of]
-    omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(-ca.DM(gravity))
+    numbers = geometry.omega1, geometry.omega2, geometry.omega3
+    axes = [constant(axis) for axis in numbers]
+    rotations = [rotation_symbolic(axis, q[i]) for i, axis in enumerate(numbers)]
+    figures = [
+        (body.mass, constant(body.frame @ body.com), constant(body.frame @ inertia_about_com(body) @ body.frame.T))
+        for body in bodies
+    ]
+    return _newton_euler(axes, rotations, figures, base=ca.DM(-gravity), motion=(q, qd, qdd))
+
+
+def _newton_euler(
+    axes: Sequence[Any],
+    rotations: Sequence[ca.SX],
+    bodies: Sequence[tuple[Any, Any, Any]],
+    *,
+    base: ca.DM,
+    motion: tuple[ca.SX, ca.SX, ca.SX],
+) -> ca.SX:
+    """The recursion, over constants or symbols in the base frame at q = 0.
+
+    axes: of the revolute joints, (3,) each; rotations: e^{ω̂θ} about them, (3, 3); bodies: mass, centre of mass (3,) and
+    inertia about it (3, 3) of each; base: its acceleration, −g.
+    """
+    q, qd, qdd = motion
+    omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(base)
     moments, turns = [], []
-    for i, body in enumerate(bodies):
-        com = constant(body.frame @ body.com)
-        inertia = constant(body.frame @ inertia_about_com(body) @ body.frame.T)
+    for i, (mass, com, inertia) in enumerate(bodies):
         if i < 3:
             # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
-            back = rotation_symbolic(axis_of[i], q[i]).T
+            back = rotations[i].T
             omega, omega_dot, base_acceleration = back @ omega, back @ omega_dot, back @ base_acceleration
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
@@ -46,7 +67,7 @@ def inverse_dynamics_symbolic(
             place, sliding = ca.SX(com), ca.SX.zeros(3)
         else:
             place, sliding = com + axes[2] * q[3], axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
-        force = body.mass * (
+        force = mass * (
             base_acceleration + sliding + ca.cross(omega_dot, place) + ca.cross(omega, ca.cross(omega, place))
         )
         moments.append(inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(place, force))
@@ -57,6 +78,30 @@ def inverse_dynamics_symbolic(
         total = moments[i] + turns[i + 1] @ total
         tau.append(ca.dot(axes[i], total))
     return ca.vertcat(*reversed(tau))
+
+
+def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Array) -> Array:
+    """Efforts (n, k, 4), N·m and N, that hold n robots still, each at k configurations q (n, k, 4).
+
+    axes (n, 3, 3): unit vectors of the revolute joints, row by row; masses (n, 4), kg; coms (n, 4, 3), m; axes and centres of
+    mass in the base frame at q = 0. gravity (3,), m/s².
+    """
+    points = q.shape[1]
+    of_robot = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
+    found = call(_static_load(tuple(gravity)), q.reshape(-1, 4), np.repeat(of_robot, points, axis=0))[0]
+    return found.reshape(-1, points, 4)
+
+
+@lru_cache(maxsize=4)
+def _static_load(gravity: tuple[float, ...]) -> ca.Function:
+    q, robot, still = ca.SX.sym("q", 4), ca.SX.sym("robot", 25), ca.SX.zeros(4)
+    axes = [robot[3 * i : 3 * i + 3] for i in range(3)]
+    hats = [ca.skew(axis) for axis in axes]
+    # Rodrigues with a symbolic axis
+    rotations = [ca.SX.eye(3) + hat * ca.sin(q[i]) + hat @ hat * (1 - ca.cos(q[i])) for i, hat in enumerate(hats)]
+    bodies = [(robot[9 + i], robot[13 + 3 * i : 16 + 3 * i], ca.SX.zeros(3, 3)) for i in range(4)]
+    load = _newton_euler(axes, rotations, bodies, base=-ca.DM(gravity), motion=(q, still, still))
+    return ca.Function("static_load", [q, robot], [load])
 
 
 def inertia_about_com(body: Body) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.yaml_nodes import Node, Section, parse, plain_node
 
-Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers"]
+Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers", "studies"]
 _PACKAGE = Path(__file__).parents[1]
 LARGEST_FILE = 10_000_000
 """Bytes; no problem file written by hand comes near it."""

@@ -46,24 +46,28 @@ from ssm_planner.problem.robot import (
 from ssm_planner.problem.value import Bound, frozen
 from ssm_planner.typing import Array
 
+FOLLOWED = ("alpha", "home_tilt", "home_roll")
+"""Angles of the geometry that a frame may name, so that the bodies follow it."""
 
-def _rotations(value: object) -> tuple[tuple[str, float], ...]:
-    allowed = "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 deg]"
+
+def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
+    allowed = "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 deg] or [y alpha]"
     if not isinstance(value, list):
         raise wrong("not a chain of rotations", allowed)
-    chain = []
+    chain: list[tuple[str, float | str]] = []
     for part in value:
         axis, _, angle = part.strip().partition(" ") if isinstance(part, str) else ("", "", "")
         if axis not in ("x", "y", "z"):
             raise wrong(f"{part!r} does not start with x, y or z", allowed)
-        chain.append((axis, units.quantity(angle, "angle")))
+        follows = angle.strip().removeprefix("-") in FOLLOWED
+        chain.append((axis, angle.strip() if follows else units.quantity(angle, "angle")))
     return tuple(chain)
 
 
 _ROTATIONS = Field(
     _rotations, {"type": "array", "items": {"type": "string"}}, ("angle",), "such as [x 90 deg, y 30 deg]"
 )
-Rotations = Annotated[tuple[tuple[str, float], ...], _ROTATIONS]
+Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS]
 _Angle = Annotated[float, quantity("angle")] | None
 _PositiveAngle = Annotated[float, quantity("angle", Bound(above=0.0))] | None
 _Moment = Annotated[float, quantity("inertia", Bound(at_least=0.0))]
@@ -157,7 +161,8 @@ def robot_from(section: Section) -> Robot:
     bodies: list[Body] = []
     for i, body in enumerate(model.bodies):
         before = bodies[-1].frame if bodies else np.eye(3)
-        bodies.append(_body(section.sub("bodies", i), body, before @ rotation(body.frame)))
+        here = section.sub("bodies", i)
+        bodies.append(_body(here, body, before @ _frame(here, body.frame, model.geometry)))
     geometry = _geometry(section.sub("geometry"), model.geometry, bodies[-1].frame)
     joints = tuple(_joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS)
     with located(section):
@@ -189,6 +194,21 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
         return Joint(**{**dict(model), "name": name, "kind": kind, **found})
 
 
+def _frame(section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel) -> Array:
+    """The rotation (3, 3) of a chain, the geometry's angles in the place of their names. Raises ProblemError."""
+    angles = []
+    for axis, angle in chain:
+        if isinstance(angle, str):
+            name = angle.removeprefix("-")
+            value = 0.0 if name == "home_roll" and geometry.beta is None else None
+            value = value if getattr(geometry, name) is None else getattr(geometry, name)
+            if value is None:
+                raise section.error(f"names {name}, which geometry does not give", "frame", allowed="angles")
+            angle = -value if angle.startswith("-") else value
+        angles.append((axis, angle))
+    return rotation(tuple(angles))
+
+
 def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
     """Product of elementary rotations (axis letter, angle), each about the axes of the frame turned so far; (3, 3)."""
     result = np.eye(3)
@@ -215,7 +235,7 @@ def _geometry(section: Section, model: GeometryModel, last_frame: Array) -> Geom
         with located(section.sub("axes")):
             omegas = [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
         places = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
-    tool_home = last_frame if model.tool_home is None else rotation(model.tool_home)
+    tool_home = last_frame if model.tool_home is None else _frame(section, model.tool_home, model)
     with located(section, places):
         return Geometry(omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1)
 

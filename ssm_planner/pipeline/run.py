@@ -34,17 +34,20 @@ Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
 
 
 def plan(
-    problem: Problem, progress: Progress = lambda _: None, found: Callable[[Trajectory], None] = lambda _: None
+    problem: Problem,
+    progress: Progress = lambda _: None,
+    found: Callable[[Trajectory], None] = lambda _: None,
+    relaxations: bool = True,
 ) -> Plan:
     """Plan a problem, check the plan by code that did not make it.
 
     Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
     planned again. found: called with each motion before it is checked. Never raises for an infeasible problem: the plan
-    then holds the reason.
+    then holds the reason, and unless `relaxations` is false the smallest change of a limit with which there is a motion.
     """
     begin = time.perf_counter()
     planned, certificate, reason = _attempt(problem, progress, found)
-    if reason is not None:
+    if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
         cure = search(problem, reason, _duration_or_reason, duration)

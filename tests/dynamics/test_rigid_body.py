@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.rigid_body import RigidBody, static_loads
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
@@ -121,3 +121,16 @@ def test_a_transposed_batch_is_refused(robot: Robot) -> None:
     batch = np.zeros((7, 4))
     with pytest.raises(GeometryError, match=r"argument qd has shape \(4, 7\), expected \(n, 4\) with n = 7"):
         body.inverse_dynamics(batch, batch.T, batch)
+
+
+def test_static_loads_of_many_robots_are_those_of_each(robot):
+    rng = np.random.default_rng(8)
+    robots = [random_robot(robot, rng) for _ in range(5)]
+    robots = [dataclasses.replace(each, gravity=robot.gravity) for each in robots]
+    q = rng.uniform(-1, 1, (5, 7, 4))
+    axes = np.array([[each.geometry.omega1, each.geometry.omega2, each.geometry.omega3] for each in robots])
+    masses = np.array([[body.mass for body in each.bodies] for each in robots])
+    coms = np.array([[body.frame @ body.com for body in each.bodies] for each in robots])
+    found = static_loads(axes, masses, coms, robot.gravity, q)
+    for each, loads, configurations in zip(robots, found, q, strict=True):
+        assert np.allclose(loads, RigidBody.from_robot(each).gravity_load(configurations), rtol=0, atol=1e-12)

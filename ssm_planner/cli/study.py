@@ -1,0 +1,169 @@
+"""`ssm-planner study FILE`: candidate robots by the thousand, each planned, checked and sized over a set of motions."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, show
+from ssm_planner.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ssm_planner.studies.run import StudyResult
+    from ssm_planner.studies.store import Row
+    from ssm_planner.studies.study import Study
+
+SHOWN = 12
+"""Rows of the front and reasons that the terminal shows."""
+REPORT_EVERY = 1.0
+"""Seconds between reports of the progress."""
+
+
+def study_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.usage = (
+        "ssm-planner study [show N … | compare A B] FILE [-o DIR] [--workers N | --scheduler ADDRESS] [--json]"
+    )
+    parser.add_argument(
+        "words",
+        nargs="+",
+        metavar="FILE",
+        help="study file (YAML); before it `show N …` writes candidates as robot file, plans and pages, `compare A B` "
+        "puts two beside each other",
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, metavar="N", help="worker processes (default: one for each processor)")
+    where.add_argument("--scheduler", metavar="ADDRESS", help="of a running Dask scheduler, such as tcp://host:8786")
+    parser.add_argument("--table", type=Path, metavar="FILE", help="write the table there too: .csv or .parquet")
+    output_arguments(parser, "default results/NAME")
+
+
+def run_study(options: argparse.Namespace) -> int:
+    from ssm_planner.studies.study_file import load_study
+
+    verb, numbers, file = _words(options.words)
+    study = load_study(file)
+    folder = options.output or Path("results") / study.name
+    if options.workers is not None and options.workers < 1:
+        raise ProblemError("not a number of workers", key="--workers", value=options.workers, allowed="1 or more")
+    if verb == "study":
+        return _study(study, folder, options)
+    from ssm_planner.studies.show import compared, shown
+
+    if verb == "show":
+        written = [path for number in numbers for path in shown(study, folder, number)]
+        show(options.json, {"files": [str(path) for path in written]}, lambda: [f"file: {path}" for path in written])
+        return OK
+    document = compared(study, folder, *numbers)
+    show(options.json, document, lambda: _compared_lines(document))
+    return OK
+
+
+def _words(words: Sequence[str]) -> tuple[str, list[int], str]:
+    """What is asked for, of which candidates, in which study file."""
+    if words[0] not in ("show", "compare"):
+        if len(words) > 1:
+            raise ProblemError("one study file at a time", value=" ".join(words), key="FILE")
+        return "study", [], words[0]
+    numbers = words[1:-1]
+    needed = "two" if words[0] == "compare" else "at least one"
+    if not all(word.isdecimal() for word in numbers) or (len(numbers) != 2 if words[0] == "compare" else not numbers):
+        raise ProblemError(f"{words[0]} needs {needed} of the table's numbers, and then the study file", key=words[0])
+    return words[0], [int(word) for word in numbers], words[-1]
+
+
+def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
+    from ssm_planner.studies import run as studies
+    from ssm_planner.studies.store import write_table
+
+    with _executor(options.scheduler) as executor:
+        result = studies.run_study(study, folder, options.workers, executor, _progress())
+    if options.table is not None:
+        write_table(result.rows, options.table)
+    files = {path.name: str(path) for path in sorted(folder.iterdir()) if path.suffix in (".csv", ".html", ".png")}
+    document = {
+        "study": study.name,
+        "candidates": len(result.rows),
+        "states": result.states,
+        "front": [_entry(row) for row in result.front],
+        "reasons": result.reasons,
+        "finished": result.finished,
+        "files": files,
+    }
+    show(options.json, document, lambda: _lines(study, result, files))
+    if not result.finished:
+        print("ssm-planner: interrupted; the same command goes on", file=sys.stderr)
+        return 130
+    return OK if result.front else FAILED
+
+
+@contextmanager
+def _executor(address: str | None) -> Iterator[Executor | None]:
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ProblemError(
+            "needs the package distributed: pip install 'ssm_planner[dask]'", key="--scheduler", value=address
+        ) from None
+    try:
+        client: Any = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ProblemError(f"no scheduler answers: {error}", key="--scheduler", value=address) from None
+    with client:
+        yield client.get_executor(retries=3)
+
+
+def _progress() -> Callable[[int, int, dict[str, int]], None]:
+    """How many are done, at which rate and how long it takes still, once a second on stderr."""
+    begin = last = time.monotonic()
+    first: int | None = None
+
+    def report(done: int, count: int, states: dict[str, int]) -> None:
+        nonlocal last, first
+        now = time.monotonic()
+        first = done if first is None else first  # those of an earlier run say nothing of the rate
+        if now - last < REPORT_EVERY and done < count:
+            return
+        last = now
+        rate = (done - first) / max(now - begin, 1e-9)
+        left = f", {(count - done) / rate:.0f} s left" if rate > 0 else ""
+        listed = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
+        print(f"[{now - begin:6.1f} s] {done}/{count}: {listed}; {rate:.1f}/s{left}", file=sys.stderr, flush=True)
+
+    return report
+
+
+def _entry(row: Row) -> dict[str, Any]:
+    return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
+
+
+def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str]:
+    states = ", ".join(f"{count} {state}" for state, count in result.states.items())
+    front = result.front
+    lines = [f"{study.name}: {len(result.rows)} candidates: {states}", ""]
+    lines += [f"Front in {', '.join(study.minimise)}: {len(front)} candidates"]
+    for row in front[:SHOWN]:
+        figures = ", ".join(f"{name} {row.figures[name]:.4g}" for name in study.minimise)
+        chosen = ", ".join(f"{path} {value}" for path, value in row.design.items())
+        lines.append(f"  {row.number:>6}  {figures}  ({chosen})")
+    if len(front) > SHOWN:
+        lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
+    lines += ["", "Why candidates fall out", *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN])]
+    return [*lines, "", *(f"file: {path}" for path in files.values())]
+
+
+def _compared_lines(document: dict[str, Any]) -> list[str]:
+    a, b = document["numbers"]
+    lines = [f"{'':28}{a:>20}{b:>20}"]
+    for name, (first, second) in {**document["design"], **document["figures"]}.items():
+        cells = [f"{value:.5g}" if isinstance(value, float) else str(value) for value in (first, second)]
+        lines.append(f"{name:28}{cells[0]:>20}{cells[1]:>20}")
+    return lines

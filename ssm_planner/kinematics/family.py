@@ -1,0 +1,98 @@
+"""Many mechanisms at once: the closed forms over arrays of α, home tilt and home roll, for design studies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+
+from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.kinematics.mechanism import Mechanism, azimuths
+from ssm_planner.kinematics.task import joints_of_task
+from ssm_planner.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0), ω3 = Rx(ψ_h) Ry(φ_h) x, as robot files give them by angles.
+
+    alpha, home_tilt, home_roll: rad, (n,) each. insertion_sign: depth = insertion_sign · θ4.
+    """
+
+    alpha: Array
+    home_tilt: Array
+    home_roll: Array
+    insertion_sign: int = -1
+
+    def some(self, which: Array) -> Family:
+        """Those of the members that `which` (n,) is true for."""
+        return Family(self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign)
+
+    @cached_property
+    def omega1(self) -> Array:
+        """(n, 3)."""
+        return np.tile([1.0, 0.0, 0.0], (len(self.alpha), 1))
+
+    @cached_property
+    def omega2(self) -> Array:
+        """(n, 3)."""
+        return np.column_stack((np.cos(self.alpha), np.sin(self.alpha), np.zeros_like(self.alpha)))
+
+    @cached_property
+    def omega3(self) -> Array:
+        """(n, 3)."""
+        sine = np.sin(self.home_tilt)
+        return np.column_stack((np.cos(self.home_tilt), np.sin(self.home_roll) * sine, -np.cos(self.home_roll) * sine))
+
+    @cached_property
+    def beta(self) -> Array:
+        """(n,): cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h."""
+        return np.arccos(np.clip(np.sum(self.omega2 * self.omega3, axis=1), -1.0, 1.0))
+
+    @cached_property
+    def side(self) -> Array:
+        """(n,): sign of the home tilt, ±1."""
+        return np.where(self.home_tilt < 0, -1.0, 1.0)
+
+    @cached_property
+    def delta(self) -> Array:
+        """(n,): δ of mechanism.py."""
+        toward = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
+        return np.arctan2(self.omega3[:, 2], toward)
+
+    @cached_property
+    def tilt_magnitudes(self) -> tuple[Array, Array]:
+        """Smallest and largest |φ|, (n,) each (paper, eq. 9)."""
+        total = self.alpha + self.beta
+        return np.abs(self.alpha - self.beta), np.minimum(total, 2.0 * np.pi - total)
+
+    def boundary_distance(self, tilts: Array) -> Array:
+        """Tilt (n,) between the worst of the tilts (k,), signed, and the workspace boundary; negative outside."""
+        low, high = self.tilt_magnitudes
+        size = np.abs(tilts)
+        inside: Array = np.minimum(size.min() - low, high - size.max())
+        sides = np.unique(np.sign(tilts))
+        elsewhere = self.side != sides[0] if len(sides) == 1 else np.full(len(low), True)
+        return np.where(elsewhere & (low > 0), -np.inf, inside)
+
+    def joints(self, task: Array, branch: int) -> Array:
+        """θ (n, k, 4) of task coordinates (k, 4) on the branch that is `branch` (±1) times the home configuration's."""
+        columns = [np.asarray(column)[None, :] for column in np.asarray(task, dtype=float).T]
+        home = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
+        wide = cast(Mechanism, _Wide(self))
+        theta = joints_of_task(NUMPY, wide, cast(Any, tuple(columns)), branch * home)
+        return np.stack(np.broadcast_arrays(*theta), axis=-1)
+
+
+class _Wide:
+    """A family as `joints_of_task` asks a mechanism: the members along the first axis, points along the second."""
+
+    def __init__(self, family: Family) -> None:
+        half = -family.delta / 2.0
+        eta = azimuths(NUMPY, family.alpha, family.beta, np.cos(half), np.sin(half))[1]
+        self.alpha, self.beta, self.delta, self.side, self.spin_offset = (
+            each[:, None] for each in (family.alpha, family.beta, family.delta, family.side, eta)
+        )
+        self.insertion_sign = family.insertion_sign

@@ -1,0 +1,318 @@
+"""A study from candidates to results: screened in closed form, planned, checked and sized by workers, kept in a store."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.load import problem_from_dict
+from ssm_planner.pipeline.run import plan
+from ssm_planner.plans import Plan
+from ssm_planner.problem.problem import Problem
+from ssm_planner.sizing.size import Sizing, size_motion
+from ssm_planner.studies.screens import Screens
+from ssm_planner.studies.store import Row, Store, key_of, write_table
+from ssm_planner.studies.study import Choice, Design, Study
+from ssm_planner.studies.workers import WorkerDied, Workers
+
+STORE, TABLE = "study.sqlite", "table.csv"
+SCREENED_TOGETHER = 4096
+COMMIT_EVERY = 0.5
+"""Seconds between writes of the store."""
+AHEAD = 8
+"""Candidates given to an executor for each worker that it has, so that none waits for the driver."""
+MARGINS = ("torque", "continuous_torque", "speed", "heat", "voltage")
+"""Checks of a motor whose margins count."""
+
+Progress = Callable[[int, int, dict[str, int]], None]
+"""Called with the candidates that are done, their number, and how many are in each state."""
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """What was found, and where it is kept."""
+
+    study: Study
+    rows: tuple[Row, ...]
+    folder: Path
+    finished: bool
+    """False where it was interrupted."""
+
+    @property
+    def states(self) -> dict[str, int]:
+        """How many candidates are in each state."""
+        return _states(self.rows)
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """How many candidates fall out at each stage, the commonest first."""
+        stages = [row.stage or row.state for row in self.rows if row.state not in ("done", "waiting")]
+        return dict(
+            sorted(((stage, stages.count(stage)) for stage in set(stages)), key=lambda each: (-each[1], each[0]))
+        )
+
+    @property
+    def front(self) -> tuple[Row, ...]:
+        """The candidates that no other is better than in every objective, by the first objective."""
+        return pareto(self.rows, self.study.minimise)
+
+
+def run_study(
+    study: Study,
+    folder: Path,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Progress = lambda done, count, states: None,
+) -> StudyResult:
+    """Look at every candidate of a study, or at those that an earlier run left; the table and the store come into `folder`.
+
+    workers: processes, default one for each processor. executor: any `concurrent.futures.Executor`, such as Dask's, in
+    their place; it is not shut down. Ctrl-C ends it; the same call goes on. Raises ProblemError or ExportError.
+    """
+    count = workers or os.cpu_count() or 1
+    with ExitStack() as stack:
+        store = stack.enter_context(Store(folder / STORE))
+        pool = executor or stack.enter_context(_ended(Workers(count)))
+        driver = _Driver(study, store, pool, AHEAD * count, progress)
+        finished = True
+        try:
+            driver.run()
+        except KeyboardInterrupt:
+            finished = False
+        driver.flush()
+        rows = tuple(store.rows(driver.keys))
+    write_table(rows, folder / TABLE)
+    return StudyResult(study, rows, folder, finished)
+
+
+@contextmanager
+def _ended(workers: Workers) -> Iterator[Workers]:
+    """Workers that are ended at once, whatever they do, when the block ends."""
+    try:
+        yield workers
+    finally:
+        workers.shutdown(cancel_futures=True)
+
+
+class _Driver:
+    """The only one that writes the store."""
+
+    def __init__(
+        self,
+        study: Study,
+        store: Store,
+        pool: Executor,
+        ahead: int,
+        progress: Progress,
+    ) -> None:
+        self._study, self._store, self._pool, self._ahead, self._progress = study, store, pool, ahead, progress
+        self._context, self._screens = context_of(study), Screens(study)
+        self.keys: list[str] = []
+        self._flying: dict[Future[Row], str] = {}
+        self._done: list[tuple[str, Row]] = []
+        self._written = time.monotonic()
+        self._states: dict[str, int] = {}
+        self._evaluate = Evaluation(study)
+
+    def run(self) -> None:
+        """All candidates."""
+        if self._study.search.adaptive:
+            from ssm_planner.studies.adaptive import batches
+
+            for designs, tell in batches(self._study):
+                tell(self._look_at(designs, len(self.keys), self._study.search.points))
+            return
+        designs = list(self._study.designs())
+        for chunk in _chunks(designs, SCREENED_TOGETHER):
+            self._look_at(chunk, len(self.keys), len(designs), collect=False)
+        self._drain()
+        self.flush()
+
+    def flush(self) -> None:
+        """What is done, into the store."""
+        if self._done:
+            self._store.put(self._done)
+            self._done = []
+        self._written = time.monotonic()
+
+    def _look_at(self, designs: Sequence[Design], first: int, total: int, collect: bool = True) -> list[Row]:
+        """Screen candidates and give the rest to the workers; with collect, wait and return their rows."""
+        keys = [key_of(design, self._context) for design in designs]
+        self._total = total
+        self._store.add(zip(range(first, first + len(designs)), keys, designs, strict=True))
+        self.keys += keys
+        open_ = set(self._store.waiting(keys))
+        for row in self._store.rows(key for key in keys if key not in open_):
+            self._count(row)
+        todo = [
+            (first + i, key, design) for i, (key, design) in enumerate(zip(keys, designs, strict=True)) if key in open_
+        ]
+        for (number, key, design), fallen in zip(todo, self._screens.fallen([d for _, _, d in todo]), strict=True):
+            if fallen is not None:
+                self._keep(key, Row(number, "infeasible", design, fallen.stage, fallen.reason))
+                continue
+            while len(self._flying) >= self._ahead:
+                self._collect()
+            self._flying[self._pool.submit(self._evaluate, number, design)] = key
+        if not collect:
+            return []
+        self._drain()
+        self.flush()
+        return self._store.rows(keys)
+
+    def _drain(self) -> None:
+        while self._flying:
+            self._collect()
+
+    def _collect(self) -> None:
+        """Wait for one answer at least."""
+        for future in wait(self._flying, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
+            key = self._flying.pop(future)
+            try:
+                row = future.result()
+            except WorkerDied as error:
+                row = Row(-1, "quarantined", {}, None, str(error))
+            self._keep(key, row)
+        if time.monotonic() - self._written > COMMIT_EVERY:
+            self.flush()
+
+    def _keep(self, key: str, row: Row) -> None:
+        self._done.append((key, row))
+        self._count(row)
+        if len(self._done) >= SCREENED_TOGETHER:
+            self.flush()
+
+    def _count(self, row: Row) -> None:
+        self._states[row.state] = self._states.get(row.state, 0) + 1
+        self._progress(sum(self._states.values()), self._total, self._states)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """One candidate planned over every motion, checked and sized: what a worker does. It travels as a pickle."""
+
+    study: Study
+
+    def __call__(self, number: int, design: Design) -> Row:
+        """The candidate's row; a fault of this program becomes the state failed."""
+        try:
+            return self._row(number, design)
+        except ProblemError as error:
+            return Row(number, "infeasible", design, "design", str(error))
+        except Exception as error:  # noqa: BLE001 one candidate's fault must not end the study
+            return Row(number, "failed", design, None, f"{type(error).__name__}: {error}")
+
+    def _row(self, number: int, design: Design) -> Row:
+        figures: dict[str, Any] = {}
+        sizings: list[Sizing] = []
+        for name, problem in problems_of(self.study, design):
+            found = plan(problem, relaxations=False)
+            if not found.passed or found.trajectory is None:
+                reason = "no motion found" if found.reason is None else found.reason.message
+                return Row(number, "infeasible", design, "plan", f"{name}: {reason}", figures=figures)
+            figures[f"duration.{name}"] = found.trajectory.duration
+            sizings.append(size_motion(found.trajectory, problem.robot))
+        figures |= {"duration": sum(figures.values()), **_of_motors(sizings), **_of_geometry(problem)}
+        margin = figures["motor_margin"]
+        if margin is not None and margin < self.study.require.motor_margin:
+            reason = (
+                f"a motor margin of {100 * margin:.4g} %, required are {100 * self.study.require.motor_margin:.4g} %"
+            )
+            return Row(number, "infeasible", design, "motors", reason, figures=figures)
+        return Row(number, "done", design, figures=figures)
+
+
+def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
+    """The motions of a study with a candidate as their robot. Raises ProblemError."""
+    tree = study.resolved(design)
+    for name, motion in study.motions.items():
+        yield name, problem_from_dict({"name": name, **motion, "robot": tree})
+
+
+def plans_of(study: Study, design: Design) -> dict[str, Plan]:
+    """The candidate's plans, made again, by motion."""
+    return {name: plan(problem) for name, problem in problems_of(study, design)}
+
+
+def _of_motors(sizings: Sequence[Sizing]) -> dict[str, Any]:
+    """Smallest margin of any motor in any motion, the largest torques by joint, and the mass of the motors; SI."""
+    margins = []
+    figures: dict[str, Any] = {}
+    masses: dict[str, float | None] = {}
+    for verdict in (verdict for sizing in sizings for verdict in sizing.verdicts):
+        margins += [check.margin for check in verdict.checks if check.name in MARGINS and check.margin is not None]
+        for name, value in (
+            ("peak_torque", verdict.requirement.peak_torque),
+            ("rms_torque", verdict.requirement.rms_torque),
+        ):
+            key = f"{name}.{verdict.joint}"
+            figures[key] = max(value, figures.get(key, 0.0))
+        masses[verdict.joint] = verdict.motor.mass
+    known = [mass for mass in masses.values() if mass is not None]
+    figures["motor_margin"] = min(margins, default=None)
+    figures["peak_torque"] = max(
+        (value for key, value in figures.items() if key.startswith("peak_torque.")), default=None
+    )
+    figures["motor_mass"] = sum(known) if len(known) == len(masses) and known else None
+    return figures
+
+
+def _of_geometry(problem: Problem) -> dict[str, Any]:
+    from ssm_planner.kinematics.mechanism import Mechanism
+    from ssm_planner.kinematics.workspace import tilt_interval
+
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    low, high = tilt_interval(mechanism)
+    return {"alpha": mechanism.alpha, "beta": mechanism.beta, "tilt_low": low, "tilt_high": high}
+
+
+def pareto(rows: Sequence[Row], objectives: Sequence[str]) -> tuple[Row, ...]:
+    """The done rows that no other dominates; rows without one of the figures are left out."""
+    signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
+    points = [
+        (tuple(sign * row.figures[name] for sign, name in zip(signs, objectives, strict=True)), row)
+        for row in rows
+        if row.state == "done" and all(row.figures.get(name) is not None for name in objectives)
+    ]
+    points.sort(key=lambda each: (each[0], each[1].number))
+    front: list[tuple[tuple[float, ...], Row]] = []
+    for values, row in points:
+        if not any(all(a <= b for a, b in zip(other, values, strict=True)) for other, _ in front):
+            front.append((values, row))
+    return tuple(row for _, row in front)
+
+
+def context_of(study: Study) -> str:
+    """What a result depends on besides the design: robot, motions, catalogues, what is required, and the version."""
+    contents = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
+    what: Mapping[str, Any] = {
+        "robot": study.robot,
+        "motions": study.motions,
+        "contents": contents,
+        "require": {name: getattr(study.require, name) for name in study.require.__dataclass_fields__},
+        "version": version("ssm_planner"),
+    }
+    return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _states(rows: Sequence[Row]) -> dict[str, int]:
+    names = sorted({row.state for row in rows})
+    return {name: sum(row.state == name for row in rows) for name in names}
+
+
+def _chunks(designs: list[Design], size: int) -> Iterator[list[Design]]:
+    for start in itertools.count(0, size):
+        if start >= len(designs):
+            return
+        yield designs[start : start + size]

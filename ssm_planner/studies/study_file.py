@@ -1,0 +1,257 @@
+"""A study file → Study: what varies, with the robot, motions and catalogues that it names."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.files import find, follow, of_data, read
+from ssm_planner.loading.motors import MotorModel
+from ssm_planner.loading.robots import robot_from
+from ssm_planner.loading.schema import Field as Share
+from ssm_planner.loading.schema import Model, Reference, Text, Truth, interval, located, quantity, validated, wrong
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem.value import Bound
+from ssm_planner.studies.study import (
+    GEARS,
+    OBJECTIVES,
+    Choice,
+    Requirements,
+    Search,
+    Span,
+    Study,
+    Variable,
+    known,
+)
+
+LARGEST_CATALOGUE = 10_000
+"""Entries."""
+MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
+"""Columns of motor tables in the words of motor files; the chart's end is no rating, and its source says so."""
+
+
+def _share(value: object) -> float:
+    """A number, or a percentage such as `20 %`."""
+    text = str(value).strip()
+    try:
+        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        share = -1.0
+    if not 0 <= share < 1:
+        raise wrong("not a share", "0 to 1, or 0 % to 100 %")
+    return share
+
+
+class SearchModel(Model):
+    """How candidates are chosen."""
+
+    method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
+    points: Annotated[int, Field(ge=1, le=10_000_000)] = 256
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class RequirementsModel(Model):
+    """What a candidate must do."""
+
+    reach: Annotated[tuple[float, float], interval("angle")] | None = None
+    reach_margin: Annotated[float, quantity("angle", Bound(at_least=0.0))] = 0.0
+    self_locking: Truth = False
+    motor_margin: Annotated[float, Share(_share, {"type": ["number", "string"]})] = 0.0
+
+
+class StudyModel(Model):
+    """What a study file may say."""
+
+    name: Text | None = None
+    robot: Reference
+    motions: Annotated[list[Text], Field(min_length=1, max_length=50)]
+    vary: dict[str, Any]
+    require: RequirementsModel = RequirementsModel()
+    minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]  # a tuple of texts
+    search: SearchModel = SearchModel()
+
+
+def load_study(name: str | Path) -> Study:
+    """The study in a YAML file, or the shipped one of this name, with all that it names. Raises ProblemError."""
+    return study_from(read(find(name, "studies")))
+
+
+def study_from(section: Section) -> Study:
+    """The study that a section describes. Raises ProblemError."""
+    model = validated(section, StudyModel)
+    robot = _tree(follow(section, "robot"))
+    motions: dict[str, Any] = {}
+    for i, name in enumerate(model.motions):
+        motion = (
+            follow(section, "motions", i, kind="problem") if _beside(section, name) else read(find(name, "problems"))
+        )
+        label = Path(name).stem
+        if label in motions:
+            raise section.error("given twice", "motions", i)
+        motions[label] = {key: value for key, value in motion.value.items() if key not in ("robot", "name")}
+    if not model.vary:
+        raise section.error("nothing varies", "vary", allowed="at least one path of the robot file")
+    vary = tuple(_variable(section.sub("vary", path), path, robot) for path in model.vary)
+    with located(section):
+        study = Study(
+            name=model.name or section.name,
+            robot=robot,
+            motions=motions,
+            vary=vary,
+            require=Requirements(**dict(model.require)),
+            minimise=tuple(model.minimise),
+            search=Search(**dict(model.search)),
+            file=None if section.file is None else str(section.file),
+        )
+    _check_paths(section, study)
+    return study
+
+
+def _beside(section: Section, name: str) -> bool:
+    return section.file is not None and (section.file.parent / name).is_file()
+
+
+def _tree(robot: Section) -> dict[str, Any]:
+    """What the robot file says, drives and motors in the place of their files' names. Raises ProblemError."""
+    robot_from(robot)
+    tree: dict[str, Any] = {**robot.value, "joints": {}}
+    for name, joint in robot.value["joints"].items():
+        parts = {part: follow(robot, "joints", name, part).value for part in ("drive", "motor") if part in joint}
+        tree["joints"][name] = {key: value for key, value in {**joint, **parts}.items() if key != "alternatives"}
+    return tree
+
+
+def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
+    if not known(robot, path):
+        raise section.error("the robot file has no such place", show=False, allowed="such as geometry.alpha")
+    value = section.value
+    if not isinstance(value, dict) or set(value) not in ({"from", "to"}, {"choices"}, {"catalogue"}):
+        raise section.error("not a way to vary", allowed="{from: …, to: …}, {choices: [ … ]} or {catalogue: FILE}")
+    if "from" in value:
+        return _span(section, path)
+    if "choices" in value:
+        choices = value["choices"]
+        if not isinstance(choices, list) or not choices:
+            raise section.error("not a list of choices", "choices")
+        contents = {}
+        for i, choice in enumerate(choices):
+            file = isinstance(choice, str) and path.split(".")[-1] in ("drive", "motor")
+            content = follow_choice(section, i, path.split(".")[-1]) if file else choice
+            contents[str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))] = content
+        return Choice(path, contents)
+    return Choice(path, catalogue(section, path))
+
+
+def follow_choice(section: Section, i: int, kind: str) -> Any:
+    """What the drive or motor file says that an entry of `choices` names."""
+    text = section.value["choices"][i]
+    base = Path() if section.file is None else section.file.parent
+    target = base / text
+    return read(target if target.is_file() else find(text, f"{kind}s")).value  # type: ignore[arg-type]
+
+
+def _span(section: Section, path: str) -> Span:
+    numbers, found = [], []
+    for end in ("from", "to"):
+        text = str(section.value[end])
+        number, _, unit = text.strip().partition(" ")
+        try:
+            numbers.append(float(number))
+        except ValueError:
+            raise section.error("not a number with a unit", end, allowed="such as 26 deg") from None
+        found.append(unit.strip())
+    if found[0] != found[1]:
+        raise section.error(f"another unit than from has ({found[0] or 'none'})", "to", allowed="one unit for both")
+    low, high = numbers
+    if not low < high:
+        raise section.error("not above from", "to", allowed=f"above {section.value['from']}")
+    return Span(path, low, high, found[0])
+
+
+def catalogue(section: Section, path: str) -> dict[str, Any]:
+    """The entries of a catalogue by name: a CSV with units in cells or headings, or a folder of YAML files."""
+    name = section.value["catalogue"]
+    base = Path() if section.file is None else section.file.parent
+    file = base / str(name)
+    if file.is_dir():
+        entries = {each.stem: read(each).value for each in sorted(file.glob("*.yaml"))}
+    elif file.is_file():
+        entries = rows_of(file, gear=path.split(".")[-1] in GEARS)
+    else:
+        raise section.error(
+            f"the file {file} does not exist", "catalogue", allowed="a CSV file or a folder of YAML files"
+        )
+    if not 0 < len(entries) <= LARGEST_CATALOGUE:
+        raise section.error(f"{len(entries)} entries", "catalogue", allowed=f"1 to {LARGEST_CATALOGUE}")
+    return entries
+
+
+def rows_of(file: Path, gear: bool = False) -> dict[str, Any]:
+    """The rows of a CSV as what motor or drive files say, by name or order number. Raises ProblemError."""
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ProblemError(f"cannot be read: {error}", file=file) from None
+    reader = csv.reader(io.StringIO(text))
+    headings = [_heading(cell) for cell in next(reader, [])]
+    names = [name for name, _ in headings]
+    if not {"name", "order_number"} & set(names):
+        raise ProblemError("no column name or order_number", file=file, line=1)
+    if len(set(names)) < len(names):
+        raise ProblemError("two columns of one name", file=file, line=1)
+    entries: dict[str, Any] = {}
+    for cells in reader:
+        if not cells:
+            continue
+        if len(cells) != len(headings):
+            raise ProblemError(f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}")
+        written = zip(headings, (cell.strip() for cell in cells), strict=True)
+        row: dict[str, Any] = {name: _value(f"{cell} {unit}".rstrip()) for (name, unit), cell in written if cell}
+        label = str(row.pop("order_number", None) or row["name"])
+        if label in entries:
+            raise ProblemError(f"{label!r} stands twice", file=file, line=reader.line_num)
+        entries[label] = row if gear else _motor(row, label, file.name)
+    return entries
+
+
+def _value(text: str) -> str | float:
+    """A number where the cell is one, else its text."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _heading(cell: str) -> tuple[str, str]:
+    """Name and unit of a column: `rotor_inertia [g*cm^2]`."""
+    name, _, unit = cell.strip().partition("[")
+    return name.strip(), unit.rstrip("] ")
+
+
+def _motor(row: dict[str, Any], label: str, file: str) -> dict[str, Any]:
+    """A motor file of a row; what motor files do not know is left out."""
+
+    source = row.pop("source", f"{file}, {label}")
+    entry: dict[str, Any] = {"name": f"{row.pop('name', '')} {label}".strip(), "source": source}
+    for column, value in row.items():
+        name = MOTOR_COLUMNS.get(column, column)
+        if name in MotorModel.model_fields and name not in entry:
+            entry[name] = value
+    return entry
+
+
+def _check_paths(section: Section, study: Study) -> None:
+    """The robot with each variable at its first value can be read: else the message says which of them cannot be."""
+    first = {variable.path: variable.at(0.0) for variable in study.vary}
+    tree = study.resolved(first)
+    try:
+        robot_from(of_data(tree))
+    except ProblemError as error:
+        for path in study.paths:
+            if error.key is not None and path.rsplit(".", 1)[-1] in error.key:
+                raise section.error(f"cannot be: {error}", "vary", path, show=False) from None

@@ -1,0 +1,88 @@
+"""The store: rows by key, one writer, whole after a kill, clear words for what is no store."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ssm_planner.errors import ExportError, ProblemError
+from ssm_planner.studies.store import Row, Store, key_of, write_table
+
+
+def _designs(count):
+    designs = [{"geometry.alpha": f"{i} deg"} for i in range(count)]
+    return [(i, key_of(design, "context"), design) for i, design in enumerate(designs)]
+
+
+def test_what_was_put_is_read_again(tmp_path):
+    designs = _designs(5)
+    with Store(tmp_path / "study.sqlite") as store:
+        store.add(designs)
+        store.put([(designs[2][1], Row(2, "done", {}, figures={"duration": 0.1 + 0.2}))])
+        store.put([(designs[3][1], Row(3, "infeasible", {}, stage="reach", reason="too short"))])
+    with Store(tmp_path / "study.sqlite") as store:
+        store.add(designs)
+        assert store.waiting([key for _, key, _ in designs]) == [designs[i][1] for i in (0, 1, 4)]
+        rows = store.rows()
+    assert [row.number for row in rows] == [0, 1, 2, 3, 4]
+    assert rows[2] == Row(2, "done", designs[2][2], figures={"duration": 0.1 + 0.2})
+    assert (rows[3].stage, rows[3].reason) == ("reach", "too short")
+
+
+def test_the_key_is_of_the_value_not_of_its_order():
+    assert key_of({"a": 1, "b": 2}, "x") == key_of({"b": 2, "a": 1}, "x") != key_of({"a": 1, "b": 2}, "y")
+
+
+def test_one_driver_at_a_time(tmp_path):
+    with Store(tmp_path / "study.sqlite"), pytest.raises(ProblemError, match="another program"):
+        Store(tmp_path / "study.sqlite")
+    Store(tmp_path / "study.sqlite").__exit__(None, None, None)
+
+
+@pytest.mark.parametrize(
+    "content", [b"no store, a text that somebody wrote" * 90, b"SQLite format 3\x00" + b"\xff" * 9000]
+)
+def test_what_is_no_store_is_named(tmp_path, content):
+    path = tmp_path / "study.sqlite"
+    path.write_bytes(content)
+    with pytest.raises((ProblemError, ExportError), match=r"study\.sqlite"):
+        Store(path)
+    assert path.read_bytes() == content
+
+
+def test_a_killed_driver_leaves_whole_rows(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from ssm_planner.studies.store import *\n"
+        "store = Store(Path(sys.argv[1])); print('open', flush=True)\n"
+        "for i in range(10**6):\n"
+        "    store.add([(i, str(i), {'x': i})]); store.put([(str(i), Row(i, 'done', {}, figures={'y': i}))])\n"
+    )
+    path = tmp_path / "study.sqlite"
+    process = subprocess.Popen([sys.executable, "-c", code, path], stdout=subprocess.PIPE)
+    process.stdout.readline()
+    time.sleep(0.4)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    with Store(path) as store:
+        rows = store.rows()
+    assert len(rows) > 3
+    assert all(row.figures == {"y": row.number} for row in rows if row.state == "done")
+    assert sum(row.state == "waiting" for row in rows) <= 1
+
+
+def test_the_table_is_a_csv_of_choices_and_figures(tmp_path):
+    rows = [
+        Row(0, "done", {"geometry.alpha": "30 deg"}, figures={"duration": 1.5}),
+        Row(1, "failed", {"geometry.alpha": "31 deg"}, reason="why"),
+    ]
+    write_table(rows, tmp_path / "table.csv")
+    assert (tmp_path / "table.csv").read_text().splitlines() == [
+        "number,state,stage,reason,geometry.alpha,duration",
+        "0,done,,,30 deg,1.5",
+        "1,failed,,why,31 deg,",
+    ]

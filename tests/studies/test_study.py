@@ -1,0 +1,210 @@
+"""Studies: what varies comes into the robot, screens drop only what planning drops, results do not depend on who works."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.loading.files import of_data
+from ssm_planner.studies.run import Evaluation, pareto, problems_of, run_study
+from ssm_planner.studies.screens import Screens
+from ssm_planner.studies.store import Row
+from ssm_planner.studies.study import Search
+from ssm_planner.studies.study_file import load_study, study_from
+
+CATALOGUE = Path(__file__).parents[2] / "problems" / "catalogues" / "motors_24v.csv"
+GEOMETRY = {
+    "geometry.alpha": {"from": "26 deg", "to": "40 deg"},
+    "geometry.home_tilt": {"from": "-120 deg", "to": "-106 deg"},
+}
+FILE = {
+    "robot": "vitreoretinal",
+    "motions": ["tilt_insert"],
+    "vary": GEOMETRY,
+    "require": {"reach": ["-135 deg", "-85 deg"]},
+    "minimise": ["duration", "peak_torque"],
+    "search": {"points": 8, "seed": 3},
+}
+
+
+def study(**changes):
+    return study_from(of_data({**FILE, **changes}))
+
+
+def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
+    """The tool lies along the third axis, and each body's centre of mass keeps its place in its own frame."""
+    of = study()
+    design = {"geometry.alpha": "35 deg", "geometry.home_tilt": "-110 deg"}
+    ((_, problem),) = problems_of(of, design)
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    assert np.isclose(mechanism.alpha, np.radians(35))
+    assert np.isclose(mechanism.home_tilt, np.radians(-110))
+    axes = (problem.robot.geometry.omega1, problem.robot.geometry.omega2, problem.robot.geometry.omega3)
+    for body, axis in zip(problem.robot.bodies, axes, strict=False):
+        assert np.allclose(body.frame[:, 2], axis)
+
+
+def test_designs_are_the_same_for_the_same_seed_and_fill_the_space():
+    of = study()
+    first, again, other = list(of.designs()), list(of.designs()), list(replace(of, search=Search(seed=4)).designs())
+    assert first == again != other[:8]
+    alphas = sorted(float(design["geometry.alpha"].split()[0]) for design in first)
+    assert all(26 + 14 * i / 8 <= alpha <= 26 + 14 * (i + 1) / 8 for i, alpha in enumerate(alphas))  # (0, m, s)-net
+    grid = list(replace(of, search=Search("grid", 3)).designs())
+    assert len(grid) == len({tuple(design.items()) for design in grid}) == 9
+
+
+def test_the_weight_on_the_screen_is_that_of_the_robot_built():
+    of = study()
+    screens = Screens(of)
+    designs = list(of.designs())
+    family = screens._family(designs)
+    q = family.joints(np.array([[0.0, -1.9, 0.0, 0.0], [0.1, -2.0, 0.2, 0.01]]), 1)
+    loads = screens._loads(family, q)
+    for i, design in enumerate(designs):
+        ((_, problem),) = problems_of(of, design)
+        assert np.allclose(loads[i], RigidBody.from_robot(problem.robot).gravity_load(q[i]), rtol=0, atol=1e-9)
+
+
+def test_a_screen_drops_nothing_that_can_be_planned():
+    """Weak motors, so that static torque decides for some: every candidate that it drops has no plan either."""
+    weak = {
+        "nominal_torque": "6 mN*m",
+        "max_torque": "14.2 mN*m",
+        "max_speed": "15000 rpm",
+        "name": "weak",
+        "source": "test",
+    }
+    of = study(
+        vary={**GEOMETRY, "joints.tilt.motor": {"choices": [weak, {**weak, "name": "strong", "max_torque": "90 mN*m"}]}}
+    )
+    designs = list(of.designs())
+    fallen = Screens(of).fallen(designs)
+    assert {each.stage for each in fallen if each is not None} >= {"reach"}
+    for design, each in zip(designs, fallen, strict=True):
+        if each is not None and each.stage != "reach":
+            assert Evaluation(of)(0, design).state == "infeasible"
+
+
+def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_path):
+    of = study()
+    run_study(of, tmp_path / "one", workers=1)
+    table = (tmp_path / "one" / "table.csv").read_bytes()
+    assert table.count(b"\n") == 9
+    run_study(of, tmp_path / "two", workers=2)
+    assert (tmp_path / "two" / "table.csv").read_bytes() == table
+    # the driver is killed in the middle, then the same call goes on
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[2]); from pathlib import Path\n"
+        "from ssm_planner.studies.study_file import load_study; from ssm_planner.studies.run import run_study\n"
+        "run_study(load_study(sys.argv[3]), Path(sys.argv[1]), workers=2)"
+    )
+    import yaml
+
+    file = tmp_path / "study.yaml"
+    file.write_text(yaml.safe_dump(FILE))
+    root = str(Path(__file__).parents[2])
+    process = subprocess.Popen([sys.executable, "-c", code, tmp_path / "killed", root, file], cwd=tmp_path)
+    time.sleep(2.5)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    result = run_study(load_study(file), tmp_path / "killed", workers=2)
+    assert result.finished
+    assert (tmp_path / "killed" / "table.csv").read_bytes() == table
+
+
+def test_killed_workers_change_nothing(tmp_path):
+    from ssm_planner.studies.workers import Workers
+
+    of = study()
+    run_study(of, tmp_path / "calm", workers=2)
+    with Workers(2, attempts=100) as workers:
+
+        def kill(done: int, count: int, states: object) -> None:
+            if done % 3 == 0 and workers.pids:
+                os.kill(random.choice(workers.pids), signal.SIGKILL)
+
+        run_study(of, tmp_path / "killed", executor=workers, progress=kill)
+    assert (tmp_path / "killed" / "table.csv").read_bytes() == (tmp_path / "calm" / "table.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_dask_gives_the_same_table(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    of = study()
+    run_study(of, tmp_path / "one", workers=1)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        run_study(of, tmp_path / "dask", executor=client.get_executor(retries=3))
+    assert (tmp_path / "dask" / "table.csv").read_bytes() == (tmp_path / "one" / "table.csv").read_bytes()
+
+
+def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():
+    of = study(vary={"joints.roll.motor": {"catalogue": str(CATALOGUE)}})
+    (variable,) = of.vary
+    assert len(variable.contents) == 48
+    base = {
+        design: problem.robot.joints[0]
+        for design in variable.contents
+        for _, problem in problems_of(of, {"joints.roll.motor": design})
+    }
+    rotors = {name: joint.drive.input_inertia - joint.motor.rotor_inertia for name, joint in base.items()}
+    assert np.ptp(list(rotors.values())) < 1e-12  # what is left of the drive does not depend on the motor
+    assert all(joint.motor.mass > 0.01 for joint in base.values())
+
+
+def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
+    (tmp_path / "worms.csv").write_text(
+        "name,geometry.ratio,geometry.worm_diameter [mm],geometry.wheel_diameter [mm],input_inertia,source\n"
+        "P30-60,60,10,30,6.5e-7 kg*m^2,made up\nP30-120,120,10,30,6.5e-7 kg*m^2,made up\n"
+    )
+    of = study(vary={"joints.tilt.drive.worm": {"catalogue": str(tmp_path / "worms.csv")}})
+    ratios = {}
+    for name in ("P30-60", "P30-120"):
+        ((_, problem),) = problems_of(of, {"joints.tilt.drive.worm": name})
+        ratios[name] = problem.robot.joints[1].drive.ratio
+        assert problem.robot.joints[1].drive.friction.mu == 0.13 or problem.robot.joints[1].drive.friction.mu > 0
+    assert ratios == {"P30-60": 60, "P30-120": 120}
+
+
+def test_the_front_holds_what_nothing_beats():
+    rng = np.random.default_rng(2)
+    rows = [Row(i, "done", {}, figures={"a": float(x), "b": float(y)}) for i, (x, y) in enumerate(rng.random((200, 2)))]
+    front = pareto(rows, ("a", "b"))
+    for row in rows:
+        better = [o for o in rows if o is not row and all(o.figures[k] <= row.figures[k] for k in "ab")]
+        assert (row in front) == (not better)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"vary": {}}, "nothing varies"),
+        ({"vary": {"geometry.alfa.x": {"from": "1 deg", "to": "2 deg"}}}, "no such place"),
+        ({"vary": {"geometry.alpha": {"from": "1 deg", "to": "2 rad"}}}, "another unit"),
+        ({"vary": {"geometry.alpha": {"from": "3 deg", "to": "2 deg"}}}, "not above from"),
+        ({"vary": {"geometry.alpha": {"form": "3 deg", "to": "2 deg"}}}, "not a way to vary"),
+        ({"vary": {"joints.roll.motor": {"catalogue": "nowhere.csv"}}}, "does not exist"),
+        ({"minimise": ["cost"]}, "minimise"),
+        ({"motions": ["nowhere.yaml"]}, "no such file"),
+        ({"require": {"motor_margin": "120 %"}}, "not a share"),
+        ({"search": {"points": 0}}, "points"),
+    ],
+)
+def test_bad_input_is_named(change, words):
+    with pytest.raises(ProblemError, match=words):
+        study(**change)

@@ -1,0 +1,71 @@
+"""Workers: every task is done once, whatever dies."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import threading
+import time
+from concurrent.futures import wait
+
+import pytest
+
+from ssm_planner.studies.workers import WorkerDied, Workers
+
+
+def test_tasks_come_back_in_their_futures():
+    with Workers(2) as workers:
+        futures = [workers.submit(pow, i, 2) for i in range(50)]
+        assert [future.result() for future in futures] == [i**2 for i in range(50)]
+
+
+def test_a_fault_is_the_tasks_own():
+    with Workers(1) as workers:
+        bad, good = workers.submit(divmod, 1, 0), workers.submit(divmod, 7, 2)
+        with pytest.raises(ZeroDivisionError):
+            bad.result()
+        assert good.result() == (3, 1)
+
+
+def test_a_task_that_ends_its_workers_is_given_up_and_the_others_go_on():
+    with Workers(2) as workers:
+        futures = [workers.submit(os._exit, 1) if i == 3 else workers.submit(abs, -i) for i in range(12)]
+        wait(futures)
+        assert isinstance(futures[3].exception(), WorkerDied)
+        assert [f.result() for i, f in enumerate(futures) if i != 3] == [i for i in range(12) if i != 3]
+
+
+def test_kills_lose_nothing():
+    with Workers(2, attempts=50) as workers:
+        futures = [workers.submit(time.sleep, 0.05) for _ in range(40)]
+        done = threading.Event()
+
+        def kill() -> None:
+            while not done.wait(0.4):
+                if workers.pids:
+                    os.kill(random.choice(workers.pids), signal.SIGKILL)
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        wait(futures)
+        done.set()
+        killer.join()
+        assert all(future.exception() is None for future in futures)
+
+
+def test_a_hung_task_is_ended():
+    with Workers(1, attempts=1, patience=1.5) as workers:
+        hung, good = workers.submit(time.sleep, 60), workers.submit(abs, -1)
+        assert isinstance(hung.exception(), WorkerDied)
+        assert good.result() == 1
+
+
+def test_workers_are_gone_after_shutdown():
+    workers = Workers(2)
+    wait([workers.submit(abs, -1) for _ in range(4)])
+    pids = workers.pids
+    workers.shutdown()
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
