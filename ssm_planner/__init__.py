@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ssm_planner.identification.torque_map import TorqueMap
     from ssm_planner.kinematics.of_robot import JointSolutions, ToolPose, Workspace, fk, ik, workspace
     from ssm_planner.kinematics.workspace import DesignRegion, Extreme, design_region
-    from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
+    from ssm_planner.loading.load import Problem, load_drive, load_motor, load_problem, load_robot
     from ssm_planner.pipeline.folder import Plan, load_plan
     from ssm_planner.pipeline.run import Progress, plan
     from ssm_planner.planning.reason import Reason
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.motion import Dwell, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
     from ssm_planner.problem.motor import Motor
     from ssm_planner.problem.posterior import Posterior, Ripple
-    from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, Problem, TaskLimits
+    from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
     from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
     from ssm_planner.sizing.assess import MotorVerdict
@@ -90,7 +90,7 @@ _HOMES = {
         "ssm_planner.identification.torque_map": "TorqueMap",
         "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",
         "ssm_planner.kinematics.workspace": "DesignRegion Extreme design_region",
-        "ssm_planner.loading.load": "load_drive load_motor load_problem load_robot",
+        "ssm_planner.loading.load": "Problem load_drive load_motor load_problem load_robot",
         "ssm_planner.pipeline.folder": "Plan load_plan",
         "ssm_planner.pipeline.run": "Progress plan",
         "ssm_planner.planning.reason": "Reason",
@@ -100,7 +100,7 @@ _HOMES = {
         "ssm_planner.problem.motion": "Dwell Free Joints Line Motion Point Scan Straight Task Tip",
         "ssm_planner.problem.motor": "Motor",
         "ssm_planner.problem.posterior": "Posterior Ripple",
-        "ssm_planner.problem.problem": "Eye Lens Objective Planner Problem TaskLimits",
+        "ssm_planner.problem.problem": "Eye Lens Objective Planner TaskLimits",
         "ssm_planner.problem.robot": "Body Geometry Joint Robot",
         "ssm_planner.problem.value": "Count Interval Matrix NotNegative Positive Sign Vector",
         "ssm_planner.sizing.assess": "MotorVerdict",

@@ -22,7 +22,8 @@ from ssm_planner.problem.limits import Limit
 from ssm_planner.problem.motion import Joints
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.problem.serialization import from_plain, plain, problem_from_plain
+from ssm_planner.problem.serialization import plain, problem_from_plain
+from ssm_planner.problem.value import built
 from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
@@ -394,7 +395,7 @@ def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
     if not isinstance(data, list):
         raise TrajectoryError("phases is no list: not a whole plan.json")
     try:
-        return tuple(from_plain(PhaseSummary, phase, f"phases[{i}]") for i, phase in enumerate(data))
+        return tuple(built(PhaseSummary, phase, f"phases[{i}]") for i, phase in enumerate(data))
     except ProblemError as error:
         error.file = str(path)
         raise

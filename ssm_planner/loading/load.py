@@ -29,9 +29,9 @@ from ssm_planner.loading.schema import (
 )
 from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.motion import Motorisation, Stroke
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.motorisation import Motorisation, Stroke
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.problem import Problem as Problem
 from ssm_planner.problem.robot import Robot
 
 
@@ -40,14 +40,15 @@ def load_problem(name: str | Path) -> Problem:
     return problem_from(read(find(name, "problems")))
 
 
-def problem_from_dict(data: Mapping[str, Any]) -> Problem:
-    """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
+def _from_dict(data: Mapping[str, Any]) -> Problem:
     return problem_from(of_data(data))
 
 
-def problem_from_yaml(text: str) -> Problem:
-    """The problem that the text of a problem file describes. Raises ProblemError naming line and key."""
+def _from_yaml(text: str) -> Problem:
     return problem_from(of_text(text))
+
+
+Problem.from_dict, Problem.from_yaml = _from_dict, _from_yaml
 
 
 def load_robot(name: str | Path) -> Robot:

@@ -16,7 +16,7 @@ from ssm_planner.paper.motions import RUNS, SpeedRun
 from ssm_planner.paper.published import BOUNDS, DRIVEN, Inputs
 from ssm_planner.paper.section import Section
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motorisation import Motorisation
+from ssm_planner.problem.motion import Motorisation
 from ssm_planner.problem.robot import Body, Robot, frozen, possible, principal_moments
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure

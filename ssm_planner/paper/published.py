@@ -13,8 +13,7 @@ from pathlib import Path
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_motorisation, load_problem
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motion import Task
-from ssm_planner.problem.motorisation import Motorisation
+from ssm_planner.problem.motion import Motorisation, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 

@@ -1,190 +1,25 @@
-"""Limits as values: each bounds one quantity of a motion, and knows its name, unit, words and place in a problem."""
+"""The limits that there are, a class for each kind; each knows its place in a problem."""
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.value import Positive, Value, unchecked
+from ssm_planner.problem.limit import TIGHTENING, Between, P, Symmetric, in_words, outwards, replaced
+from ssm_planner.problem.limit import Limit as Limit
+from ssm_planner.problem.value import Positive, unchecked
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
 TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
-TIGHTENING = 1.5
-"""Tightening per excess found."""
-DIGITS = 6
-"""Of a value in words."""
-ROUNDING = 1e-12
-"""Share by which a value differs from itself in another unit."""
 TO_MOVE = 5e-3
 """Share of a torque or an acceleration beyond what is needed at least: with none the motion creeps, or is the only one."""
-
-P = TypeVar("P")
-"""A Problem; limits stand below it in this room."""
-L = TypeVar("L", bound="Limit")
-S = TypeVar("S", bound="Symmetric")
-B = TypeVar("B", bound="Between")
-
-
-@dataclass(frozen=True)
-class Limit(Value, ABC):
-    """One bound on a motion: `low` ≤ value ≤ `high` at every instant; SI units, radians.
-
-    To write a new limit:
-
-    1. Derive a frozen dataclass from `Limit`, or from one of the families `JointLimit` and `SpeedLimit`, whose members
-       the planner, the check, plan.json and the page take as they come.
-    2. Set `name` (by which results speak of it), `order` and `unit`; give `low` and `high`.
-    3. Say in `on` where a problem holds it, and in `relaxed` and `tightened` how its bound moves. `tightened` may never
-       allow what the limit forbids; `relaxed(value)` allows `value` and all that the limit allows.
-    4. Refuse in `_check` what cannot be: ProblemError naming the field, its value and what is allowed.
-    """
-
-    order: ClassVar[int] = 0
-    """Highest time derivative of the joints' positions that the value depends on."""
-
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """By which results speak of this limit; unique together with `joint`."""
-
-    @property
-    def joint(self) -> str | None:
-        """The joint that is limited, which its limits hold as `of`; None where it is the tool."""
-        return getattr(self, "of", None)
-
-    @property
-    def unit(self) -> str:
-        """SI."""
-        return ""
-
-    @property
-    def low(self) -> float:
-        """Smallest value allowed; infinite where there is none."""
-        return -math.inf
-
-    @property
-    def high(self) -> float:
-        """Largest value allowed; infinite where there is none."""
-        return math.inf
-
-    @property
-    def key(self) -> tuple[str, str | None]:
-        """(name, joint), by which results tell limits apart."""
-        return self.name, self.joint
-
-    @property
-    def half_width(self) -> float:
-        """What margins are relative to: half the range, 1 where only one end is given."""
-        width = self.high - self.low
-        return width / 2 if math.isfinite(width) and width > 0 else 1.0
-
-    @property
-    def is_floor(self) -> bool:
-        """It has a lowest value alone: a motion has less than the bound asks for."""
-        return math.isinf(self.high) and math.isfinite(self.low)
-
-    def bound(self, value: float) -> float:
-        """The end of the range that is nearer to a value outside it."""
-        return self.low if value < self.low else self.high
-
-    def allows(self, value: float) -> bool:
-        """Whether a value keeps the limit."""
-        return self.low <= value <= self.high
-
-    def tightened(self: L, worst: float, bound: float) -> L | None:
-        """Stricter by somewhat more than what `worst` exceeds `bound`; None where that does not help.
-
-        bound: the end that `worst` was held against, which may be looser than this limit.
-        """
-        return None
-
-    def relaxed(self: L, value: float) -> L | None:
-        """Moved so that `value` is allowed; None where no bound of this kind allows it."""
-        return None
-
-    def enough(self, needed: float) -> float:
-        """A value with which a motion is found that needs at least `needed`."""
-        return needed
-
-    def trials(self) -> tuple[float, ...]:
-        """Values to try where it is not known which limit stands in the way."""
-        return ()
-
-    @property
-    def words(self) -> str:
-        """Begins the sentence that `described` makes."""
-        return f"{self.name} of"
-
-    def rounded(self, value: float) -> float:
-        """A value beyond the bound as `described` prints it, rounded so that it allows no less."""
-        _, scale = shown("" if self.unit == "μ" else self.unit)
-        return _outwards(scale * value, scale * self.bound(value)) / scale
-
-    def described(self, value: float) -> str:
-        """In words: this limit moved to `value`, and where it stands."""
-        return f"{self.words} {_text(value, self.unit)} instead of {_text(self.bound(value), self.unit)}"
-
-    def on(self, problem: P) -> P:
-        """The problem with this limit in the place of its own. Raises ProblemError where it has no such place."""
-        raise ProblemError(f"{self.name} cannot be set")
-
-
-class Symmetric(Limit):
-    """|value| ≤ largest."""
-
-    largest: float
-
-    @property
-    def low(self) -> float:
-        return -self.largest
-
-    @property
-    def high(self) -> float:
-        return self.largest
-
-    def bound(self, value: float) -> float:
-        return self.largest
-
-    def tightened(self: S, worst: float, bound: float) -> S | None:
-        # (bound / worst)^TIGHTENING is never 0, however large the excess
-        return _replaced(self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING)
-
-    def relaxed(self: S, value: float) -> S | None:
-        return _replaced(self, largest=max(self.largest, abs(value)))
-
-
-class Between(Limit):
-    """lower ≤ value ≤ upper."""
-
-    lower: float
-    upper: float
-
-    def _check(self) -> None:
-        if not self.lower < self.upper:
-            raise ProblemError(
-                "the lower bound is not below the upper one",
-                key=f"{type(self).__name__}.lower",
-                value=self.lower,
-                allowed=f"below {self.upper:g}",
-            )
-
-    @property
-    def low(self) -> float:
-        return self.lower
-
-    @property
-    def high(self) -> float:
-        return self.upper
-
-    def relaxed(self: B, value: float) -> B | None:
-        return _replaced(self, lower=min(self.lower, value), upper=max(self.upper, value))
 
 
 @dataclass(frozen=True)
@@ -288,6 +123,10 @@ class MotorSpeed(MotorLimit):
     unit = "rad/s"
 
 
+READ_IN = {MotorSpeed.name: "rpm"}
+"""Units in which people read the values of limits, by their names, where that is not what follows from the SI unit."""
+
+
 @dataclass(frozen=True)
 class MotorTorque(MotorLimit):
     """Of the shaft, at every instant, breaking away included."""
@@ -317,7 +156,7 @@ class ContinuousTorque(MotorLimit):
     def words(self) -> str:
         return f"continuous torque of joint {self.of} of"
 
-    def tightened(self: S, worst: float, bound: float) -> S | None:
+    def tightened(self, worst: float, bound: float) -> Self | None:
         return None
 
 
@@ -410,8 +249,8 @@ class TaskRange(Between):
     def described(self, value: float) -> str:
         side = "from" if value < self.low else "to"
         return (
-            f"range of {self.coordinate} {side} {_text(value, self.unit)} "
-            f"instead of {_text(self.bound(value), self.unit)}"
+            f"range of {self.coordinate} {side} {in_words(value, self.unit)} "
+            f"instead of {in_words(self.bound(value), self.unit)}"
         )
 
     def on(self, problem: P) -> P:
@@ -423,7 +262,7 @@ class TaskRange(Between):
             else own
             for own in whole.robot.limits
         )
-        return _with_own(_replaced(problem, robot=replace(whole.robot, limits=tuple(limits))), self)
+        return _with_own(replaced(problem, robot=replace(whole.robot, limits=tuple(limits))), self)
 
 
 @dataclass(frozen=True)
@@ -509,9 +348,6 @@ class RetinaClearance(Limit):
     def half_width(self) -> float:
         return self.radius - self.clearance
 
-    def bound(self, value: float) -> float:
-        return self.clearance
-
     def tightened(self, worst: float, bound: float) -> RetinaClearance | None:
         clearance = self.clearance + TIGHTENING * max(bound - worst, 0.0)
         return replace(self, clearance=clearance) if clearance < self.radius else None
@@ -545,9 +381,6 @@ class LensClearance(Limit):
     def half_width(self) -> float:
         return self.low
 
-    def bound(self, value: float) -> float:
-        return self.low
-
     def tightened(self, worst: float, bound: float) -> LensClearance:
         return replace(self, shaft_radius=self.shaft_radius + TIGHTENING * max(bound - worst, 0.0) * self.thickness)
 
@@ -557,10 +390,12 @@ class LensClearance(Limit):
 
     def rounded(self, value: float) -> float:
         scale = shown("m")[1] * self.thickness
-        return 1 + _outwards(scale * (value - 1), scale * (self.low - 1)) / scale
+        return 1 + outwards(scale * (value - 1), scale * (self.low - 1)) / scale
 
     def described(self, value: float) -> str:
-        return f"radius of the shaft of {_text(self._radius(value), 'm')} instead of {_text(self.shaft_radius, 'm')}"
+        return (
+            f"radius of the shaft of {in_words(self._radius(value), 'm')} instead of {in_words(self.shaft_radius, 'm')}"
+        )
 
     def on(self, problem: P) -> P:
         return _with_eye(problem, shaft_radius=self.shaft_radius)
@@ -587,9 +422,6 @@ class Duration(Limit):
     def high(self) -> float:
         return self.largest
 
-    def bound(self, value: float) -> float:
-        return self.largest
-
     def relaxed(self, value: float) -> Duration:
         longer = value if self.exact else max(self.largest, value)
         return replace(self, largest=longer, asked=self.asked or self.largest)
@@ -605,13 +437,13 @@ class Duration(Limit):
     def on(self, problem: P) -> P:
         whole: Any = problem
         if whole.duration is not None or self.motion is None:
-            return _replaced(problem, duration=self.largest)
+            return replaced(problem, duration=self.largest)
         asked = self.asked or self.largest
         short = [m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion]
         if not any(short):
             raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
         timed = (replace(m, duration=self.largest) if k else m for m, k in zip(whole.motion, short, strict=True))
-        return _replaced(problem, motion=tuple(timed))
+        return replaced(problem, motion=tuple(timed))
 
 
 @dataclass(frozen=True)
@@ -632,10 +464,10 @@ JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointA
 class FixedLimit(JointLimit):
     """A bound that the check alone holds: no problem has it, so nothing tightens or relaxes it."""
 
-    def tightened(self: S, worst: float, bound: float) -> S | None:
+    def tightened(self, worst: float, bound: float) -> Self | None:
         return None
 
-    def relaxed(self: S, value: float) -> S | None:
+    def relaxed(self, value: float) -> Self | None:
         return None
 
 
@@ -728,32 +560,11 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
     return found
 
 
-def _outwards(value: float, bound: float) -> float:
-    """A value rounded to DIGITS, away from the bound."""
-    nearest = float(f"{value:.{DIGITS}g}")
-    if not math.isfinite(value) or math.isclose(value, nearest, rel_tol=ROUNDING):
-        return nearest
-    exact = Decimal(value)
-    rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
-    return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), rounding=rounding))
-
-
-def _text(value: float, unit: str) -> str:
-    name, scale = shown("" if unit == "μ" else unit)
-    return f"{scale * value:.{DIGITS}g} {name}".rstrip()
-
-
 def _coordinate(limit: Limit, name: str) -> None:
     if name not in TASK:
         raise ProblemError(
             "unknown task coordinate", key=f"{type(limit).__name__}.coordinate", value=name, allowed=", ".join(TASK)
         )
-
-
-def _replaced(problem: P, **changes: Any) -> P:
-    whole: Any = problem
-    changed: P = replace(whole, **changes)
-    return changed
 
 
 def _joint(problem: Any, name: str) -> Any:
@@ -769,18 +580,18 @@ def _with_joint(problem: P, name: str, **changes: Any) -> P:
     whole: Any = problem
     changed = replace(_joint(problem, name), **changes)
     joints = tuple(changed if joint.name == name else joint for joint in whole.robot.joints)
-    return _replaced(problem, robot=replace(whole.robot, joints=joints))
+    return replaced(problem, robot=replace(whole.robot, joints=joints))
 
 
 def _with_own(problem: P, limit: Limit) -> P:
     whole: Any = problem
     if all(other.key != limit.key for other in whole.limits):
-        return _replaced(problem, limits=(*whole.limits, limit))
-    return _replaced(problem, limits=tuple(limit if other.key == limit.key else other for other in whole.limits))
+        return replaced(problem, limits=(*whole.limits, limit))
+    return replaced(problem, limits=tuple(limit if other.key == limit.key else other for other in whole.limits))
 
 
 def _with_eye(problem: P, **changes: Any) -> P:
     whole: Any = problem
     if whole.eye is None:
         raise ProblemError("the problem has no eye")
-    return _replaced(problem, eye=replace(whole.eye, **changes))
+    return replaced(problem, eye=replace(whole.eye, **changes))

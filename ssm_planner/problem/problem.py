@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from importlib import import_module
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -161,8 +160,6 @@ class TaskLimits(Limited):
 
 Objective = Literal["time", "time then heat", "effort"]
 Planner = Literal["optimal", "toppra"]
-_READER = "ssm_planner.loading.load"
-"""It stands above this room, so it is looked up when it is used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,18 +186,13 @@ class Problem(Value, Limited):
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
     name: str = "problem"
     file: str | None = field(default=None, compare=False)
+    from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
+    """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
+    from_yaml: ClassVar[Callable[[str], Problem]]
+    """The problem that the text of a problem file describes. Raises ProblemError naming line and key.
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Problem:
-        """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
-        problem: Problem = import_module(_READER).problem_from_dict(data)
-        return problem
-
-    @classmethod
-    def from_yaml(cls, text: str) -> Problem:
-        """The problem that the text of a problem file describes. Raises ProblemError naming line and key."""
-        problem: Problem = import_module(_READER).problem_from_yaml(text)
-        return problem
+    Both are readers of files, so `loading/load` gives them to this class.
+    """
 
     @property
     def task_limits(self) -> TaskLimits:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,8 +16,7 @@ from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRange, TaskR
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import Interval, Positive, built, check_mapping, converted, wrong
-from ssm_planner.typing import Range
+from ssm_planner.problem.value import Interval, Names, Positive, built, check_mapping, converted, wrong
 
 
 def plain(value: Any) -> Any:
@@ -138,25 +138,31 @@ def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     return {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
 
 
+@contextmanager
+def _named(file: str | None) -> Iterator[None]:
+    """Errors of what is read within name the file."""
+    try:
+        yield
+    except ProblemError as error:
+        error.file = file
+        raise
+
+
 def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Problem:
     """The problem that `plain` made JSON types of, bit for bit; arrays read-only.
 
     file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
     """
     task = task_limits_from_plain(data, file)
-    robot = robot_from_plain(data.get("robot", {}), file)
-    given: dict[str, Any] = {"robot": robot, "limits": task.limits, "eye": task.eye}
-    try:
-        given["start"] = _point_from(data.get("start"), "problem.start")
+    given: dict[str, Any] = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
+    with _named(file):
+        given |= {"eye": task.eye, "start": _point_from(data.get("start"), "problem.start")}
         entries = data.get("motion")
         if not isinstance(entries, (list, tuple)):
             raise wrong("problem.motion", entries, "a list")
         given["motion"] = tuple(_motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries))
         rest = {key: item for key, item in data.items() if key not in {*given, *limits_to_plain(task)}}
-        problem: Problem = from_plain(Problem, rest, "problem", given)
-    except ProblemError as error:
-        error.file = file
-        raise
+        problem: Problem = built(Problem, rest, "problem", given)
     return problem
 
 
@@ -165,14 +171,9 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
 
     file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
     """
-    try:
-        where = "robot.limits"
-        limits = _ranges(_by_task(data.get("limits"), Mapping[str, Range], where), where)
-        robot: Robot = built(Robot, {**data, "limits": limits}, "robot")
-        return robot
-    except ProblemError as error:
-        error.file = file
-        raise
+    with _named(file):
+        robot: Robot = built(Robot, {**data, "limits": _ranges(data.get("limits"), "robot.limits")}, "robot")
+    return robot
 
 
 def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) -> TaskLimits:
@@ -180,40 +181,22 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
 
     file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
     """
-    try:
-        ranges = _by_task(problem.get("limits"), Mapping[str, Range], "problem.limits")
-        rates = _by_task(problem.get("rates"), Mapping[str, Positive], "problem.rates")
-        fields = {cls.field: cls for cls in SpeedLimit.__subclasses__()}
-        hint = Positive | None
-        speeds = {field: converted(hint, problem.get(field), f"problem.{field}") for field in fields}
-        eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
-        limits: list[Limit] = _ranges(ranges, "problem.limits")
+    with _named(file):
+        limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
+        rates = _by_task(Positive, problem.get("rates"), "problem.rates")
         limits += [TaskRate(name, rate) for name, rate in rates.items()]
-        limits += [fields[field](largest) for field, largest in speeds.items() if largest is not None]
-    except ProblemError as error:
-        error.file = file
-        raise
+        for kind in SpeedLimit.__subclasses__():
+            largest = converted(Positive | None, problem.get(kind.field), f"problem.{kind.field}")
+            limits += [] if largest is None else [kind(largest)]
+        eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
     return TaskLimits(tuple(limits), eye)
 
 
-def _ranges(ranges: Mapping[str, Range], where: str) -> list[Limit]:
-    for name, ends in ranges.items():
-        converted(Interval, ends, f"{where}.{name}")
-    return [TaskRange(name, low, high) for name, (low, high) in ranges.items()]
+def _ranges(data: Any, where: str) -> list[Limit]:
+    return [TaskRange(name, low, high) for name, (low, high) in _by_task(Interval, data, where).items()]
 
 
-def _by_task(data: Any, hint: Any, where: str) -> dict[str, Any]:
-    """A mapping from names of task coordinates; none is an empty one."""
-    found: dict[str, Any] = converted(hint, {} if data is None else data, where, build=True)
-    for key in found:
-        if key not in TASK:
-            raise ProblemError("unknown key", key=f"{where}.{key}", allowed=", ".join(TASK))
+def _by_task(hint: Any, data: Any, where: str) -> dict[str, Any]:
+    """A mapping from task coordinates; none is an empty one."""
+    found: dict[str, Any] = converted(Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, where)
     return found
-
-
-def from_plain(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = None) -> Any:
-    """A dataclass that `plain` made JSON types of. Raises ProblemError.
-
-    where: its place, for messages. given: values of fields that are not to be read from data.
-    """
-    return built(cls, data, where, given)

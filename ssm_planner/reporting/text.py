@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ssm_planner.display import NOTHING, fixed, number, percent, signed, words
-from ssm_planner.problem.limits import JUMPS, MotorSpeed
+from ssm_planner.problem.limits import JUMPS, READ_IN
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
@@ -61,7 +61,7 @@ class Judged(Protocol):
 
 def unit_of_limit(limit: Judged, degree: str = "deg") -> tuple[str, float]:
     """(unit to show, factor) of a limit's values: motors turn in rpm."""
-    return shown("rpm" if limit.name == MotorSpeed.name else limit.unit, degree)
+    return shown(READ_IN.get(limit.name, limit.unit), degree)
 
 
 def limit_cells(limit: LimitCheck, degree: str = "deg") -> tuple[str, str, str, str, str, str]:

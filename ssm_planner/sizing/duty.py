@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.motorisation import Motorisation, Stroke
+from ssm_planner.problem.motion import Motorisation, Stroke
 from ssm_planner.problem.robot import JOINTS, Robot, frozen
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory

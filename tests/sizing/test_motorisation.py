@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_motorisation
-from ssm_planner.problem.motorisation import Stroke
+from ssm_planner.problem.motion import Stroke
 from ssm_planner.sizing.duty import DutyCycle, back_and_forth
 from ssm_planner.sizing.requirements import motor_requirement
 

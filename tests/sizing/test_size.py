@@ -329,7 +329,7 @@ def test_three_valued_and() -> None:
 
 
 def test_load_of_one_joint_only(robot: Robot) -> None:
-    from ssm_planner.problem.motorisation import Motorisation, Stroke
+    from ssm_planner.problem.motion import Motorisation, Stroke
 
     strokes = (Stroke("tilt", 0.0, 1.0, 1.0, 3.0),)
     duty = DutyCycle.of_motorisation(Motorisation("one", robot, strokes))

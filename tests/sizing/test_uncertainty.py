@@ -110,7 +110,7 @@ def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
 
 def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
     """Where most of the motion is rest, a Monte Carlo looks only at the rest of it."""
-    from ssm_planner.problem.motorisation import Stroke
+    from ssm_planner.problem.motion import Stroke
     from ssm_planner.trajectory import Trajectory, hold
 
     stroke = back_and_forth(Stroke("tilt", 0.0, 0.3, 0.5, 2.0))
