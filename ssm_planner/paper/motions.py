@@ -28,8 +28,7 @@ from ssm_planner.paper.section import Section
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Free, Straight, Task
-from ssm_planner.problem.motion import Motorisation, Stroke
+from ssm_planner.problem.motion import Free, Motorisation, Straight, Stroke, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.sizing import payload_curves
