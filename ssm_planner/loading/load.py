@@ -40,7 +40,8 @@ def load_problem(name: str | Path) -> Problem:
     return problem_from(read(find(name, "problems")))
 
 
-def _from_dict(data: Mapping[str, Any]) -> Problem:
+def problem_from_dict(data: Mapping[str, Any]) -> Problem:
+    """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
     return problem_from(of_data(data))
 
 
@@ -48,7 +49,7 @@ def _from_yaml(text: str) -> Problem:
     return problem_from(of_text(text))
 
 
-Problem.from_dict, Problem.from_yaml = _from_dict, _from_yaml
+Problem.from_dict, Problem.from_yaml = problem_from_dict, _from_yaml
 
 
 def load_robot(name: str | Path) -> Robot:
