@@ -304,7 +304,7 @@ def limits_of(axis: Axis, certificate: Certificate | None) -> tuple[Kept, ...]:
     nearer, end = (float(q.max()), high) if high - q.max() <= q.min() - low else (float(q.min()), low)
     half = (high - low) / 2
     margin, noise = min(high - float(q.max()), float(q.min()) - low) / half, position_noise(axis)
-    unit = "rad" if joint.kind == "revolute" else "m"
+    unit = joint.unit
     verdict: Verdict = "not held" if margin * half < -noise else "held" if noise <= UNRESOLVED * half else "cannot tell"
     found = [
         Kept(

@@ -58,7 +58,7 @@ def trajectory_table(
 def table(samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array) -> tuple[list[str], Array]:
     """Header and rows of samples; at_end (n,): the motion ends there, motors are seen just before."""
     header, values = ["time_s"], [samples.t]
-    names = [f"{i + 1}_{'rad' if joint.kind == 'revolute' else 'm'}" for i, joint in enumerate(robot.joints)]
+    names = [f"{i + 1}_{joint.unit}" for i, joint in enumerate(robot.joints)]
     for symbol, per in STATES.items():
         if symbol in columns:
             header += [f"{symbol}{name}{per}" for name in names]

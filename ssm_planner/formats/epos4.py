@@ -35,7 +35,7 @@ from ssm_planner.formats.epos4_setup import (
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import REST, at_times
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.typing import Array
 from ssm_planner.units import rpm
 from ssm_planner.verification.certificate import Certificate
@@ -69,19 +69,19 @@ def export_epos4(
     axes = axes_of(plan.robot, counts_per_turn)
     t, stretch = setpoint_times(plan, period)
     motion = _motion(plan, t, stretch)
+    streams = _streams(axes, motion, mode)
     listed: dict[str, Any] = {}
     rows: list[dict[str, str]] = []
     for i, joint in enumerate(plan.robot.joints):
         name = f"{joint.name}{suffix}.csv"
         axis = axes.get(joint.name)
         if axis is None:
-            unit = "rad" if joint.kind == "revolute" else "m"
-            write_table(folder / name, {TIME: t, f"position_{unit}": motion["q"][:, i]}, ("%.3f", "%.17g"))
+            write_table(folder / name, {TIME: t, f"position_{joint.unit}": motion["q"][:, i]}, ("%.3f", "%.17g"))
             listed[joint.name] = {"file": name, "note": "no drive: its motion for reference, not a stream"}
             continue
-        counts = fits(axis.increments(motion["q"][:, i]), INT32, joint.name, "target position", "increments")
+        counts = axis.increments(motion["q"][:, i])
         effects = rounding_effects(counts, motion["q"][:, i], axis, period / 1000)
-        write_table(folder / name, {TIME: t, **_stream(mode, axis, counts, motion, i)})
+        write_table(folder / name, {TIME: t, **streams[joint.name]})
         if mode == "csp":
             write_table(folder / f"{joint.name}_time_position{suffix}.csv", {"time": t, "position": counts})
         rows += setup_objects(axis, mode, period, effects)
@@ -97,7 +97,7 @@ def export_epos4(
         "axes": listed,
         "stretch": stretch,
         "not_verified": list(NOT_VERIFIED),
-        "notes": [*_notes(plan, axes, t), *_moving_notes(plan), *_rounding_notes(plan, listed)],
+        "notes": [*_notes(plan, axes, t, listed), *_moving_notes(plan)],
     }
 
 
@@ -114,14 +114,7 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
 
 def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "csp") -> dict[str, Stream]:
     """What the export writes for every driven joint, by joint: columns (n,) of whole numbers by name. period: ms."""
-    motion = _motion(plan, *setpoint_times(plan, period))
-    streams = {}
-    for i, joint in enumerate(plan.robot.joints):
-        if joint.name in axes:
-            axis = axes[joint.name]
-            counts = fits(axis.increments(motion["q"][:, i]), INT32, joint.name, "target position", "increments")
-            streams[joint.name] = _stream(mode, axis, counts, motion, i)
-    return streams
+    return _streams(axes, _motion(plan, *setpoint_times(plan, period)), mode)
 
 
 def period_ms(rate: float) -> int:
@@ -150,7 +143,7 @@ def _moving_notes(plan: Plan) -> list[str]:
     if np.abs(velocities).max() <= REST:
         return []
     speeds = [
-        f"{joint.name} at {velocity:.4g} {'rad/s' if joint.kind == 'revolute' else 'm/s'}"
+        f"{joint.name} at {velocity:.4g} {joint.unit}/s"
         for joint, velocity in zip(plan.robot.joints, velocities.tolist(), strict=True)
         if abs(velocity) > REST
     ]
@@ -174,20 +167,18 @@ def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
     return {"q": samples.q, "speed": motor.speed, "torque": motor.torque}
 
 
-def _stream(mode: str, axis: Axis, counts: Array, motion: dict[str, Array], i: int) -> Stream:
-    speed = axis.direction * motion["speed"][:, i] / rpm * 1000
-    torque = axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000
-    speed = fits(np.round(speed), INT32, axis.name, "velocity", "mrpm")
-    torque = fits(np.round(torque), INT16, axis.name, "torque", "per mille of rated torque (INT16)")
-    if mode == "csp":
-        return {
-            "target_position_inc": counts,
-            "velocity_offset_mrpm": speed,
-            "torque_offset_permille": torque,
-        }
-    if mode == "csv":
-        return {"target_velocity_mrpm": speed, "torque_offset_permille": torque}
-    return {"target_torque_permille": torque}
+def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> dict[str, Stream]:
+    streams = {}
+    for name, axis in axes.items():
+        i = JOINTS.index(name)
+        speed = np.round(axis.direction * motion["speed"][:, i] / rpm * 1000)
+        torque = np.round(axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000)
+        fits(position := axis.increments(motion["q"][:, i]), INT32, name, "target position", "increments")
+        fits(speed, INT32, name, "velocity", "mrpm")
+        fits(torque, INT16, name, "torque", "per mille of rated torque (INT16)")
+        columns = (position, speed, torque)[3 - len(COLUMNS[mode]) :]
+        streams[name] = {column: values + 0.0 for column, values in zip(COLUMNS[mode], columns, strict=True)}
+    return streams
 
 
 def write_table(path: Path, columns: Stream, forms: tuple[str, str] = ("%.3f", "%d")) -> None:
@@ -204,38 +195,35 @@ def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-def _notes(plan: Plan, axes: dict[str, Axis], t: Array) -> list[str]:
+def _notes(plan: Plan, axes: dict[str, Axis], t: Array, listed: dict[str, Any]) -> list[str]:
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
-    for i, joint in enumerate(plan.robot.joints):
-        travel = float(np.ptp(plan.motion.sample(plan.motion.breaks).q[:, i]))
-        axis = axes.get(joint.name)
-        if axis is None:
-            if travel > 0:
-                unit = "rad" if joint.kind == "revolute" else "m"
+    travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
+    for joint, way in zip(plan.robot.joints, travel.tolist(), strict=True):
+        unit = joint.unit
+        if joint.name not in axes:
+            if way > 0:
                 notes.append(
-                    f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {travel:.4g} {unit}"
+                    f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {way:.4g} {unit}"
                 )
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
             notes.append(f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure")
+        effects = listed[joint.name]["rounding"]
+        notes.append(
+            f"joint {joint.name}: rounding to increments moves setpoints by up to {effects['position']:.2g} {unit}, "
+            f"the speed between two by {effects['speed']:.2g} {unit}/s ({100 * effects['speed'] / joint.velocity:.2g} % "
+            f"of its limit), its difference by {effects['acceleration']:.2g} {unit}/s²; it does not add up"
+        )
     return [*notes, *encoder_notes(axes)]
 
 
-def _rounding_notes(plan: Plan, listed: dict[str, Any]) -> list[str]:
-    notes = []
-    for joint in plan.robot.joints:
-        effects = listed[joint.name].get("rounding")
-        if effects is not None:
-            unit = "rad" if joint.kind == "revolute" else "m"
-            notes.append(
-                f"joint {joint.name}: rounding to increments moves setpoints by up to {effects['position']:.2g} {unit}, "
-                f"the speed between two by {effects['speed']:.2g} {unit}/s ({100 * effects['speed'] / joint.velocity:.2g} % "
-                f"of its limit), its difference by {effects['acceleration']:.2g} {unit}/s²; it does not add up"
-            )
-    return notes
-
-
 TIME, POSITION, VELOCITY, TORQUE = "time_s", "target_position_inc", "velocity_offset_mrpm", "torque_offset_permille"
+COLUMNS = {
+    "csp": (POSITION, VELOCITY, TORQUE),
+    "csv": ("target_velocity_mrpm", TORQUE),
+    "cst": ("target_torque_permille",),
+}
+"""Of the streams, by mode."""
 SAME = 1e-9
 """Relative: figures of the manifest and of the robot that are the same."""
 
@@ -255,7 +243,7 @@ def read_epos4(folder: Path, manifest: dict[str, Any], listed: Collection[str], 
             resolution[i] = 0.5 / abs(per_unit)
             offsets[i] = _offsets(joint, speed, torque)
         else:
-            t, (values,) = read_table(path, TIME, (f"position_{'rad' if joint.kind == 'revolute' else 'm'}",))
+            t, (values,) = read_table(path, TIME, (f"position_{joint.unit}",))
         if time is not None and not np.array_equal(time, t):
             raise TrajectoryError(f"{folder}: the streams of the axes do not have the same times")
         time = t
@@ -295,7 +283,7 @@ def _per_unit(folder: Path, joint: Joint, axis: dict[str, Any]) -> float:
     expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
     if not abs(stated - expected) <= SAME * abs(expected):
         raise TrajectoryError(
-            f"{folder}: joint {joint.name}: {stated:.9g} increments per {'rad' if joint.kind == 'revolute' else 'm'} where "
+            f"{folder}: joint {joint.name}: {stated:.9g} increments per {joint.unit} where "
             f"the robot's drive and {turn} increments per motor turn make {expected:.9g}"
         )
     rated = axis.get("rated_torque_Nm")

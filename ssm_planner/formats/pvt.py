@@ -107,8 +107,7 @@ def export_pvt(
         deviation = float(np.abs(position / axis.increments_per_unit - wanted).max())
         listed[joint.name] |= {**axis.to_dict(), "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn}
         listed[joint.name]["deviation"] = deviation
-        unit = "rad" if joint.kind == "revolute" else "m"
-        notes.append(f"joint {joint.name}: up to {deviation:.2g} {unit} from the plan at the rows")
+        notes.append(f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows")
     return {
         "rate_hz": None,
         "units": {"time": "ms", "position": "increments", "velocity": "increments/s; without a drive rad, m and s"},
@@ -141,7 +140,7 @@ def read_pvt(folder: Path, manifest: dict[str, Any], listed: Collection[str], ro
 
 
 def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
-    unit = "inc" if driven else "rad" if joint.kind == "revolute" else "m"
+    unit = "inc" if driven else joint.unit
     return f"{POSITION}_{unit}", f"{VELOCITY}_{unit}_per_s"
 
 

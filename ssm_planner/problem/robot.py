@@ -142,6 +142,11 @@ class Joint(Value):
             raise self._wrong("drive", reason, "worm" if revolute else "lead_screw, antibacklash_screw", drive.name)
 
     @property
+    def unit(self) -> str:
+        """Of its positions: rad or m."""
+        return "rad" if self.kind == "revolute" else "m"
+
+    @property
     def limits(self) -> tuple[Limit, ...]:
         """Everything that limits this joint, its motor and its drive."""
         name, drive, motor, slides = self.name, self.drive, self.motor, self.kind == "prismatic"
