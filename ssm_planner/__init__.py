@@ -52,25 +52,30 @@ if TYPE_CHECKING:
     from ssm_planner.sizing.requirements import MotorRequirement, TorqueBreakdown
     from ssm_planner.sizing.size import JointSizing, Sizing
     from ssm_planner.sizing.thermal_network import Cycle, ThermalModel
+    from ssm_planner.studies.run import StudyProgress, StudyResult, study
+    from ssm_planner.studies.store import Candidate, State
+    from ssm_planner.studies.study import Choice, Design, Requirements, Search, Study, Variable, Varied
+    from ssm_planner.studies.study_file import load_study
     from ssm_planner.trajectory import Samples, Side, Span, Trajectory
     from ssm_planner.typing import Array, Indices, Range
     from ssm_planner.units import deg, mm, mNm, ms, rpm
     from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 __all__ = [
-    "Alignment", "Array", "AxisComparison", "Band", "Body", "Certificate", "Check", "Clock", "Comparison",
-    "Conditions", "Count", "Cycle", "DemandName", "Demands", "DesignRegion", "Difference", "Drive", "DriveKind",
-    "Dwell", "DynamicFit", "Estimate", "ExportError", "Extreme", "Eye", "Finding", "Free", "Friction",
-    "FrictionLawName", "Geometry", "GeometryError", "Heat", "Identification", "Indices", "Interval", "Joint",
-    "JointLoad", "JointSizing", "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit",
-    "Matrix", "Motion", "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary",
-    "Plan", "Planner", "Point", "Positive", "Posterior", "Prediction", "PredictionBand", "Problem", "ProblemError",
-    "Progress", "Range", "Ratings", "Reason", "Recording", "RecordingError", "Rig", "Ripple", "Robot", "Samples",
-    "Scan", "ScrewEnds", "Side", "Sign", "Sizing", "Span", "SpeedLimit", "SsmPlannerError", "Straight", "Task",
-    "TaskLimits", "TaskRange", "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown",
-    "TorqueMap", "Trajectory", "TrajectoryError", "Vector", "Verdict", "Workspace", "check", "compare", "deg",
-    "design_region", "export", "fk", "identify", "ik", "load_drive", "load_motor", "load_plan", "load_problem",
-    "load_robot", "mNm", "mm", "ms", "plan", "predict", "report", "rpm", "size", "workspace",
+    "Alignment", "Array", "AxisComparison", "Band", "Body", "Candidate", "Certificate", "Check", "Choice", "Clock",
+    "Comparison", "Conditions", "Count", "Cycle", "DemandName", "Demands", "Design", "DesignRegion", "Difference",
+    "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate", "ExportError", "Extreme", "Eye", "Finding", "Free",
+    "Friction", "FrictionLawName", "Geometry", "GeometryError", "Heat", "Identification", "Indices", "Interval",
+    "Joint", "JointLoad", "JointSizing", "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line",
+    "MapFit", "Matrix", "Motion", "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective",
+    "PhaseSummary", "Plan", "Planner", "Point", "Positive", "Posterior", "Prediction", "PredictionBand", "Problem",
+    "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording", "RecordingError", "Requirements", "Rig",
+    "Ripple", "Robot", "Samples", "Scan", "ScrewEnds", "Search", "Side", "Sign", "Sizing", "Span", "SpeedLimit",
+    "SsmPlannerError", "State", "Straight", "Study", "StudyProgress", "StudyResult", "Task", "TaskLimits",
+    "TaskRange", "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap",
+    "Trajectory", "TrajectoryError", "Variable", "Varied", "Vector", "Verdict", "Workspace", "check", "compare",
+    "deg", "design_region", "export", "fk", "identify", "ik", "load_drive", "load_motor", "load_plan", "load_problem",
+    "load_robot", "load_study", "mNm", "mm", "ms", "plan", "predict", "report", "rpm", "size", "study", "workspace",
 ]  # fmt: skip
 
 _HOMES = {
@@ -112,6 +117,10 @@ _HOMES = {
         "ssm_planner.sizing.requirements": "MotorRequirement TorqueBreakdown",
         "ssm_planner.sizing.size": "JointSizing Sizing",
         "ssm_planner.sizing.thermal_network": "Cycle ThermalModel",
+        "ssm_planner.studies.run": "StudyProgress StudyResult study",
+        "ssm_planner.studies.store": "Candidate State",
+        "ssm_planner.studies.study": "Choice Design Requirements Search Study Variable Varied",
+        "ssm_planner.studies.study_file": "load_study",
         "ssm_planner.trajectory": "Samples Side Span Trajectory",
         "ssm_planner.typing": "Array Indices Range",
         "ssm_planner.units": "deg mNm mm ms rpm",

@@ -39,6 +39,8 @@ def test_these_names_and_no_others() -> None:
     assert {
         *(
             "load_problem",
+            "load_study",
+            "study",
             "load_robot",
             "load_drive",
             "load_motor",

@@ -16,7 +16,7 @@ from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
     from ssm_planner.studies.run import StudyResult
-    from ssm_planner.studies.store import Row
+    from ssm_planner.studies.store import Candidate
     from ssm_planner.studies.study import Study
 
 SHOWN = 12
@@ -82,7 +82,7 @@ def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
     from ssm_planner.studies.store import write_table
 
     with _executor(options.scheduler) as executor:
-        result = studies.run_study(study, folder, options.workers, executor, _progress())
+        result = studies.study(study, folder, options.workers, executor, _progress())
     if options.table is not None:
         write_table(result.rows, options.table)
     files = {path.name: str(path) for path in sorted(folder.iterdir()) if path.suffix in (".csv", ".html", ".png")}
@@ -141,7 +141,7 @@ def _progress() -> Callable[[int, int, dict[str, int]], None]:
     return report
 
 
-def _entry(row: Row) -> dict[str, Any]:
+def _entry(row: Candidate) -> dict[str, Any]:
     return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
 
 

@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.studies.store import Row
+from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import Choice, Design, Study
 
 BATCH = 16
 POPULATION = 32
 """Of NSGA-II: two batches."""
 
-Tell = Callable[[Sequence[Row]], None]
+Tell = Callable[[Sequence[Candidate]], None]
 
 
 def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
@@ -45,7 +45,7 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         trials = [engine.ask() for _ in range(min(BATCH, search.points - start))]
         designs = [_design(study, trial) for trial in trials]
 
-        def tell(rows: Sequence[Row], trials: Sequence[Any] = tuple(trials)) -> None:
+        def tell(rows: Sequence[Candidate], trials: Sequence[Any] = tuple(trials)) -> None:
             for trial, row in zip(trials, rows, strict=True):
                 values: list[Any] = [row.figures.get(name) for name in study.minimise]
                 good = row.state == "done" and None not in values

@@ -22,8 +22,9 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Row, Store, key_of, write_table
+from ssm_planner.studies.store import Candidate, Store, key_of, write_table
 from ssm_planner.studies.study import Choice, Design, Study
+from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
 
 STORE, TABLE = "study.sqlite", "table.csv"
@@ -35,7 +36,7 @@ AHEAD = 8
 MARGINS = ("torque", "continuous_torque", "speed", "heat", "voltage")
 """Checks of a motor whose margins count."""
 
-Progress = Callable[[int, int, dict[str, int]], None]
+StudyProgress = Callable[[int, int, dict[str, int]], None]
 """Called with the candidates that are done, their number, and how many are in each state."""
 
 
@@ -44,7 +45,7 @@ class StudyResult:
     """What was found, and where it is kept."""
 
     study: Study
-    rows: tuple[Row, ...]
+    rows: tuple[Candidate, ...]
     folder: Path
     finished: bool
     """False where it was interrupted."""
@@ -63,28 +64,30 @@ class StudyResult:
         )
 
     @property
-    def front(self) -> tuple[Row, ...]:
+    def front(self) -> tuple[Candidate, ...]:
         """The candidates that no other is better than in every objective, by the first objective."""
         return pareto(self.rows, self.study.minimise)
 
 
-def run_study(
-    study: Study,
-    folder: Path,
+def study(
+    of: Study | str | Path,
+    folder: str | Path,
     workers: int | None = None,
     executor: Executor | None = None,
-    progress: Progress = lambda done, count, states: None,
+    progress: StudyProgress = lambda done, count, states: None,
 ) -> StudyResult:
     """Look at every candidate of a study, or at those that an earlier run left; the table and the store come into `folder`.
 
-    workers: processes, default one for each processor. executor: any `concurrent.futures.Executor`, such as Dask's, in
-    their place; it is not shut down. Ctrl-C ends it; the same call goes on. Raises ProblemError or ExportError.
+    of: a study, its file, or a shipped one's name. workers: processes, default one for each processor. executor: any
+    `concurrent.futures.Executor`, such as Dask's, in their place; it is not shut down. Ctrl-C ends it; the same call goes on.
+    Raises ProblemError or ExportError.
     """
+    of, folder = of if isinstance(of, Study) else load_study(of), Path(folder)
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         store = stack.enter_context(Store(folder / STORE))
         pool = executor or stack.enter_context(_ended(Workers(count)))
-        driver = _Driver(study, store, pool, AHEAD * count, progress)
+        driver = _Driver(of, store, pool, AHEAD * count, progress)
         finished = True
         try:
             driver.run()
@@ -93,7 +96,7 @@ def run_study(
         driver.flush()
         rows = tuple(store.rows(driver.keys))
     write_table(rows, folder / TABLE)
-    return StudyResult(study, rows, folder, finished)
+    return StudyResult(of, rows, folder, finished)
 
 
 @contextmanager
@@ -114,13 +117,13 @@ class _Driver:
         store: Store,
         pool: Executor,
         ahead: int,
-        progress: Progress,
+        progress: StudyProgress,
     ) -> None:
         self._study, self._store, self._pool, self._ahead, self._progress = study, store, pool, ahead, progress
         self._context, self._screens = context_of(study), Screens(study)
         self.keys: list[str] = []
-        self._flying: dict[Future[Row], str] = {}
-        self._done: list[tuple[str, Row]] = []
+        self._flying: dict[Future[Candidate], str] = {}
+        self._done: list[tuple[str, Candidate]] = []
         self._written = time.monotonic()
         self._states: dict[str, int] = {}
         self._evaluate = Evaluation(study)
@@ -146,7 +149,7 @@ class _Driver:
             self._done = []
         self._written = time.monotonic()
 
-    def _look_at(self, designs: Sequence[Design], first: int, total: int, collect: bool = True) -> list[Row]:
+    def _look_at(self, designs: Sequence[Design], first: int, total: int, collect: bool = True) -> list[Candidate]:
         """Screen candidates and give the rest to the workers; with collect, wait and return their rows."""
         keys = [key_of(design, self._context) for design in designs]
         self._total = total
@@ -160,7 +163,7 @@ class _Driver:
         ]
         for (number, key, design), fallen in zip(todo, self._screens.fallen([d for _, _, d in todo]), strict=True):
             if fallen is not None:
-                self._keep(key, Row(number, "infeasible", design, fallen.stage, fallen.reason))
+                self._keep(key, Candidate(number, "infeasible", design, fallen.stage, fallen.reason))
                 continue
             while len(self._flying) >= self._ahead:
                 self._collect()
@@ -182,18 +185,18 @@ class _Driver:
             try:
                 row = future.result()
             except WorkerDied as error:
-                row = Row(-1, "quarantined", {}, None, str(error))
+                row = Candidate(-1, "quarantined", {}, None, str(error))
             self._keep(key, row)
         if time.monotonic() - self._written > COMMIT_EVERY:
             self.flush()
 
-    def _keep(self, key: str, row: Row) -> None:
+    def _keep(self, key: str, row: Candidate) -> None:
         self._done.append((key, row))
         self._count(row)
         if len(self._done) >= SCREENED_TOGETHER:
             self.flush()
 
-    def _count(self, row: Row) -> None:
+    def _count(self, row: Candidate) -> None:
         self._states[row.state] = self._states.get(row.state, 0) + 1
         self._progress(sum(self._states.values()), self._total, self._states)
 
@@ -204,23 +207,23 @@ class Evaluation:
 
     study: Study
 
-    def __call__(self, number: int, design: Design) -> Row:
+    def __call__(self, number: int, design: Design) -> Candidate:
         """The candidate's row; a fault of this program becomes the state failed."""
         try:
             return self._row(number, design)
         except ProblemError as error:
-            return Row(number, "infeasible", design, "design", str(error))
+            return Candidate(number, "infeasible", design, "design", str(error))
         except Exception as error:  # noqa: BLE001 one candidate's fault must not end the study
-            return Row(number, "failed", design, None, f"{type(error).__name__}: {error}")
+            return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
-    def _row(self, number: int, design: Design) -> Row:
+    def _row(self, number: int, design: Design) -> Candidate:
         figures: dict[str, Any] = {}
         sizings: list[Sizing] = []
         for name, problem in problems_of(self.study, design):
             found = plan(problem, relaxations=False)
             if not found.passed or found.trajectory is None:
                 reason = "no motion found" if found.reason is None else found.reason.message
-                return Row(number, "infeasible", design, "plan", f"{name}: {reason}", figures=figures)
+                return Candidate(number, "infeasible", design, "plan", f"{name}: {reason}", figures=figures)
             figures[f"duration.{name}"] = found.trajectory.duration
             sizings.append(size_motion(found.trajectory, problem.robot))
         figures |= {"duration": sum(figures.values()), **_of_motors(sizings), **_of_geometry(problem)}
@@ -229,8 +232,8 @@ class Evaluation:
             reason = (
                 f"a motor margin of {100 * margin:.4g} %, required are {100 * self.study.require.motor_margin:.4g} %"
             )
-            return Row(number, "infeasible", design, "motors", reason, figures=figures)
-        return Row(number, "done", design, figures=figures)
+            return Candidate(number, "infeasible", design, "motors", reason, figures=figures)
+        return Candidate(number, "done", design, figures=figures)
 
 
 def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
@@ -277,7 +280,7 @@ def _of_geometry(problem: Problem) -> dict[str, Any]:
     return {"alpha": mechanism.alpha, "beta": mechanism.beta, "tilt_low": low, "tilt_high": high}
 
 
-def pareto(rows: Sequence[Row], objectives: Sequence[str]) -> tuple[Row, ...]:
+def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
     """The done rows that no other dominates; rows without one of the figures are left out."""
     signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
     points = [
@@ -286,7 +289,7 @@ def pareto(rows: Sequence[Row], objectives: Sequence[str]) -> tuple[Row, ...]:
         if row.state == "done" and all(row.figures.get(name) is not None for name in objectives)
     ]
     points.sort(key=lambda each: (each[0], each[1].number))
-    front: list[tuple[tuple[float, ...], Row]] = []
+    front: list[tuple[tuple[float, ...], Candidate]] = []
     for values, row in points:
         if not any(all(a <= b for a, b in zip(other, values, strict=True)) for other, _ in front):
             front.append((values, row))
@@ -306,7 +309,7 @@ def context_of(study: Study) -> str:
     return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _states(rows: Sequence[Row]) -> dict[str, int]:
+def _states(rows: Sequence[Candidate]) -> dict[str, int]:
     names = sorted({row.state for row in rows})
     return {name: sum(row.state == name for row in rows) for name in names}
 

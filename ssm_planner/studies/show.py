@@ -13,11 +13,11 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.reporting.html.report import write_report
 from ssm_planner.studies.run import STORE, plans_of
-from ssm_planner.studies.store import Row, Store
+from ssm_planner.studies.store import Candidate, Store
 from ssm_planner.studies.study import Study
 
 
-def candidate(folder: Path, number: int) -> Row:
+def candidate(folder: Path, number: int) -> Candidate:
     """A row of a study's store. Raises ProblemError."""
     if not (folder / STORE).is_file():
         raise ProblemError("no study has been run there", file=folder / STORE, allowed="run it first, or name its -o")

@@ -35,7 +35,7 @@ PRAGMA user_version = {FORMAT};
 
 
 @dataclass(frozen=True)
-class Row:
+class Candidate:
     """One candidate. design: what was chosen, by path; figures: what was found, SI, by name."""
 
     number: int
@@ -95,7 +95,7 @@ class Store(AbstractContextManager["Store"]):
             rows,
         )
 
-    def put(self, rows: Iterable[tuple[str, Row]]) -> None:
+    def put(self, rows: Iterable[tuple[str, Candidate]]) -> None:
         """Results by key."""
         self._write(
             "UPDATE candidates SET state = ?, stage = ?, reason = ?, figures = ? WHERE key = ?",
@@ -107,10 +107,10 @@ class Store(AbstractContextManager["Store"]):
         states = dict(self._read("SELECT key, state FROM candidates"))
         return [key for key in keys if states.get(key, "waiting") == "waiting"]
 
-    def rows(self, keys: Iterable[str] | None = None) -> list[Row]:
+    def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
         """All candidates in the order of their numbers, or those of the keys in theirs."""
         found = {
-            key: Row(number, state, json.loads(design), stage, reason, figures=json.loads(figures or "{}"))
+            key: Candidate(number, state, json.loads(design), stage, reason, figures=json.loads(figures or "{}"))
             for key, number, state, stage, reason, design, figures in self._read(
                 "SELECT key, number, state, stage, reason, design, figures FROM candidates ORDER BY number, key"
             )
@@ -153,7 +153,7 @@ def _text(value: Any) -> str:
     return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
 
 
-def columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
+def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
     """The rows as columns of one table, by name: each row's own, choices and figures; None where there is none."""
     own = ("number", "state", "stage", "reason")
     table: dict[str, list[Any]] = {name: [getattr(row, name) for row in rows] for name in own}
@@ -163,7 +163,7 @@ def columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
     return table
 
 
-def write_table(rows: Sequence[Row], path: Path) -> None:
+def write_table(rows: Sequence[Candidate], path: Path) -> None:
     """The rows as CSV, or as Parquet where the name ends so. Raises ExportError where pyarrow is missing."""
     table = columns(rows)
     with replacing(path) as temporary:

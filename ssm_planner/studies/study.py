@@ -26,7 +26,7 @@ GEARS = ("worm", "screw")
 
 
 @dataclass(frozen=True)
-class Span:
+class Varied:
     """A quantity between two values, in the unit of the file."""
 
     path: str
@@ -60,7 +60,7 @@ class Choice:
         return list(self.contents)
 
 
-Variable = Span | Choice
+Variable = Varied | Choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class Study:
             yield self.design(place)
 
     def design(self, place: Sequence[float] | Array) -> Design:
-        """The candidate at a place in the unit cube."""
+        """The candidate at a place (d,) in the unit cube, one number in [0, 1] for each variable."""
         return {variable.path: variable.at(float(x)) for variable, x in zip(self.vary, place, strict=True)}
 
     def resolved(self, design: Design) -> dict[str, Any]:

@@ -23,9 +23,9 @@ from ssm_planner.studies.study import (
     Choice,
     Requirements,
     Search,
-    Span,
     Study,
     Variable,
+    Varied,
     known,
 )
 
@@ -155,7 +155,7 @@ def follow_choice(section: Section, i: int, kind: str) -> Any:
     return read(target if target.is_file() else find(text, f"{kind}s")).value  # type: ignore[arg-type]
 
 
-def _span(section: Section, path: str) -> Span:
+def _span(section: Section, path: str) -> Varied:
     numbers, found = [], []
     for end in ("from", "to"):
         text = str(section.value[end])
@@ -170,7 +170,7 @@ def _span(section: Section, path: str) -> Span:
     low, high = numbers
     if not low < high:
         raise section.error("not above from", "to", allowed=f"above {section.value['from']}")
-    return Span(path, low, high, found[0])
+    return Varied(path, low, high, found[0])
 
 
 def catalogue(section: Section, path: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from ssm_planner.errors import ExportError, ProblemError
-from ssm_planner.studies.store import Row, Store, key_of, write_table
+from ssm_planner.studies.store import Candidate, Store, key_of, write_table
 
 
 def _designs(count):
@@ -22,14 +22,14 @@ def test_what_was_put_is_read_again(tmp_path):
     designs = _designs(5)
     with Store(tmp_path / "study.sqlite") as store:
         store.add(designs)
-        store.put([(designs[2][1], Row(2, "done", {}, figures={"duration": 0.1 + 0.2}))])
-        store.put([(designs[3][1], Row(3, "infeasible", {}, stage="reach", reason="too short"))])
+        store.put([(designs[2][1], Candidate(2, "done", {}, figures={"duration": 0.1 + 0.2}))])
+        store.put([(designs[3][1], Candidate(3, "infeasible", {}, stage="reach", reason="too short"))])
     with Store(tmp_path / "study.sqlite") as store:
         store.add(designs)
         assert store.waiting([key for _, key, _ in designs]) == [designs[i][1] for i in (0, 1, 4)]
         rows = store.rows()
     assert [row.number for row in rows] == [0, 1, 2, 3, 4]
-    assert rows[2] == Row(2, "done", designs[2][2], figures={"duration": 0.1 + 0.2})
+    assert rows[2] == Candidate(2, "done", designs[2][2], figures={"duration": 0.1 + 0.2})
     assert (rows[3].stage, rows[3].reason) == ("reach", "too short")
 
 
@@ -59,7 +59,7 @@ def test_a_killed_driver_leaves_whole_rows(tmp_path):
         "import sys; from pathlib import Path; from ssm_planner.studies.store import *\n"
         "store = Store(Path(sys.argv[1])); print('open', flush=True)\n"
         "for i in range(10**6):\n"
-        "    store.add([(i, str(i), {'x': i})]); store.put([(str(i), Row(i, 'done', {}, figures={'y': i}))])\n"
+        "    store.add([(i, str(i), {'x': i})]); store.put([(str(i), Candidate(i, 'done', {}, figures={'y': i}))])\n"
     )
     path = tmp_path / "study.sqlite"
     process = subprocess.Popen([sys.executable, "-c", code, path], stdout=subprocess.PIPE)
@@ -77,8 +77,8 @@ def test_a_killed_driver_leaves_whole_rows(tmp_path):
 
 def test_the_table_is_a_csv_of_choices_and_figures(tmp_path):
     rows = [
-        Row(0, "done", {"geometry.alpha": "30 deg"}, figures={"duration": 1.5}),
-        Row(1, "failed", {"geometry.alpha": "31 deg"}, reason="why"),
+        Candidate(0, "done", {"geometry.alpha": "30 deg"}, figures={"duration": 1.5}),
+        Candidate(1, "failed", {"geometry.alpha": "31 deg"}, reason="why"),
     ]
     write_table(rows, tmp_path / "table.csv")
     assert (tmp_path / "table.csv").read_text().splitlines() == [

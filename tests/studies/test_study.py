@@ -18,9 +18,10 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
-from ssm_planner.studies.run import Evaluation, pareto, problems_of, run_study
+from ssm_planner.studies.run import Evaluation, pareto, problems_of
+from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Row
+from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import Search
 from ssm_planner.studies.study_file import load_study, study_from
 
@@ -108,8 +109,8 @@ def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_
     # the driver is killed in the middle, then the same call goes on
     code = (
         "import sys; sys.path.insert(0, sys.argv[2]); from pathlib import Path\n"
-        "from ssm_planner.studies.study_file import load_study; from ssm_planner.studies.run import run_study\n"
-        "run_study(load_study(sys.argv[3]), Path(sys.argv[1]), workers=2)"
+        "from ssm_planner.studies.study_file import load_study; from ssm_planner.studies.run import study\n"
+        "study(sys.argv[3], sys.argv[1], workers=2)"
     )
     import yaml
 
@@ -183,7 +184,10 @@ def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
 
 def test_the_front_holds_what_nothing_beats():
     rng = np.random.default_rng(2)
-    rows = [Row(i, "done", {}, figures={"a": float(x), "b": float(y)}) for i, (x, y) in enumerate(rng.random((200, 2)))]
+    rows = [
+        Candidate(i, "done", {}, figures={"a": float(x), "b": float(y)})
+        for i, (x, y) in enumerate(rng.random((200, 2)))
+    ]
     front = pareto(rows, ("a", "b"))
     for row in rows:
         better = [o for o in rows if o is not row and all(o.figures[k] <= row.figures[k] for k in "ab")]
