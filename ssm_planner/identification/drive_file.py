@@ -92,7 +92,9 @@ def _friction(drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], eviden
 def _posterior(posterior: Posterior) -> dict[str, Any]:
     """Numbers in SI, as text: YAML reads it at once."""
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
-    table: dict[str, Any] = {"scatter": f"{posterior.scatter:.6g} N*m"}
+    table: dict[str, Any] = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
+    if posterior.speeds:
+        table |= {"speeds": _numbers(posterior.speeds), "departures": _numbers(posterior.departures)}
     for way, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
         if ripple is not None:
             table[way] = {field.name: _numbers(getattr(ripple, field.name)) for field in dataclasses.fields(Ripple)}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.identification.fit import Estimate
-from ssm_planner.identification.prediction import Motion, nrmsd, predict_torque
+from ssm_planner.identification.prediction import Motion, departure, predict_torque
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import CONFIDENCE
@@ -50,6 +50,8 @@ class _Problem:
     def __init__(self, drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float) -> None:
         self.drive, self.recordings, self.load, self.load_inertia = drive, recordings, load, load_inertia
         self.motions = [Motion.of(r.time, r.w) for r in recordings]
+        self.measured = [r.tau - departure(drive, m) for r, m in zip(recordings, self.motions, strict=True)]
+        """What is left for the law, N·m."""
         base = friction_of(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
@@ -61,18 +63,17 @@ class _Problem:
 
     def residual(self, theta: Array) -> Array:
         drive = self.model(theta)
-        pairs = zip(self.motions, self.recordings, strict=True)
+        pairs = zip(self.motions, self.measured, self.recordings, strict=True)
         return np.concatenate(
-            [(predict_torque(drive, m, self.load, self.load_inertia) - r.tau) / np.ptp(r.tau) for m, r in pairs]
+            [(predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau) for m, tau, r in pairs]
         )
 
     def cost(self, theta: Array) -> float:
         return float(np.sum(self.residual(theta) ** 2))
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
-        drive = self.model(theta)
-        pairs = zip(self.motions, self.recordings, strict=True)
-        return tuple(nrmsd(predict_torque(drive, m, self.load, self.load_inertia), r.tau) for m, r in pairs)
+        parts = np.split(self.residual(theta), np.cumsum([len(tau) for tau in self.measured])[:-1])
+        return tuple(float(np.sqrt(np.mean(part**2))) for part in parts)
 
 
 def fit_dynamic(drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float = 0.0) -> DynamicFit:

@@ -19,7 +19,15 @@ from ssm_planner.identification.parameters import (
     rest_coefficient,
     with_parameters,
 )
-from ssm_planner.identification.posterior import MapModel, blind_errors, most_likely, prior_pull, sample, simplest
+from ssm_planner.identification.posterior import (
+    MapModel,
+    blind_errors,
+    data_correlation,
+    most_likely,
+    prior_pull,
+    sample,
+    simplest,
+)
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, interval_of
@@ -57,7 +65,7 @@ class MapFit:
     estimates: dict[str, Estimate]
     correlation_names: tuple[str, ...]
     correlation: Array
-    """(parameters, parameters) of the draws' logarithms."""
+    """(parameters, parameters) of their logarithms, as the data alone would leave them."""
     inseparable: tuple[tuple[str, ...], ...]
     """Groups of parameters that the data give only together."""
     combinations: dict[str, Estimate]
@@ -95,8 +103,10 @@ def fit_map(
     for name in free:
         fixed.pop(name, None)
     for name, value in fixed.items():
-        if name not in ALL or not (math.isfinite(value) and value >= 0.0):
-            raise RecordingError(f"cannot fix {name!r} at {value!r}; parameters: {', '.join(ALL)}")
+        if name not in (*ALL, LOAD_OFFSET) or not math.isfinite(value) or (value < 0.0 and name != LOAD_OFFSET):
+            raise RecordingError(f"cannot fix {name!r} at {value!r}; parameters: {', '.join((*ALL, LOAD_OFFSET))}")
+    offsets = ((),) if LOAD_OFFSET in fixed else ((), (LOAD_OFFSET,))
+    load += fixed.get(LOAD_OFFSET, 0.0)
     _check_directions(data)
     outliers = find_outliers(data.w, data.tau)
     weight = np.ones(len(data.w))
@@ -117,7 +127,7 @@ def fit_map(
             scatter=scatter,
         )
         for name in (LAWS if law == "auto" else (law,))
-        for offset in ((), (LOAD_OFFSET,))
+        for offset in offsets
     ]
     models = _with_enough_points(models)
     found = [most_likely(model) for model in models]
@@ -128,8 +138,7 @@ def fit_map(
     for model, error in zip(models, blind, strict=True):
         criterion[model.law] = min(error, criterion.get(model.law, math.inf))
     criterion[models[chosen].law] = blind[chosen]
-    unweighted = float(np.sqrt(np.mean((errors[chosen] / weight) ** 2)))
-    fit = _report(models[chosen], found[chosen], unweighted, data)
+    fit = _report(models[chosen], found[chosen], data)
     apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=apart, criterion=criterion)
 
@@ -155,42 +164,52 @@ def _with_enough_points(models: list[MapModel]) -> list[MapModel]:
     return enough
 
 
-def _report(model: MapModel, z: Array, blind: float, data: TorqueMap) -> MapFit:
-    """The fit of the chosen law with z (k,) most likely; blind: its RMS error on recordings left out, outliers
-    counted in full, N·m."""
-    draws, scatters = sample(model, z)
+def _report(model: MapModel, z: Array, data: TorqueMap) -> MapFit:
+    """The fit of the chosen law with z (k,) most likely.
+
+    A load offset that did not pay is 0 in the fit, but not known to be: the posterior leaves it open.
+    """
+    open_model = model
+    if LOAD_OFFSET not in (*model.names, *model.fixed):
+        open_model = replace(model, names=(*model.names, LOAD_OFFSET))
+    draws, scatters, shares = sample(open_model, np.append(z, [0.0] * (len(open_model.names) - len(z))))
     at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(model.drive)
     if at_bound:
         z = most_likely(model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive))))
-    torques = model.torque(draws)
-    within = math.sqrt(float(np.mean(scatters**2) + np.mean(np.var(torques, axis=0))))
+    predicted = model.torque(z[None])[0]
+    usual = model.weight == 1.0
     posterior = Posterior(
-        names=model.names,
-        draws=_rounded(np.column_stack(list(model.parameters(draws).values()))),
-        scatter=math.sqrt(float(np.mean(scatters**2))) * max(1.0, blind / within),
+        names=open_model.names,
+        draws=np.array([_six_digits(row) for row in np.column_stack(list(open_model.parameters(draws).values()))]),
+        scatter=float(f"{np.median(scatters):.6g}"),
+        common=float(f"{np.mean(shares):.6g}"),
+        speeds=_six_digits(model.w[usual]),
+        departures=_six_digits((model.tau - predicted)[usual]),
         forwards=data.spread(1),
         backwards=data.spread(-1),
     )
-    values = {name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()}
-    separable = {name: bool(pull < SEPARABLE) for name, pull in zip(model.names, prior_pull(draws), strict=True)}
+    values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | {
+        name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()
+    }
+    separable = {name: bool(pull < SEPARABLE) for name, pull in zip(posterior.names, prior_pull(draws), strict=True)}
     estimates = {
         name: _estimate(value, posterior.column(name), separable=separable[name], at_bound=at_bound and name == "mu")
-        for name, value in values.items()
+        for name, value in ((name, values[name]) for name in posterior.names)
     }
     estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
-    offset = values.pop(LOAD_OFFSET, 0.0)
+    offset = values.pop(LOAD_OFFSET)
+    load = model.load + (0.0 if LOAD_OFFSET in model.fixed else offset)
     drive = _identified(model, values, posterior, offset)
-    predicted = model.torque(z[None])[0]
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
-    at_rest = model.torque(np.concatenate([z[None], draws]), slow)
+    at_rest = np.concatenate([model.torque(z[None], slow), open_model.torque(draws, slow)])
     together = tuple(name for name in model.names if not separable[name])
     return MapFit(
         law=model.law,
         drive=drive,
-        load=model.load + offset,
+        load=load,
         estimates=estimates,
         correlation_names=model.names,
-        correlation=np.atleast_2d(np.corrcoef(draws.T)),
+        correlation=data_correlation(model, z),
         inseparable=(together,) if together else (),
         combinations={
             name: _estimate(float(at_rest[0, i]), at_rest[1:, i]) for i, name in enumerate(("forwards", "backwards"))
@@ -203,9 +222,9 @@ def _report(model: MapModel, z: Array, blind: float, data: TorqueMap) -> MapFit:
     )
 
 
-def _rounded(draws: Array) -> Array:
-    """(sets, parameters) to six digits, as a drive file holds them."""
-    return np.array([[float(f"{value:.6g}") for value in row] for row in draws])
+def _six_digits(values: Array) -> tuple[float, ...]:
+    """(values,) as a drive file holds them."""
+    return tuple(float(f"{value:.6g}") for value in values)
 
 
 def _estimate(value: float, draws: Array, separable: bool = True, at_bound: bool = False) -> Estimate:

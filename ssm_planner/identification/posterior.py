@@ -1,10 +1,12 @@
 """The posterior of a drive's friction: which sets of parameters a torque–velocity map leaves equally likely.
 
-The mean torque of recording k at mean speed w_k is τ(w_k; θ) + e_k, e_k ~ N(0, s²) from one recording to the next. Before
-anything is measured, ln θ_i ~ N(ln c_i, d_i²), wide enough for drives of this kind; a constant load beside the payload is
-N(0, d²); s is known to its order of magnitude s₀ alone. With s integrated out
+The mean torque of recording k at mean speed w_k is τ(w_k; θ) + e_k, e ~ N(0, s² R_c). A share c of the scatter is a
+departure from the law that recordings of near speed have in common, R_c = (1 − c) I + c K, K_kl = exp(−|ln w_k / w_l| / L)
+in one direction, 0 across; the rest is a recording's own [3]. Before anything is measured, ln θ_i ~ N(ln c_i, d_i²), wide
+enough for drives of this kind; a constant load beside the payload is N(0, d²); s is known to its order of magnitude s₀
+alone, c is one of SHARES. With s and c integrated out
 
-    p(θ | τ) ∝ p(θ) · (ν s₀² + Σ_k e_k²)^(−(n + ν)/2),
+    p(θ | τ) ∝ p(θ) · Σ_c p(c) |R_c|^(−1/2) (ν s₀² + eᵀ R_c⁻¹ e)^(−(n + ν)/2),
 
 sampled in z_i = (ln θ_i − ln c_i) / d_i by an ensemble of walkers: stretch moves [1] and differences of walkers [2].
 Nothing bounds θ but its sign, so that no interval ends at a bound.
@@ -12,6 +14,7 @@ Nothing bounds θ but its sign, so that no interval ends at a bound.
 [1] J. Goodman, J. Weare, Ensemble samplers with affine invariance, Comm. App. Math. Comp. Sci. 5, 2010.
 [2] C. J. F. ter Braak, A Markov chain Monte Carlo version of the genetic algorithm differential evolution,
     Stat. Comput. 16, 2006.
+[3] M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63, 2001.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ import numpy as np
 from ssm_planner.dynamics.transmission import mesh_coefficients
 from ssm_planner.identification.parameters import TYPICAL_MU, map_torque, with_parameters
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LOAD_OFFSET
+from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior
 from ssm_planner.typing import Array, Indices
 
 SPREADS = {
@@ -45,11 +48,19 @@ LOAD_SPREAD = 0.3
 """Of the constant load, as a share of the payload or of the effort that the measured friction could be."""
 DEGREES = 0.5
 """ν: how many recordings the guess s₀ of the scatter counts for."""
+SHARES = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
+"""What the share c may be, each with its probability before anything is measured."""
 DRAWS = 1000
 WALKERS, STEPS, WARM_UP, KEPT_EVERY = 100, 1200, 400, 10
 FOLDS = 6
 PAYS = 0.5
 """Standard errors by which a law with more parameters has to predict better."""
+LENGTH = 2.0
+"""L: ratio of speeds, as a logarithm, over which departures from the law change."""
+SLOWEST = 0.1
+"""Motor speed below which departures are taken as there, rad/s: some 1 rpm, what recorders resolve."""
+SCATTER_DEGREES = 3.0
+"""Of the t-distribution of a recording's departure: one in twenty stands apart by far more than the others."""
 NOTHING = 1e-5
 """Errors below this share of the torque range do not count."""
 SEED = 20_210_521
@@ -71,7 +82,7 @@ class MapModel:
     weight: Array
     """Factor of each residual: 1, less for outliers."""
     load: float
-    """Effort on the output, N·m or N."""
+    """Effort on the output, an offset that is known included, N·m or N."""
     scatter: float
     """s₀, N·m."""
 
@@ -110,7 +121,8 @@ class MapModel:
     def torque(self, z: Array, w: Array | None = None) -> Array:
         """(sets, points) motor torque of steady motion at speeds w (points,), N·m, for z (sets, k)."""
         values: dict[str, Any] = {**self.fixed, **self.parameters(z)}
-        load = self.load + values.pop(LOAD_OFFSET, 0.0)
+        offset = values.pop(LOAD_OFFSET, 0.0)
+        load = self.load + (0.0 if LOAD_OFFSET in self.fixed else offset)
         torque = map_torque(with_parameters(self.drive, self.law, values), self.w if w is None else w, load)
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
 
@@ -118,11 +130,25 @@ class MapModel:
         """(sets, points) weighted difference of torque and measured torque, N·m, for z (sets, k)."""
         return np.asarray((self.torque(z) - self.tau) * self.weight)
 
+    @cached_property
+    def _whitened(self) -> tuple[Array, Array]:
+        """(points, shares · points) that makes residuals independent, share by share; (shares,) ln p(c) |R_c|^(−1/2)."""
+        related, one = correlation(self.w, self.w), np.eye(len(self.w))
+        roots = [np.linalg.cholesky((1 - share) * one + share * related) for share in SHARES]
+        logs = [math.log(p) - np.log(np.diag(root)).sum() for p, root in zip(SHARES.values(), roots, strict=True)]
+        return np.concatenate([np.linalg.inv(root).T for root in roots], axis=1), np.array(logs)
+
+    def shares(self, z: Array) -> tuple[Array, Array]:
+        """For z (sets, k): logarithms of the likelihood of each share c, and ν s₀² + eᵀ R_c⁻¹ e in N²·m², (sets, shares)."""
+        whitener, logs = self._whitened
+        white = (self.residual(z) @ whitener).reshape(len(z), len(logs), -1)
+        square = np.sum(white**2, axis=2) + DEGREES * self.scatter**2
+        return logs - 0.5 * (len(self.w) + DEGREES) * np.log(square), square
+
     def log_posterior(self, z: Array) -> Array:
         """(sets,) up to a constant, for z (sets, k); −inf where the law overflows."""
         with np.errstate(all="ignore"):
-            cost = np.sum(self.residual(z) ** 2, axis=1) + DEGREES * self.scatter**2
-            value = -0.5 * (len(self.w) + DEGREES) * np.log(cost) - 0.5 * np.sum(z * z, axis=1)
+            value = np.logaddexp.reduce(self.shares(z)[0], axis=1) - 0.5 * np.sum(z * z, axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
 
     def without(self, points: Indices) -> MapModel:
@@ -211,14 +237,10 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
     return best
 
 
-def sample(model: MapModel, z: Array, draws: int = DRAWS) -> tuple[Array, Array]:
-    """Equally likely z (draws, k) and scatters (draws,) in N·m, from walkers about z (k,)."""
+def sample(model: MapModel, z: Array, draws: int = DRAWS) -> tuple[Array, Array, Array]:
+    """Equally likely z (draws, k), scatters (draws,) in N·m and shares c (draws,), from walkers about z (k,)."""
     rng, k = np.random.default_rng(SEED), len(z)
-    scatter = _scatter(model, z)
-    steps = 1e-5 * np.eye(k)
-    values = model.residual(np.concatenate([z[None], z + steps])) / scatter
-    jacobian = (values[1:] - values[0]).T / 1e-5
-    root = np.linalg.cholesky(np.linalg.inv(jacobian.T @ jacobian + np.eye(k)))
+    root = np.linalg.cholesky(np.linalg.inv(_information(model, z) + np.eye(k)))
     walkers = z + rng.standard_normal((WALKERS, k)) @ root.T
     height = model.log_posterior(walkers)
     kept, halves = [], (np.arange(WALKERS // 2), np.arange(WALKERS // 2, WALKERS))
@@ -231,8 +253,25 @@ def sample(model: MapModel, z: Array, draws: int = DRAWS) -> tuple[Array, Array]
         if step >= WARM_UP and step % KEPT_EVERY == 0:
             kept.append(walkers.copy())
     found = rng.permutation(np.concatenate(kept))[:draws]
-    square = np.sum(model.residual(found) ** 2, axis=1) + DEGREES * model.scatter**2
-    return found, np.sqrt(square / rng.chisquare(len(model.w) + DEGREES, len(found)))
+    logs, square = model.shares(found)
+    share = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
+    scatter = np.sqrt(square[np.arange(len(found)), share] / rng.chisquare(len(model.w) + DEGREES, len(found)))
+    return found, scatter, np.array(list(SHARES))[share]
+
+
+def _information(model: MapModel, z: Array) -> Array:
+    """(k, k) what the data alone say of z near z (k,): the inverse of its covariance."""
+    values = model.residual(np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])) / _scatter(model, z)
+    jacobian = (values[1:] - values[0]) / 1e-5
+    return np.asarray(jacobian @ jacobian.T)
+
+
+def data_correlation(model: MapModel, z: Array) -> Array:
+    """(k, k) correlation of the parameters near z (k,) were next to nothing expected of them: ±1 where the data give
+    parameters only together."""
+    covariance = np.linalg.inv(_information(model, z) + NOTHING * np.eye(len(z)))
+    deviation = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(deviation, deviation))
 
 
 def _moved(walkers: Array, others: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -245,6 +284,29 @@ def _moved(walkers: Array, others: Array, rng: np.random.Generator) -> tuple[Arr
     first, second = (rng.integers(count, size=count) for _ in range(2))
     length = 1.0 if rng.random() < 0.1 else 2.38 / math.sqrt(2 * k)
     return walkers + length * (others[first] - others[second]) + 1e-4 * rng.standard_normal((count, k)), np.zeros(count)
+
+
+def correlation(v: Array, w: Array) -> Array:
+    """(points, others) K of the departures at motor speeds v (points,) and w (others,), rad/s."""
+    apart = np.abs(np.log(np.maximum(np.abs(v), SLOWEST))[:, None] - np.log(np.maximum(np.abs(w), SLOWEST)))
+    return np.where(np.sign(v)[:, None] == np.sign(w), np.exp(-apart / LENGTH), 0.0)
+
+
+def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
+    """At motor speeds w (samples,), recorded or not: factors (samples, recordings) of the recordings' departures in the
+    one expected there, and what stays open of it beside the scatter, (samples,).
+
+    Outside the recorded speeds of a direction that grows with the logarithm of the speed: nothing there tested the law.
+    """
+    speeds, common = np.array(posterior.speeds), posterior.common
+    near = common * correlation(w, speeds)
+    factors = np.linalg.solve(common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds)), near.T).T
+    left = np.sqrt(np.maximum(1.0 - np.sum(factors * near, axis=1), 0.0))
+    logs, recorded, outside = np.log(np.maximum(np.abs(w), SLOWEST)), np.log(np.abs(speeds)), np.ones(len(w))
+    for sign in np.unique(np.sign(speeds)):
+        here, known = np.sign(w) == sign, recorded[np.sign(speeds) == sign]
+        outside[here] = np.maximum(np.maximum(known.min() - logs[here], logs[here] - known.max()), 0.0)
+    return np.asarray(factors), np.asarray(left * (1.0 + outside))
 
 
 def prior_pull(z: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.dynamics.friction import (
+    STANDSTILL,
     friction_coefficient,
     friction_of,
     remembered_speed,
@@ -16,7 +17,8 @@ from ssm_planner.dynamics.friction import (
 )
 from ssm_planner.dynamics.transmission import holding_torque, motor_torque, nut_contact, output_effort
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.parameters import with_parameters
+from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem.drive import Drive, Friction
@@ -30,6 +32,7 @@ The recorder's speed is averaged and rounded: a drive must have broken away befo
 """
 
 SEED = 20_210_521
+PEAK_CONFIDENCE = 0.99
 LONG_REST = 10.0
 """Rest assumed before a recording that begins at standstill, s."""
 
@@ -43,6 +46,8 @@ class PredictionBand:
     low: Array
     """Of single samples: ripple and noise besides."""
     high: Array
+    peak: float
+    """Largest |torque| of the recording at 99 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +90,8 @@ class Prediction:
             "mean_band": None if self.band is None else list(self.band.mean),
             "mean_inside": self.mean_inside,
             "sample_coverage": self.sample_coverage,
+            "peak_measured": float(np.abs(self.recording.tau).max()),
+            "peak_99": None if self.band is None else self.band.peak,
             "repairs": list(self.recording.repairs),
             "samples": len(self.recording.time),
             "rest_share": float(self.rest.mean()),
@@ -115,7 +122,18 @@ def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, loa
     effort = output_effort(loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     at_rest = motion.direction == 0
+    tau = tau + departure(drive, motion)
     return Prediction(recording, tau, at_rest, nrmsd(tau, recording.tau), lost, band=band_of(drive, motion, tau, load))
+
+
+def departure(drive: Drive, motion: Motion) -> Array:
+    """(samples,) torque beyond the law that recordings of near speed lead to expect, N·m; 0 at rest or without posterior."""
+    posterior = friction_of(drive).posterior
+    if posterior is None or not posterior.speeds:
+        return np.zeros(len(motion.w))
+    w = np.where(motion.direction == 0, 1.0, motion.direction * np.maximum(np.abs(motion.w), STANDSTILL))
+    expected = expected_departure(posterior, w)[0] @ np.array(posterior.departures)
+    return np.where(motion.direction == 0, 0.0, expected)
 
 
 def band_of(drive: Drive, motion: Motion, tau: Array, load: float) -> PredictionBand | None:
@@ -127,28 +145,36 @@ def band_of(drive: Drive, motion: Motion, tau: Array, load: float) -> Prediction
     posterior = friction.posterior
     if posterior is None:
         return None
+    # Samples of equal speed and direction have equal bands: only what differs is drawn.
+    kinds, of = np.unique(np.column_stack([motion.w, motion.direction]), axis=0, return_inverse=True)
+    way, of = kinds[:, 1], of.reshape(-1)
+    w = np.where(way == 0, 1.0, way * np.maximum(np.abs(kinds[:, 0]), STANDSTILL))
     rng, count = np.random.default_rng(SEED), len(posterior.draws)
     sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
     drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((count, 1), offset))
     drawn = with_parameters(drive, friction.law, sets)
-    departure = _steady(drawn, motion, drawn_load) - _steady(drive, motion, load)
-    expected = tau + np.where(motion.direction == 0, 0.0, departure)
-    expected = expected + posterior.scatter * rng.standard_normal((count, 1)) * np.abs(motion.direction)
-    low, high = interval_of(expected.mean(axis=1))
-    for way in (1, -1):
-        ripple = posterior.ripple(way)
+    spread = map_torque(drawn, w, drawn_load) - map_torque(drive, w, load)
+    own = np.full(len(w), posterior.scatter)
+    if posterior.speeds:
+        expected, left = expected_departure(posterior, w)
+        recorded = np.array(posterior.speeds)
+        spread = spread - (map_torque(drawn, recorded, drawn_load) - map_torque(drive, recorded, load)) @ expected.T
+        own = own * left
+    spread = np.where(way == 0, 0.0, spread + own * rng.standard_t(SCATTER_DEGREES, (count, 1)))
+    weight = np.bincount(of, minlength=len(w)) / len(of)
+    low, high = interval_of(tau.mean() + spread @ weight)
+    peaks = np.zeros(count)
+    for sign in (1, -1):
+        here, ripple, moved = way == sign, posterior.ripple(sign), np.abs(tau) * (motion.direction == sign)
+        if here.any():
+            top = int(np.argmax(moved))
+            top_torque = np.abs(tau[top] + spread[:, of[top]])
+            peaks = np.maximum(peaks, top_torque + (0.0 if ripple is None else ripple.draw_peak(rng, count)))
         if ripple is not None:
-            expected[:, motion.direction == way] += ripple.draw(rng, count)[:, None]
-    ends = np.quantile(expected, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
-    return PredictionBand((low, high), ends[0], ends[1])
-
-
-def _steady(drive: Drive, motion: Motion, load: float | Array) -> Array:
-    """(sets, samples) torque of motion without acceleration or memory."""
-    way = np.where(motion.direction == 0, 1.0, motion.direction)
-    effort = output_effort(drive, load, motion.w / drive.ratio, 0.0, way)
-    return np.asarray(motor_torque(drive, effort, motion.w, 0.0, direction=way))
+            spread[:, here] += ripple.draw(rng, count)[:, None]
+    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, of]
+    return PredictionBand((low, high), tau + ends[0], tau + ends[1], peak=float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 
 @dataclass(frozen=True, eq=False)

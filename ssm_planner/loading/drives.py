@@ -262,9 +262,10 @@ def _posterior(model: PosteriorModel) -> Posterior:
             "columns of different lengths", key="posterior.draws", allowed="as many sets of each parameter"
         )
     given = {"forwards": model.forwards, "backwards": model.backwards}
-    ripples = {way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None}
+    own: dict[str, Any] = {way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None}
     draws = np.column_stack(list(model.draws.values()))
-    return Posterior(names=tuple(model.draws), draws=draws, scatter=model.scatter, **ripples)
+    own |= {name: getattr(model, name) for name in ("scatter", "common", "speeds", "departures")}
+    return Posterior(names=tuple(model.draws), draws=draws, **own)
 
 
 def _rig(model: Any) -> Rig:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,6 +13,8 @@ from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
 from ssm_planner.typing import Array
 
 CONFIDENCE = 0.95
+PEAK_SPREAD, PEAK_DEGREES = 0.3, 4
+"""Spread expected of the logarithm of recordings' peaks, and for how many recordings this expectation counts."""
 LOAD_OFFSET = "load_offset"
 """A constant effort on the output beside the payload: of the rig, not of the drive."""
 FRICTION_NAMES = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
@@ -51,11 +54,10 @@ class Ripple(Value):
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
         """(count,) largest departures of further recordings, N·m: log-normal, its mean and spread themselves uncertain."""
-        logs, n = np.log(self.peak), len(self.peak)
-        if n < 2:
-            return np.full(count, float(self.peak[0]))
-        spread = float(np.std(logs, ddof=1)) * np.sqrt(1 + 1 / n)
-        return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(n - 1, size=count)))
+        logs, known = np.log(self.peak), len(self.peak) - 1 + PEAK_DEGREES
+        square = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / known
+        spread = math.sqrt(square * (1 + 1 / len(logs)))
+        return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(known, size=count)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,13 @@ class Posterior(Value):
     draws: Annotated[Array, Shape((-1, -1))]
     """(sets, parameters)."""
     scatter: NotNegative = 0.0
-    """Standard deviation of the mean torque from one recording to the next, N·m."""
+    """Of the mean torque from one recording to the next, N·m: t-distributed, since some recordings stand apart."""
+    common: NotNegative = 0.0
+    """Share of the scatter's variance that recordings of near speed have in common: the law's own error."""
+    speeds: tuple[float, ...] = ()
+    """Motor speeds of the recordings, rad/s, outliers left out."""
+    departures: tuple[float, ...] = ()
+    """Their mean torque beyond that of the drive's own parameters, N·m."""
     forwards: Ripple | None = None
     """Ripple and noise in positive motion."""
     backwards: Ripple | None = None
@@ -77,6 +85,10 @@ class Posterior(Value):
         for name in self.names:
             if name not in known:
                 raise self._wrong("names", "unknown parameter", ", ".join(known), name)
+        if len(self.speeds) != len(self.departures) or 0.0 in self.speeds:
+            raise self._wrong("departures", "not one for each moving recording", f"{len(self.speeds)} figures")
+        if self.common >= 1:
+            raise self._wrong("common", "all of the scatter and more", "a share from 0, below 1")
         if len(set(self.names)) != len(self.names):
             raise self._wrong("names", "a parameter is named twice", "each once")
         if self.draws.shape[1] != len(self.names) or len(self.draws) < 2:

@@ -1,7 +1,11 @@
-"""Identification from maps: known truths found, intervals honest, what the data cannot tell is called so."""
+"""Identification from maps: known truths found, intervals honest, what the data cannot tell is called so.
+
+How often do intervals called separable cover a known truth? python tests/identification/test_fit.py FITS
+"""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,14 +16,26 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.fit import fit_map
 from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.posterior import SPREADS
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers, read_figures
 from ssm_planner.loading.load import load_drive
+from ssm_planner.problem.posterior import LOAD_OFFSET
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 RPM = np.pi / 30
 SPEEDS = RPM * np.array([1, 2, 4, 6, 8, 10, 13, 17, 20, 25, 40, 50, 60, 80, 90, 100, 140, 180, 200.0])
 WORM = {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12}
 STRIBECK = {**WORM, "mu_stribeck": 0.06, "stribeck_speed": 0.688}
+SCREW = {"b_c": 1e-3, "b_v": 3e-5, "b_oc": 3e-2, "mu": 0.27, "mu_stribeck": 0.1, "stribeck_speed": 6.4}
+CASES = {
+    f"{name}, load offset {offset:g}": (rig, law, {**truth, LOAD_OFFSET: offset})
+    for name, rig, law, truth, offsets in (
+        ("Coulomb worm", "rig3_worm", "coulomb", WORM, (0.0, 0.004)),
+        ("Stribeck worm", "rig3_worm", "stribeck_exponential", STRIBECK, (0.0, 0.004)),
+        ("lead screw", "rig1_lead_screw", "stribeck_exponential", SCREW, (0.0, 0.2)),
+    )
+    for offset in offsets
+}
 RIGS = ("rig1_lead_screw", "rig2_antibacklash_screw", "rig3_worm")
 
 
@@ -65,28 +81,28 @@ def test_exact_maps_give_back_the_truth(name, law, truth, fixed):
 def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
     drive, load = rig("rig3_worm")
     rng = np.random.default_rng(7)
-    trials, hits = 20, dict.fromkeys(truth, 0)
+    trials, hits = 60, dict.fromkeys(truth, 0)
     for _ in range(trials):
         data = synthetic(drive, load, law, truth, 0.01, rng)
-        fit = fit_map(drive, data, load, law=law, fixed={"b_oc": 4e-3})
+        fit = fit_map(drive, data, load, law=law, fixed={"b_oc": 4e-3, "load_offset": 0.0})
         for name in hits:
             estimate = fit.estimates[name]
             hits[name] += estimate.low <= truth[name] <= estimate.high
             assert estimate.low <= estimate.value <= estimate.high
     del hits["b_oc"]
-    # Of 20 intervals of 95 % each covers 19 on average; fewer than 16 happen less than once in 300.
-    assert min(hits.values()) >= 16
-    assert np.mean(list(hits.values())) >= 0.9 * trials
+    # Of 60 intervals of 95 % each covers 57 on average; fewer than 51 happen less than once in 300.
+    assert min(hits.values()) >= 51, hits
+    assert 0.92 * trials <= np.mean(list(hits.values())) <= 0.985 * trials, hits
 
 
 def test_what_the_map_gives_only_together_is_called_so():
     drive, load = rig("rig3_worm")
     fit = fit_map(drive, synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(1)), load, law="coulomb")
-    assert {"b_c", "mu"} <= set(fit.inseparable[0])
+    assert [set(group) for group in fit.inseparable] == [{"b_c", "mu", "b_oc"}]
     assert not fit.estimates["mu"].separable
     assert fit.estimates["b_v"].separable
     k = fit.correlation_names.index("mu")
-    assert abs(fit.correlation[k, fit.correlation_names.index("b_c")]) > 0.9
+    assert abs(fit.correlation[k, fit.correlation_names.index("b_c")]) > 0.99
     for way, torque in zip(
         ("forwards", "backwards"), map_torque(fit.drive, np.array([1e-6, -1e-6]), load), strict=True
     ):
@@ -121,7 +137,8 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
     alone = fit_map(drive, data, load, law="coulomb")
     told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
-    assert abs(told.estimates["mu"].value - 0.07) < 0.5 * abs(alone.estimates["mu"].value - 0.07)
+    # What is open follows the reference within half of what is expected of it; what is known does not, 7 deviations off.
+    assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * SPREADS["mu"]
     known = alone.estimates["b_v"]
     assert told.estimates["b_v"].value == pytest.approx(known.value, abs=0.1 * (known.high - known.low))
     np.testing.assert_allclose(told.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10)
@@ -188,3 +205,33 @@ def test_maps_that_cannot_support_a_fit_are_refused():
         fit_map(drive, data, load, fixed={"nu": 1.0})
     with pytest.raises(RecordingError, match="no figures of 'rig9'"):
         read_figures(DRIVES / "rig_figures.csv", "rig9")
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_intervals_called_separable_cover_the_truth(case):
+    for name, (hits, called) in coverage(case, 12).items():
+        # Four misses of 12 happen once in 500 where 95 % are covered; for 300 fits run this file.
+        assert hits > called - 4, (name, hits, called)
+
+
+def coverage(case: str, fits: int, seed: int = 7) -> dict[str, tuple[int, int]]:
+    """(covered, called separable) of each parameter over so many fits of one case."""
+    rig, law, truth = CASES[case]
+    drive = load_drive(DRIVES / f"{rig}.yaml")
+    rng, counts = np.random.default_rng(seed), dict.fromkeys(truth, (0, 0))
+    for _ in range(fits):
+        data = synthetic(drive, drive.rig.F_payload + truth[LOAD_OFFSET], law, truth, 0.01, rng)
+        fit = fit_map(drive, data, drive.rig.F_payload, law=law)
+        for name, value in truth.items():
+            estimate = fit.estimates.get(name)
+            if estimate is not None and estimate.separable:
+                hits, called = counts[name]
+                counts[name] = (hits + (estimate.low <= value <= estimate.high), called + 1)
+    return counts
+
+
+if __name__ == "__main__":
+    for case in CASES:
+        shown = coverage(case, int(sys.argv[1]) if len(sys.argv) > 1 else 300)
+        called = [f"{name} {hits / n:.3f} of {n}" for name, (hits, n) in shown.items() if n]
+        print(f"{case}: {', '.join(called) or 'none separable'}", flush=True)
