@@ -46,7 +46,7 @@ SPREADS = {
 """Standard deviation of ln θ before anything is measured."""
 LOAD_SPREAD = 0.3
 """Of the constant load, as a share of the payload or of the effort that the measured friction could be."""
-DEGREES = 0.5
+DEGREES = 2.0
 """ν: how many recordings the guess s₀ of the scatter counts for."""
 SHARES = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
 """What the share c may be, each with its probability before anything is measured."""
