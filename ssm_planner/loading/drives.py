@@ -97,7 +97,13 @@ class PosteriorModel(Model):
     """What an identification leaves open, SI; see posterior.Posterior."""
 
     scatter: Annotated[float, quantity("torque", Bound(at_least=0.0))]
-    """Standard deviation of the mean torque from one recording to the next."""
+    """Of the mean torque from one recording to the next."""
+    common: float = 0.0
+    """Share of its variance that recordings of near speed have in common."""
+    speeds: _Numbers = ()
+    """Motor speeds of the recordings."""
+    departures: _Numbers = ()
+    """Their mean torque beyond the law's."""
     forwards: Annotated[Any, Part(RippleModel)] | None = None
     """Ripple and noise in positive motion."""
     backwards: Annotated[Any, Part(RippleModel)] | None = None
