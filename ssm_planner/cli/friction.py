@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from ssm_planner.identification.prediction import Prediction
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
-IMPLAUSIBLE = 0.5
-"""NRMSD beyond which the recording is hardly one of this drive."""
 
 
 def identify_arguments(parser: argparse.ArgumentParser) -> None:
@@ -114,10 +112,14 @@ def run_predict(options: argparse.Namespace) -> int:
 
     progress(f"predicting with {options.drive}")
     origin = friction_origin(options.drive)
-    results = [
-        {**prediction.to_dict(), "friction": origin, "files": _write_figures(prediction, options.output)}
-        for prediction in predict(options.drive, options.recordings)
-    ]
+    predictions = predict(options.drive, options.recordings)
+    results = []
+    for k, prediction in enumerate(predictions):
+        if options.output is not None:
+            progress(f"figure {k + 1} of {len(predictions)}: {prediction.recording.name}")
+        results.append(
+            {**prediction.to_dict(), "friction": origin, "files": _write_figures(prediction, options.output)}
+        )
     progress("done")
     show(options.json, results, lambda: [line for result in results for line in _predicted_lines(result)])
     return OK
@@ -131,8 +133,8 @@ def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
         yield f"  mean {1e3 * result['mean_measured']:.3f} mN·m, {where} its 95 % band {low:.3f} to {high:.3f}"
         if result["sample_coverage"] is not None:
             yield f"  {result['sample_coverage']:.0%} of the samples in motion inside their 95 % band"
-    if result["nrmsd"] > IMPLAUSIBLE:
-        yield "  off by more than half of the torque's range: a recording of this drive, load and direction?"
+        yield f"  peak {1e3 * result['peak_measured']:.3f} mN·m, {1e3 * result['peak_99']:.3f} at 99 %"
+    yield from (f"  {remark}" for remark in result["remarks"])
     if result["contact_lost"]:
         yield "  the preload does not keep both nuts in contact: the law does not hold there"
     yield from (f"  repaired: {repair}" for repair in result["repairs"])

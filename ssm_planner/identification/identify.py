@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
 from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.prediction import Prediction, predict_recording
-from ssm_planner.identification.recordings import Recording, read_recordings
+from ssm_planner.identification.recordings import Recording, distinct, read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
 from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
@@ -94,8 +94,10 @@ def identify(
     Raises RecordingError or ProblemError.
     """
     here = load_drive(drive)
-    steady, moving = _sorted_by_kind(_read(here, recordings))
+    found, repeated = distinct(_read(here, recordings))
+    steady, moving = _sorted_by_kind(found)
     data, evidence = _map(drive, steady, moving)
+    data = replace(data, repairs=(*repeated, *data.repairs))
     load, inertia = _load(here)
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
     dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None

@@ -33,6 +33,8 @@ The recorder's speed is averaged and rounded: a drive must have broken away befo
 
 SEED = 20_210_521
 PEAK_CONFIDENCE = 0.99
+IMPLAUSIBLE = 0.5
+"""NRMSD, or departure of the mean as a share, beyond which a recording is hardly one of the drive."""
 LONG_REST = 10.0
 """Rest assumed before a recording that begins at standstill, s."""
 
@@ -81,6 +83,21 @@ class Prediction:
         inside = (self.recording.tau >= self.band.low) & (self.recording.tau <= self.band.high)
         return float(inside[moving].mean())
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Why the recording is hardly one of this drive, in words."""
+        moving = np.logical_not(self.rest)
+        expected, measured = float(np.abs(self.tau[moving]).mean()), float(np.abs(self.recording.tau[moving]).mean())
+        ratio = measured / max(expected, 1e-300)
+        if 7.0 < ratio < 14.0 or 7.0 < 1 / max(ratio, 1e-300) < 14.0:
+            return (f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?",)
+        if self.nrmsd > IMPLAUSIBLE or abs(ratio - 1) > IMPLAUSIBLE:
+            return (
+                f"off by {self.nrmsd:.2g} of the torque's range, {ratio:.2g} times the predicted torque: a recording of "
+                "this drive, load and direction?",
+            )
+        return ()
+
     def to_dict(self) -> dict[str, Any]:
         """The object that `predict --json` prints of one recording, without files."""
         return {
@@ -93,6 +110,7 @@ class Prediction:
             "peak_measured": float(np.abs(self.recording.tau).max()),
             "peak_99": None if self.band is None else self.band.peak,
             "repairs": list(self.recording.repairs),
+            "remarks": list(self.remarks),
             "samples": len(self.recording.time),
             "rest_share": float(self.rest.mean()),
             "contact_lost": self.contact_lost,

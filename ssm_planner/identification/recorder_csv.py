@@ -5,6 +5,7 @@ Tables in text files: the EPOS recorder's layout and CSV with named columns, num
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from ssm_planner.typing import Array
 from ssm_planner.units import SPEEDS, TIMES
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
@@ -89,6 +90,7 @@ NAMES = {
 }
 """Accepted column names, best first."""
 
+_MORE = "lines with more than {} columns: the rest ignored"
 MAX_LINE = 100_000
 """Longest line read, characters."""
 
@@ -135,7 +137,7 @@ def parse_table(text: str, path: Path) -> Table:
     units = [""] * len(names)
     if first < len(lines):
         second = [field.strip().strip('"') for field in _fields(lines[first], separator)]
-        if second and not any(NUMBER.fullmatch(f) for f in second):
+        if second and not any(NUMBER.fullmatch(f) or _DECIMAL_COMMA.fullmatch(f) for f in second):
             units, first = second, first + 1
     names, units = _align(names, units)
     return _samples(lines, first, separator=separator, names=names, units=units, header=header, path=path)
@@ -221,7 +223,10 @@ def _strip(line: str) -> str:
 
 
 def _fields(line: str, separator: str) -> list[str]:
-    fields = (line.rstrip() if separator == "," else _strip(line)).split(separator)
+    if separator == ",":
+        fields = next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
+    else:
+        fields = _strip(line).split(separator)
     while fields and not fields[-1].strip():
         fields.pop()
     return fields
@@ -242,7 +247,7 @@ def _samples(
         if separator != "," and raw.rstrip().endswith(","):
             notes.count("lines with commas added at their end read without them", k)
         if len(fields) > width:
-            notes.count(f"lines with more than {width} columns: the rest ignored", k)
+            notes.count(_MORE.format(width), k)
         if len(fields) < width:
             if k == last:
                 notes.add(f"the last line ({k + 1}) is cut off and left out")
@@ -256,6 +261,11 @@ def _samples(
         numbers.append(k + 1)
     if not rows:
         raise RecordingError(f"{path}: the header is there, but no sample follows it")
+    if separator == "," and len(notes.counted.get(_MORE.format(width), ())) > len(rows) / 2:
+        raise RecordingError(
+            f"{path}:{first + 1}: more fields than the {width} columns that the header names: where the comma separates "
+            "columns, numbers with a decimal comma must be quoted"
+        )
     promised = header.get("recorded samples", "")
     if promised.isdigit() and int(promised) != len(rows):
         notes.add(f"the header promises {promised} samples, {len(rows)} were found")

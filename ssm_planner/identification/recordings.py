@@ -16,6 +16,10 @@ MAX_BYTES = 32_000_000
 """Largest file read: more than half an hour at 1 kHz. An EPOS recorder export is some 10 kB."""
 
 MIN_SAMPLES = 8
+RAIL = 8
+"""So many samples in a row at the largest torque are no measurement of it."""
+LASTING = 2.0
+"""Times the nominal torque that no motor gives on average."""
 SPIKE_GAP = 3.0
 """A sample is a spike when its distance to the others exceeds this many times their range."""
 
@@ -78,6 +82,7 @@ def read_recording(
         raise RecordingError(
             f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
         )
+    repairs += _doubts(torque, columns["torque"], nominal_torque)
     return Recording(
         name=name or path.name,
         time=time - time[0],
@@ -160,6 +165,40 @@ def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | Non
             )
         return values * (column.factor * nominal_torque)
     return values * column.factor
+
+
+def _doubts(torque: Array, column: Column, nominal_torque: float | None) -> list[str]:
+    """What a torque channel (samples,), N·m, that can be read is hardly meant to say."""
+    doubts, size = [], np.abs(torque)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], size >= (1 - 1e-9) * size.max(), [False]])))
+    longest = int(np.max(edges[1::2] - edges[::2]))
+    if longest >= RAIL:
+        doubts.append(
+            f"torque stays at its largest value for {longest} samples in a row: limited by the drive, or stuck?"
+        )
+    if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
+        percent = 100 * torque / nominal_torque
+        whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > nominal_torque
+        if whole or np.mean(size) > LASTING * nominal_torque:
+            doubts.append(
+                f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
+                f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {column.unit}?"
+            )
+    return doubts
+
+
+def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
+    """Recordings without repetitions of the same samples, and a sentence for each that is left out."""
+    first: dict[bytes, str] = {}
+    kept, said = [], []
+    for recording in recordings:
+        content = recording.w.tobytes() + recording.tau.tobytes()
+        if content in first:
+            said.append(f"{recording.name}: the same samples as {first[content]}, counted once")
+        else:
+            first[content] = recording.name
+            kept.append(recording)
+    return kept, said
 
 
 def _check_time(time: Array, lines: Array, path: Path) -> None:

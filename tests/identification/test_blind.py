@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
+import time as clock
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ssm_planner.errors import RecordingError
 from ssm_planner.identification.fit import fit_map
+from ssm_planner.identification.identify import identify, predict
 from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import torque_map
@@ -69,3 +73,33 @@ def test_every_second_recording_predicts_the_others(rig, first):
     beyond = [np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found]
     assert np.mean(beyond) <= 0.03
     assert np.mean([p.mean_inside for p in found]) >= 0.90
+
+
+@needs_recordings
+def test_repeated_files_count_once_and_too_few_recordings_are_refused(tmp_path):
+    folder = RECORDINGS / "drive3_worm" / "steady_state"
+    chosen = [folder / f"{name}.csv" for name in ("200", "60", "8", "n140", "n40", "n4")]
+    once = identify(DRIVES / "rig3_worm.yaml", chosen)
+    copies = []
+    for k in range(5):
+        for file in chosen:
+            copies.append(tmp_path / f"{k}_{file.name}")
+            shutil.copy(file, copies[-1])
+    repeated = identify(DRIVES / "rig3_worm.yaml", copies)
+    assert len(repeated.data.w) == 6
+    assert sum("counted once" in text for text in repeated.to_dict()["repairs"]) == 24
+    assert repeated.fit.estimates["b_v"] == once.fit.estimates["b_v"]
+    identify(DRIVES / "rig3_worm.yaml", chosen[:5])
+    with pytest.raises(RecordingError, match="at least 5 speeds"):
+        identify(DRIVES / "rig3_worm.yaml", chosen[1:5])
+
+
+@needs_recordings
+def test_recordings_of_another_rig_are_remarked(tmp_path):
+    drive = identify(DRIVES / "rig3_worm.yaml").save(tmp_path / "drive.yaml")
+    own = predict(drive, [RECORDINGS / "drive3_worm"])
+    assert not any(p.remarks for p in own)
+    assert all(p.remarks for p in predict(drive, [RECORDINGS / "drive2_antibacklash_screw" / "steady_state"]))
+    began = clock.process_time()
+    assert len(predict(drive, [RECORDINGS])) == 87
+    assert clock.process_time() - began <= 10.0

@@ -109,6 +109,52 @@ def test_repairs_are_made_and_said(tmp_path, lines, said, kept):
         assert any(said in repair for repair in r.repairs), r.repairs
 
 
+@pytest.mark.parametrize(
+    ("header", "line"),
+    [
+        ("time [s];velocity [rpm];torque [%]\n", "{t};{w};{tau}"),
+        ('"time [s]";"velocity [rpm]";"torque [%]"\n', '"{t}";"{w},000";"{tau}"'),
+        ("time [s];velocity [rpm];torque [%]\n", "{t};{w},0;{tau}"),
+        ("time [s],velocity [rpm],torque [%]\n", '"{t}","{w}","{tau}"'),
+        ("time [s],velocity [rpm],torque [%]\n", '"{t}",{w},"{tau}"'),
+    ],
+)
+def test_decimal_commas_with_units_in_the_header_and_quoted(tmp_path, header, line):
+    plain = read(write(tmp_path / "a.csv", samples()))
+    fields = [sample.split(";") for sample in samples()]
+    lines = [
+        line.format(t=f"{float(t) / 1000:.3f}".replace(".", ","), w=w, tau=tau.replace(".", ","))
+        for t, w, tau in fields
+    ]
+    r = read(write(tmp_path / "b.csv", lines, header))
+    np.testing.assert_allclose([r.time, r.w, r.tau], [plain.time, plain.w, plain.tau], atol=1e-12)
+    assert any("decimal comma" in repair for repair in r.repairs)
+
+
+def test_bare_decimal_commas_between_commas_are_refused(tmp_path):
+    lines = [sample.replace(".", ",").replace(";", ",") for sample in samples()]
+    with pytest.raises(RecordingError, match="must be quoted"):
+        read(write(tmp_path / "a.csv", lines, "time [ms],velocity [rpm],torque [%]\n"))
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
+    said = [r.repairs for r in read_recordings([RECORDINGS], nominal_torque=NOMINAL)]
+    assert not any("stays at" in text or "‰" in text for repairs in said for text in repairs)
+    for rig in ("drive1_lead_screw", "drive3_worm"):
+        lines = (RECORDINGS / rig / "steady_state" / "40.csv").read_text(encoding="utf-8-sig").splitlines()
+        first = next(k for k, line in enumerate(lines) if line.startswith("ms;")) + 1
+        rows = [line.split(";") for line in lines[first:]]
+        tenfold = [f"{t};{w};{10 * float(tau):.0f}" for t, w, tau in rows]
+        r = read(write(tmp_path / "a.csv", tenfold, "\n".join(lines[:first]) + "\n"))
+        assert any("‰" in text for text in r.repairs)
+        rail = [f"{t};{w};{min(max(float(tau), -15.0), 15.0)}" for t, w, tau in rows]
+        stuck = [f"{t};{w};{-40.0 if 100 <= k < 200 else tau}" for k, (t, w, tau) in enumerate(rows)]
+        for changed in (stuck, rail if rig == "drive1_lead_screw" else stuck):
+            r = read(write(tmp_path / "b.csv", changed, "\n".join(lines[:first]) + "\n"))
+            assert any("stays at its largest" in text for text in r.repairs)
+
+
 def test_fewer_samples_than_promised_is_said(tmp_path):
     r = read(write(tmp_path / "a.csv", samples(), HEADER.format(count=500)))
     assert any("promises 500" in repair for repair in r.repairs)
