@@ -1,12 +1,14 @@
-"""`python -m tests.campaign [--minutes N] [--full] [--seed N]`: every campaign, on two processes, and their table.
+"""`python -m tests.campaign [--minutes N] [--full] [--seed N]`: every campaign, on two processes, and their tables.
 
-It writes results/campaign.md: no times or dates in it. Exit status 1 where something failed.
+It writes results/campaign.md, a section for each campaign; those that are not run keep theirs. No times or dates in it.
+Exit status 1 where something failed.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
+import re
 import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -25,6 +27,11 @@ FULL = {"mutated": 20_000, "tampered": 2_000, "violations": 10_000, "processes":
 """Cases with --full."""
 WORKERS = 2
 OUT = ROOT / "results/campaign.md"
+HEAD = """# Campaign
+
+Random cases of every kind; `make campaign` makes this file. How many there are depends on the time given and on the machine,
+or with `--full` on what is asked for.
+"""
 
 
 def main(words: list[str] | None = None) -> int:
@@ -37,15 +44,14 @@ def main(words: list[str] | None = None) -> int:
     options = parser.parse_args(words)
     names = options.only or sorted(path.stem for path in HERE.glob("*.py") if path.stem not in SHARED)
     whole = sum(SHARES.get(name, 1.0) for name in names)
-    rows: list[Row] = []
+    failed = 0
     for name in names:
         seconds = 60 * options.minutes * SHARES.get(name, 1.0) / whole
-        rows += campaign(name, options.seed, None if options.full else seconds)
-        text = table(rows, options.seed)
-        options.output.parent.mkdir(parents=True, exist_ok=True)
-        options.output.write_text(text, encoding="utf-8")
-    print(text)
-    return 1 if any(row.failures for row in rows) else 0
+        rows = campaign(name, options.seed, None if options.full else seconds)
+        failed += sum(row.failures for row in rows)
+        publish(options.output, name, section(rows, options.seed))
+    print(options.output.read_text(encoding="utf-8"))
+    return 1 if failed else 0
 
 
 def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
@@ -88,13 +94,19 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
         )
 
 
-def table(rows: list[Row], seed: int) -> str:
-    """The results as Markdown."""
+def publish(path: Path, name: str, text: str) -> None:
+    """Put a campaign's section into the file of results."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    old = path.read_text(encoding="utf-8") if path.is_file() else ""
+    sections = dict(re.findall(r"^## (\w+)\n+(.*?)(?=^## |\Z)", old, re.S | re.M)) | {name: text}
+    parts = [HEAD, *(f"## {each}\n\n{sections[each].strip()}\n" for each in sorted(sections))]
+    path.write_text("\n".join(parts), encoding="utf-8")
+
+
+def section(rows: list[Row], seed: int) -> str:
+    """The results of one campaign as Markdown."""
     lines = [
-        "# Campaign",
-        "",
-        f"Random cases of every kind, seed {seed}; `make campaign` makes this file. How many there are depends on the time "
-        "given and on the machine.",
+        f"Seed {seed}.",
         "",
         "| kind | cases | failed |",
         "|---|---:|---:|",
@@ -102,14 +114,10 @@ def table(rows: list[Row], seed: int) -> str:
         f"| together | {sum(row.cases for row in rows)} | {sum(row.failures for row in rows)} |",
         "",
     ]
-    failed = [row for row in rows if row.failures]
-    lines += ["## What failed", ""] if failed else ["Nothing failed.", ""]
-    for row in failed:
-        lines += [
-            f"* {row.kind}:",
-            *(f"  * `{' '.join(text.replace('`', chr(39)).split())[:300]}`" for text in row.examples),
-        ]
-    return "\n".join(lines).rstrip() + "\n"
+    for row in (row for row in rows if row.failures):
+        failures = (" ".join(text.replace("`", "'").split())[:300] for text in row.examples)
+        lines += [f"* {row.kind}:", *(f"  * `{text}`" for text in failures)]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
