@@ -381,4 +381,7 @@ def _last_line(path: Path) -> str:
 
 
 def _number(text: str) -> bool:
-    return re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", text.strip(), re.I) is not None
+    return (
+        re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)", text.strip(), re.I | re.A)
+        is not None
+    )

@@ -23,7 +23,7 @@ SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
 SLICE = {"processes": 140}
 """Cases of one task, where not 400."""
-FULL = {"mutated": 20_000, "tampered": 2_000, "violations": 10_000, "processes": 560}
+FULL = {"mutated": 20_000, "tampered": 2_000, "violations": 7_300, "processes": 560}
 """Cases with --full."""
 WORKERS = 2
 OUT = ROOT / "results/campaign.md"
@@ -86,6 +86,7 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
             old = sums.get(row.kind, Row(row.kind, 0, 0, ()))
             examples = (*old.examples, *row.examples)[:5]
             sums[row.kind] = Row(row.kind, old.cases + row.cases, old.failures + row.failures, examples)
+        print(*(example for row in rows for example in row.examples), sep="\n", file=sys.stderr, end="")
         failed = sum(row.failures for row in sums.values())
         print(
             f"{name}: {cases} cases begun, {failed} failed, {time.monotonic() - begin:.0f} s",

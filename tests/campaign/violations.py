@@ -20,7 +20,7 @@ SPARE = 1e-6
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """count violations in pieces, CSV, bags and EPOS4 folders, and 0.4 × count healthy ones."""
+    """About 0.7 × count violations in pieces, CSV, bags and EPOS4 folders, and 0.3 × count healthy motions."""
     with tempfile.TemporaryDirectory() as name:
         return Violations(Path(name), seed).run(count)
 
@@ -64,7 +64,7 @@ class Violations:
         from ssm_planner.verification.check import check
 
         for k in range(count):
-            excess, healthy = self.excess(), k % 4 == 0
+            excess, healthy = self.excess(), k % 3 == 0
             peak = 1 - max(excess, SPARE) if healthy else 1 + excess
             trajectory, where = self.pulse(peak)
             found = check(trajectory, self.robot)
@@ -135,7 +135,7 @@ class Violations:
         header = [*(f"q{i}_rad" for i in (1, 2, 3)), "q4_m", *(f"qd{i}_rad_per_s" for i in (1, 2, 3)), "qd4_m_per_s"]
         path = self.folder / "points.csv"
         for k in range(count):
-            healthy, excess = k % 4 == 0, self.excess()
+            healthy, excess = k % 3 == 0, self.excess()
             t, q, qd, where = (*self.table(), "") if healthy else self.beyond(1 + excess)
             np.savetxt(
                 path, np.column_stack([t, q, qd]), "%.17g", ",", header=",".join(["time_s", *header]), comments=""
@@ -161,7 +161,7 @@ class Violations:
         plan = read_back(self.folder / "plan.json", self.robot, self.trajectory)
         empty: list[Any]
         for k in range(count):
-            healthy, excess = k % 4 == 0, self.excess()
+            healthy, excess = k % 3 == 0, self.excess()
             t, q, qd, where = (*self.table(1e-9), "") if healthy else self.beyond(1 + excess, 1e-9)
             empty = [[] for _ in t]
             names = tuple(joint.name for joint in self.robot.joints)
