@@ -4,6 +4,7 @@
 # make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 # make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
+#                or CAMPAIGN=--full: as many cases as were asked for
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin

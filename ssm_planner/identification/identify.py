@@ -164,7 +164,9 @@ def _map(drive_path: str | Path, steady: list[Recording], moving: list[Recording
         return data, f"{len(data.w)} steady-state recordings ({data.names[0]} … {data.names[-1]}){also}"
     table, rig = Path(drive_path).parent / TABLE, Path(drive_path).stem
     if not table.is_file():
-        raise RecordingError(f"no steady-state recording given, and no table of figures {table} to fall back on")
+        raise RecordingError(
+            f"{drive_path}: no steady-state recording given, and no table of figures {table} to use instead"
+        )
     data = read_figures(table, rig)
     return data, f"the figures of {len(data.w)} steady-state recordings in {table.name}{also}"
 

@@ -147,7 +147,7 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
 def test_commands_refuse_what_they_cannot_use(tmp_path):
     copy = tmp_path / "rig3_worm.yaml"
     shutil.copy(DRIVES / "rig3_worm.yaml", copy)
-    with pytest.raises(RecordingError, match="no steady-state recording"):
+    with pytest.raises(RecordingError, match=r"\.yaml: no steady-state recording"):
         identify(copy)
     with pytest.raises(RecordingError, match="no recording to predict"):
         predict(copy, [])
