@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ssm_planner.api import check, compare, report, size
+    from ssm_planner.api import check, check_speeds, compare, controlled_stops, report, size
     from ssm_planner.comparison.clock import Alignment, Clock
     from ssm_planner.comparison.compare import AxisComparison, Comparison, Difference
     from ssm_planner.comparison.findings import Finding, Kept, Verdict
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         SsmPlannerError,
         TrajectoryError,
     )
+    from ssm_planner.formats.epos4_setup import Axis
     from ssm_planner.formats.export import export
     from ssm_planner.identification.dynamic import DynamicFit
     from ssm_planner.identification.fit import Estimate, MapFit
@@ -30,11 +31,12 @@ if TYPE_CHECKING:
     from ssm_planner.identification.torque_map import TorqueMap
     from ssm_planner.kinematics.of_robot import JointSolutions, ToolPose, Workspace, fk, ik, workspace
     from ssm_planner.kinematics.workspace import DesignRegion, Extreme, design_region
-    from ssm_planner.loading.load import Problem, load_drive, load_motor, load_problem, load_robot
+    from ssm_planner.loading.load import Problem, load_controller, load_drive, load_motor, load_problem, load_robot
     from ssm_planner.pipeline.folder import Plan, load_plan
     from ssm_planner.pipeline.run import Progress, plan
     from ssm_planner.planning.reason import Reason
     from ssm_planner.plans import PhaseSummary
+    from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
     from ssm_planner.problem.drive import Drive, DriveKind, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
     from ssm_planner.problem.limits import Limit, SpeedLimit, TaskRange, TaskRate, TipSpeed
     from ssm_planner.problem.motion import Dwell, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
     from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
+    from ssm_planner.simulation.simulate import MotorUse, PowerLosses, Scenario, SimulationResult, Tracking, simulate
     from ssm_planner.sizing.assess import MotorVerdict
     from ssm_planner.sizing.checks import Check
     from ssm_planner.sizing.demand import Band, DemandName, Demands
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
     from ssm_planner.sizing.requirements import MotorRequirement, TorqueBreakdown
     from ssm_planner.sizing.size import JointSizing, Sizing
     from ssm_planner.sizing.thermal_network import Cycle, ThermalModel
+    from ssm_planner.stopping import Stops
     from ssm_planner.studies.run import StudyProgress, StudyResult, study
     from ssm_planner.studies.store import Candidate, State
     from ssm_planner.studies.study import Choice, Design, Requirements, Search, Study, Variable, Varied
@@ -60,28 +64,32 @@ if TYPE_CHECKING:
     from ssm_planner.typing import Array, Indices, Range
     from ssm_planner.units import deg, mm, mNm, ms, rpm
     from ssm_planner.verification.certificate import Certificate, LimitCheck
+    from ssm_planner.verification.slower import SpeedRange, WorstSpeed
 
 __all__ = [
-    "Alignment", "Array", "AxisComparison", "Band", "Body", "Candidate", "Certificate", "Check", "Choice", "Clock",
-    "Comparison", "Conditions", "Count", "Cycle", "DemandName", "Demands", "Design", "DesignRegion", "Difference",
-    "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate", "ExportError", "Extreme", "Eye", "Finding", "Free",
-    "Friction", "FrictionLawName", "Geometry", "GeometryError", "Heat", "Identification", "Indices", "Interval",
-    "Joint", "JointLoad", "JointSizing", "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line",
-    "MapFit", "Matrix", "Motion", "Motor", "MotorRequirement", "MotorVerdict", "NotNegative", "Objective",
-    "PhaseSummary", "Plan", "Planner", "Point", "Positive", "Posterior", "Prediction", "PredictionBand", "Problem",
-    "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording", "RecordingError", "Requirements", "Rig",
-    "Ripple", "Robot", "Samples", "Scan", "ScrewEnds", "Search", "Side", "Sign", "Sizing", "Span", "SpeedLimit",
-    "SsmPlannerError", "State", "Straight", "Study", "StudyProgress", "StudyResult", "Task", "TaskLimits",
-    "TaskRange", "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap",
-    "Trajectory", "TrajectoryError", "Variable", "Varied", "Vector", "Verdict", "Workspace", "check", "compare",
-    "deg", "design_region", "export", "fk", "identify", "ik", "load_drive", "load_motor", "load_plan", "load_problem",
-    "load_robot", "load_study", "mNm", "mm", "ms", "plan", "predict", "report", "rpm", "size", "study", "workspace",
+    "Alignment", "Array", "Axis", "AxisComparison", "AxisController", "Band", "Body", "Candidate", "Certificate",
+    "Check", "Choice", "Clock", "Comparison", "Conditions", "Controller", "Count", "Cycle", "DemandName", "Demands",
+    "Design", "DesignRegion", "Difference", "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate", "ExportError",
+    "Extreme", "Eye", "Finding", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError", "Heat",
+    "Identification", "Indices", "Interval", "Joint", "JointCompliance", "JointLoad", "JointSizing", "JointSolutions",
+    "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion", "Motor",
+    "MotorRequirement", "MotorUse", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
+    "Point", "Positive", "Posterior", "PowerLosses", "Prediction", "PredictionBand", "Problem", "ProblemError",
+    "Progress", "Range", "Ratings", "Reason", "Recording", "RecordingError", "Requirements", "Rig", "Ripple", "Robot",
+    "Samples", "Scan", "Scenario", "ScrewEnds", "Search", "Side", "Sign", "SimulationResult", "Sizing", "Span",
+    "SpeedLimit", "SpeedRange", "SsmPlannerError", "State", "Stops", "Straight", "Study", "StudyProgress",
+    "StudyResult", "Task", "TaskLimits", "TaskRange", "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolPose",
+    "TorqueBreakdown", "TorqueMap", "Tracking", "Trajectory", "TrajectoryError", "Variable", "Varied", "Vector",
+    "Verdict", "Workspace", "WorstSpeed", "check", "check_speeds", "compare", "controlled_stops", "deg",
+    "design_region", "export", "fk", "identify", "ik", "load_controller", "load_drive", "load_motor", "load_plan",
+    "load_problem", "load_robot", "load_study", "mNm", "mm", "ms", "plan", "predict", "report", "rpm", "simulate",
+    "size", "study", "workspace",
 ]  # fmt: skip
 
 _HOMES = {
     name: module
     for module, names in {
-        "ssm_planner.api": "check compare report size",
+        "ssm_planner.api": "check compare report size check_speeds controlled_stops",
         "ssm_planner.comparison.clock": "Alignment Clock",
         "ssm_planner.comparison.compare": "AxisComparison Comparison Difference",
         "ssm_planner.comparison.findings": "Finding Kept Verdict",
@@ -95,7 +103,7 @@ _HOMES = {
         "ssm_planner.identification.torque_map": "TorqueMap",
         "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",
         "ssm_planner.kinematics.workspace": "DesignRegion Extreme design_region",
-        "ssm_planner.loading.load": "Problem load_drive load_motor load_problem load_robot",
+        "ssm_planner.loading.load": "Problem load_drive load_motor load_problem load_robot load_controller",
         "ssm_planner.pipeline.folder": "Plan load_plan",
         "ssm_planner.pipeline.run": "Progress plan",
         "ssm_planner.planning.reason": "Reason",
@@ -121,6 +129,11 @@ _HOMES = {
         "ssm_planner.studies.store": "Candidate State",
         "ssm_planner.studies.study": "Choice Design Requirements Search Study Variable Varied",
         "ssm_planner.studies.study_file": "load_study",
+        "ssm_planner.formats.epos4_setup": "Axis",
+        "ssm_planner.problem.controller": "AxisController Controller JointCompliance",
+        "ssm_planner.simulation.simulate": "MotorUse PowerLosses Scenario SimulationResult Tracking simulate",
+        "ssm_planner.stopping": "Stops",
+        "ssm_planner.verification.slower": "SpeedRange WorstSpeed",
         "ssm_planner.trajectory": "Samples Side Span Trajectory",
         "ssm_planner.typing": "Array Indices Range",
         "ssm_planner.units": "deg mNm mm ms rpm",

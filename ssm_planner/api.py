@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ssm_planner import stopping
 from ssm_planner.comparison.compare import LAG, Comparison
 from ssm_planner.comparison.compare import compare as compare_recordings
 from ssm_planner.comparison.measured import assign, read_measured
@@ -20,20 +21,29 @@ from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import Sizing
 from ssm_planner.sizing.size import size as size_duty
+from ssm_planner.stopping import INSTANTS, Stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import check as checking
 from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.slower import SLOWEST, SpeedRange, check_slower
+from ssm_planner.verification.slower import check_speeds as check_every_speed
 
 
 def check(
-    motion: Plan | Trajectory | str | Path, robot: Robot | None = None, limits: TaskLimits | None = None
+    motion: Plan | Trajectory | str | Path,
+    robot: Robot | None = None,
+    limits: TaskLimits | None = None,
+    speed: float = 1.0,
 ) -> Certificate:
     """Certificate of a motion, found by code that did not plan it.
 
     motion: a plan, a trajectory, or a file that `ssm-planner check` reads. robot and limits: those of the plan unless given;
     a motion that is no plan needs a robot, and has its limits. It is at rest at both ends, unless the plan, the file or
-    `limits` declare rates there. Raises TrajectoryError or ProblemError.
+    `limits` declare rates there. speed: share of its speed at which the motion is played; a file must then be a plan. Raises
+    TrajectoryError or ProblemError.
     """
+    if speed != 1.0:
+        return check_slower(*_smooth(motion, robot, limits), speed)
     if isinstance(motion, (str, Path)) and Path(motion).suffix.lower() != ".json":
         robot = _given(robot, motion)
         reading = read_trajectory(Path(motion), robot)
@@ -50,6 +60,32 @@ def check(
     return checking.check(
         plan.motion, robot or plan.robot, limits if robot is None else limits.within(robot), seal=True
     )
+
+
+def check_speeds(
+    motion: Plan | Trajectory | str | Path,
+    robot: Robot | None = None,
+    limits: TaskLimits | None = None,
+    slowest: float = SLOWEST,
+) -> SpeedRange:
+    """Certificate of a motion at every share of its speed from `slowest` to 1, and the worst speed of every motor limit.
+
+    motion, robot, limits: as for `check`; a file must be a plan. Raises TrajectoryError or ProblemError.
+    """
+    return check_every_speed(*_smooth(motion, robot, limits), slowest)
+
+
+def controlled_stops(
+    motion: Plan | Trajectory | str | Path,
+    robot: Robot | None = None,
+    limits: TaskLimits | None = None,
+    instants: int = INSTANTS,
+) -> Stops:
+    """The quickest controlled stop along its path from every one of so many instants of a motion, and their certificate.
+
+    motion, robot, limits: as for `check`; a file must be a plan. Raises TrajectoryError or ProblemError.
+    """
+    return stopping.controlled_stops(*_smooth(motion, robot, limits), instants)
 
 
 def size(
@@ -105,6 +141,17 @@ def report(plan: Plan | str | Path, path: str | Path | None = None, other: Plan 
         return write_report(plan, plan.path.with_name("report.html") if path is None else Path(path))
     other = other if isinstance(other, Plan) else load_plan(other)
     return write_comparison(plan, other, plan.path.with_name("comparison.html") if path is None else Path(path))
+
+
+def _smooth(
+    motion: Plan | Trajectory | str | Path, robot: Robot | None, limits: TaskLimits | None
+) -> tuple[Trajectory, Robot, TaskLimits]:
+    if isinstance(motion, Trajectory):
+        robot = _given(robot, "a trajectory")
+        return motion, robot, limits or TaskLimits(robot.limits)
+    plan = motion if isinstance(motion, Plan) else load_plan(motion)
+    limits = limits or plan.limits
+    return plan.motion, robot or plan.robot, limits if robot is None else limits.within(robot)
 
 
 def _given(robot: Robot | None, motion: str | Path) -> Robot:

@@ -27,6 +27,7 @@ from ssm_planner.problem.value import built
 from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
+from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate, broken_seal
 
@@ -192,6 +193,11 @@ class Plan:
         """The robot's own motors and gears judged by the motion repeated without pause at 25 °C."""
         return None if self.trajectory is None else size_motion(self.trajectory, self.robot)
 
+    @cached_property
+    def stops(self) -> Stops | None:
+        """The quickest controlled stop from a thousand instants; None for a plan that did not pass its check."""
+        return controlled_stops(self.motion, self.robot, self.limits) if self.passed else None
+
     @property
     def requirements(self) -> tuple[MotorRequirement, ...]:
         """What the motion requires of the motor of every driven joint."""
@@ -277,6 +283,7 @@ class Plan:
             "problem": plain(self.problem),
             "phases": [plain(asdict(phase)) for phase in self.phases],
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
+            "stops": None if self.stops is None else self.stops.to_dict(),
             "trajectory": None if self.trajectory is None else self.trajectory.to_dict(),
         }
 

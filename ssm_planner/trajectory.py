@@ -124,6 +124,12 @@ class Trajectory:
         t[-1] = self.breaks[-1]
         return self.sample(t)
 
+    def slower(self, speed: float) -> Trajectory:
+        """The same path at a share of the speed; starts at the same time."""
+        begin, powers = self.breaks[0], speed ** np.arange(DEGREE + 1)[None, :, None]
+        spans = (Span(p.name, begin + (p.start - begin) / speed, begin + (p.end - begin) / speed) for p in self.phases)
+        return Trajectory(begin + (self.breaks - begin) / speed, self.coefficients * powers, tuple(spans))
+
     def to_dict(self) -> dict[str, Any]:
         """What plan.json holds: JSON types, s, rad, m."""
         return {

@@ -24,7 +24,17 @@ ROOMS = (
         "dynamics",
         "loading",
     ),
-    *("planning", "verification", "sizing", "identification", "plans", "formats", "simulation", "comparison"),
+    *(
+        "planning",
+        "verification",
+        "stopping",
+        "sizing",
+        "identification",
+        "plans",
+        "formats",
+        "simulation",
+        "comparison",
+    ),
     *("reporting", "pipeline", "studies", "api", "view", "paper", "cli", "__main__"),
 )
 """Bottom to top: a room imports only from itself and from rooms before it."""

@@ -51,6 +51,7 @@ def test_these_names_and_no_others() -> None:
             "predict",
         ),
         *("size", "export", "ik", "fk", "workspace", "design_region", "compare", "report"),
+        *("simulate", "controlled_stops", "check_speeds", "load_controller"),
     } == FUNCTIONS
     with pytest.raises(AttributeError, match="nonsense"):
         ssm_planner.nonsense  # noqa: B018

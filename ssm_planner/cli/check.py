@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ssm_planner.cli.shared import (
     FAILED,
@@ -14,6 +14,7 @@ from ssm_planner.cli.shared import (
     part_quantity,
     progress_reporter,
     quantity_argument,
+    share,
     show,
 )
 from ssm_planner.errors import ProblemError
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.problem import TaskLimits
     from ssm_planner.problem.robot import Robot
     from ssm_planner.verification.certificate import Certificate
+    from ssm_planner.verification.slower import SpeedRange
 
 
 def check_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +45,11 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"speeds that the motion {end}s with, such as tilt=-10deg/s,depth=5mm/s, or any; default: as the plan, "
             "the problem or the export declares, else at rest",
         )
+    parser.add_argument(
+        "--speed",
+        metavar="PERCENT",
+        help="share of its speed at which the motion is played, such as 10%%, or all speeds of a range such as 1%%..100%%",
+    )
     output_arguments(parser)
 
 
@@ -57,6 +64,8 @@ def run_check(options: argparse.Namespace) -> int:
         limits = TipSpeed(options.tip_speed).on(limits)
     limits = reading.ends_on(_declared(options, limits))
     progress("checking")
+    if options.speed is not None:
+        return _check_speeds(options, reading, robot, limits)
     certificate = check(
         reading.trajectory,
         robot,
@@ -69,6 +78,64 @@ def run_check(options: argparse.Namespace) -> int:
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
     return OK if certificate.passed else FAILED
+
+
+def _check_speeds(options: argparse.Namespace, reading: Reading, robot: Robot, limits: TaskLimits) -> int:
+    """The motion at one lower speed, or at all of a range; exit status. Raises ProblemError."""
+    from ssm_planner.verification.slower import check_slower, check_speeds
+
+    if reading.resolution is not None:
+        raise ProblemError("the trajectory is straight between its points", key="--speed", allowed="smooth motions")
+    slowest, dots, fastest = options.speed.partition("..")
+    document: dict[str, Any] = {
+        "trajectory": str(options.trajectory),
+        "robot": robot.name,
+        "notes": list(reading.notes),
+    }
+    speed, lines = share(slowest), []
+    if dots:
+        if share(fastest) != 1.0:
+            raise ProblemError(
+                "does not end at full speed", key="--speed", value=options.speed, allowed="such as 1%..100%"
+            )
+        found = check_speeds(reading.trajectory, robot, limits, speed)
+        certificate = min((each for _, each in found.certificates), key=lambda each: each.worst.margin)
+        speed = next(factor for factor, each in found.certificates if each is certificate)
+        lines = speed_lines(found)
+        document["speeds"] = found.to_dict()
+    else:
+        certificate = check_slower(reading.trajectory, robot, limits, speed, reading.interpolation)
+    document |= {"speed": speed, **certificate.to_dict()}
+    heading = f"at {100 * speed:.4g} % of the speed{', where a limit is nearest' if dots else ''}:"
+    show(options.json, document, lambda: [*lines, heading, *certificate_lines(certificate, reading.notes, robot)])
+    return OK if certificate.passed else FAILED
+
+
+def speed_lines(found: SpeedRange) -> list[str]:
+    """The worst speed of every limit that slowness may break."""
+    from ssm_planner.display import number, percent
+    from ssm_planner.reporting.text import Table, unit_of_limit
+
+    rows = []
+    for each in found.worst:
+        unit, scale = unit_of_limit(each.found)
+        values = number(scale * each.found.worst, 5), number(scale * each.found.limit, 5), unit
+        rows.append(
+            (
+                each.found.name,
+                each.found.joint or "",
+                number(100 * each.speed, 4),
+                *values,
+                percent(each.found.margin, 2),
+            )
+        )
+    header = ("limit", "joint", "worst at % of the speed", "worst", "limit", "unit", "margin")
+    return [
+        f"every speed from {100 * found.slowest:.4g} % to 100 %",
+        "",
+        *Table(header, rows, (2, 3, 4, 6)).lines(),
+        "",
+    ]
 
 
 def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) -> tuple[Reading, Robot, TaskLimits]:

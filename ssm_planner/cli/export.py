@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any
 
-from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, show
+from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, share, show
 from ssm_planner.errors import ExportError
 
 FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
@@ -32,6 +32,10 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[JOINT=]N",
         help="epos4, pvt, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder",
     )
+    parser.add_argument(
+        "--speed", metavar="PERCENT", help="share of its speed at which the motion is exported, such as 10%%"
+    )
+    parser.add_argument("--stops", type=int, metavar="N", help="csv, epos4: also controlled stops from N instants")
     parser.add_argument("--effort", action="store_true", default=None, help="ros2: give joint efforts too")
     parser.add_argument("--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2")
 
@@ -48,6 +52,8 @@ def run_export(options: argparse.Namespace) -> int:
         "counts_per_turn": None if options.counts_per_turn is None else _counts(options.counts_per_turn),
         "effort": options.effort,
         "bag": options.bag,
+        "speed": None if options.speed is None else share(options.speed),
+        "stops": options.stops,
     }
     given = {name: value for name, value in chosen.items() if value is not None}
     files, manifest = export(options.plan, options.to, options.output, force=options.force, **given)

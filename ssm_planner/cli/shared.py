@@ -54,6 +54,15 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
         raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
 
 
+def share(text: str) -> float:
+    """`10%`, `10 %` or 0.1 of --speed as 0.1. Raises ProblemError."""
+    word = text.strip()
+    try:
+        return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
+    except ValueError:
+        raise ProblemError("not a share", key="--speed", value=text, allowed="such as 10% or 0.1") from None
+
+
 def progress_reporter() -> Callable[[str], None]:
     """Reports each step on stderr with the time since the start."""
     begin = time.perf_counter()

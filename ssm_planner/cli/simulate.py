@@ -14,6 +14,7 @@ from ssm_planner.cli.shared import (
     plan_argument,
     progress_reporter,
     quantity_argument,
+    share,
     show,
     write_results,
 )
@@ -22,6 +23,7 @@ from ssm_planner.errors import ProblemError
 if TYPE_CHECKING:
     from ssm_planner.problem.robot import Robot
     from ssm_planner.simulation.simulate import Scenario, SimulationResult
+    from ssm_planner.stopping import Stops
 
 
 def simulate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,12 +53,15 @@ def run_simulate(options: argparse.Namespace) -> int:
     progress(f"reading {options.plan}")
     from ssm_planner.loading.load import load_controller
     from ssm_planner.plans import load_plan
-    from ssm_planner.simulation.simulate import simulate
+    from ssm_planner.simulation.simulate import EVERYWHERE, simulate
 
     plan = load_plan(options.plan)
     controller = None if options.controller is None else load_controller(options.controller)
     result = simulate(plan, scenario_of(options, plan.robot), controller, progress)
     document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
+    stops = plan.stops if options.power_loss == EVERYWHERE else None
+    if stops is not None:
+        document["controlled_stops"] = {key: stops.to_dict()[key] for key in ("passed", "longest", "farthest")}
 
     def write(folder: Path) -> dict[str, Path]:
         from ssm_planner.reporting.figures.plan import write_simulation_figures
@@ -68,7 +73,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     document["files"] = write_results(options.output, "simulation", document, write)
     progress("done")
     files = document["files"].values()
-    show(options.json, document, lambda: [*simulation_lines(result), *(f"file: {path}" for path in files)])
+    show(options.json, document, lambda: [*simulation_lines(result, stops), *(f"file: {path}" for path in files)])
     return OK if result.passed else FAILED
 
 
@@ -91,7 +96,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
     if options.instants < 1:
         raise ProblemError("no instant", key="--instants", value=options.instants, allowed="1 and more")
     return Scenario(
-        speed=_share(options.speed),
+        speed=share(options.speed),
         payload=payload,
         payload_time=payload_time,
         power_loss=loss if loss in (None, EVERYWHERE) else part_quantity("--power-loss", loss, "time"),
@@ -107,8 +112,8 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
     )
 
 
-def simulation_lines(result: SimulationResult) -> list[str]:
-    """Tracking, motors and the verdict with its reasons."""
+def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
+    """Tracking, motors, stops with power beside those without, and the verdict with its reasons."""
     from ssm_planner.display import fixed, number
     from ssm_planner.problem.robot import JOINTS
     from ssm_planner.reporting.text import Table
@@ -144,6 +149,13 @@ def simulation_lines(result: SimulationResult) -> list[str]:
         f"without power {held} ({instants}); the tip travels up to {1e3 * result.travel:.4g} mm, "
         f"at {float(losses.time[losses.worst]):.4f} s"
     )
+    if stops is not None:
+        longest, farthest = int(stops.duration.argmax()), int(stops.travel.argmax())
+        lines.append(
+            f"with power    stops on the path within {1e3 * stops.duration[longest]:.4g} ms (from "
+            f"{stops.time[longest]:.4f} s) and {1e3 * stops.travel[farthest]:.4g} mm (from {stops.time[farthest]:.4f} s); "
+            + ("certified" if stops.passed else "NOT CERTIFIED")
+        )
     lines += [f"note: {note}" for note in result.notes]
     return [
         *lines,
@@ -151,12 +163,3 @@ def simulation_lines(result: SimulationResult) -> list[str]:
         *(f"reason: {reason}" for reason in result.reasons),
         "PASSED" if result.passed else "NOT PASSED",
     ]
-
-
-def _share(text: str) -> float:
-    """`10%`, `10 %` or 0.1 as 0.1."""
-    word = text.strip()
-    try:
-        return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
-    except ValueError:
-        raise ProblemError("not a share", key="--speed", value=text, allowed="such as 10% or 0.1") from None

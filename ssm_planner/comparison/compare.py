@@ -12,7 +12,7 @@ from ssm_planner.comparison.clock import Alignment, Clock, align, clock_of
 from ssm_planner.comparison.findings import (
     ALIKE,
     DRIFT,
-    Axis,
+    AlignedAxis,
     Finding,
     Kept,
     Verdict,
@@ -161,7 +161,7 @@ def compare(
     )
 
 
-def _refuse_other_motion(axis: Axis) -> None:
+def _refuse_other_motion(axis: AlignedAxis) -> None:
     alignment, measured = axis.alignment, axis.measured
     if alignment.correlation >= ALIKE or stalled(axis) is not None or agrees(axis):
         return
@@ -174,7 +174,7 @@ def _refuse_other_motion(axis: Axis) -> None:
     )
 
 
-def _compare_axis(axis: Axis, certificate: Certificate | None, lag: float) -> AxisComparison:
+def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float) -> AxisComparison:
     plan, measured, t = axis.plan, axis.measured, axis.t
     inside = (t >= 0) & (t <= plan.duration)
     covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration

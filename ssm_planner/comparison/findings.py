@@ -87,7 +87,7 @@ class Kept:
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class AlignedAxis:
     """One recording and its plan on one clock: planned times and planned values of every sample, (n,) each."""
 
     plan: Predicted
@@ -121,7 +121,7 @@ class Axis:
         return noise_of((self.measured.w - self.speed)[self.moving], 1, self.measured.speed_resolution)
 
 
-def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment) -> Axis:
+def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment) -> AlignedAxis:
     """A recording on the common clock. Without a position channel the speed is integrated from the planned position at the
     start, and again after every gap."""
     t = clock.planned(measured.time)
@@ -137,17 +137,19 @@ def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignmen
             anchor = int(np.clip(np.searchsorted(part, 0.0), 0, len(part) - 1))
             q[first:end] = way - way[anchor] + np.interp(part[anchor], plan.time, plan.position)
     speed = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
-    return Axis(plan, measured, clock, alignment, t=t, speed=speed, q=q, integrated=measured.q is None, step=step)
+    return AlignedAxis(
+        plan, measured, clock, alignment, t=t, speed=speed, q=q, integrated=measured.q is None, step=step
+    )
 
 
-def findings_of(axis: Axis, lag: float) -> tuple[Finding, ...]:
+def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
     """Everything that is to be said of one axis but for its limits."""
     stall = stalled(axis)
     found = [*sampling(axis), *tracking(axis, lag), *([stall] if stall is not None else saturated(axis)), *torque(axis)]
     return tuple(found)
 
 
-def sampling(axis: Axis) -> Iterator[Finding]:
+def sampling(axis: AlignedAxis) -> Iterator[Finding]:
     """Gaps, missing samples and what of the motion the recording does not hold."""
     t, step, duration = axis.t, axis.step, axis.plan.duration
     covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
@@ -170,7 +172,7 @@ def sampling(axis: Axis) -> Iterator[Finding]:
         yield Finding("missing samples", verdict, f"{100 * share:.2g} % of the samples are missing", share, TOO_MANY)
 
 
-def tracking(axis: Axis, lag: float) -> Iterator[Finding]:
+def tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     """Position beside the planned one, averaged over the shortest window."""
     plan, joint = axis.plan, axis.plan.joint
     error = axis.q - np.interp(axis.t, plan.time, plan.position)
@@ -194,7 +196,7 @@ def tracking(axis: Axis, lag: float) -> Iterator[Finding]:
         yield Finding("tracking", "cannot tell", text, noise, limit)
 
 
-def position_noise(axis: Axis) -> float:
+def position_noise(axis: AlignedAxis) -> float:
     """What noise may add to a measured position, rad or m: of its channel, or of the speed integrated over the motion."""
     if not axis.integrated:
         error = axis.q - np.interp(axis.t, axis.plan.time, axis.plan.position)
@@ -203,7 +205,7 @@ def position_noise(axis: Axis) -> float:
     return CERTAIN * axis.sigma * float(np.sqrt(axis.step * axis.plan.duration)) / axis.plan.ratio
 
 
-def agrees(axis: Axis) -> bool:
+def agrees(axis: AlignedAxis) -> bool:
     """The speed is the planned one on the common clock, even where it tells of none: the motor mostly stands."""
     inside = (axis.t >= 0) & (axis.t <= axis.plan.duration)
     if axis.step * inside.sum() < 0.1 * axis.plan.duration:
@@ -212,7 +214,7 @@ def agrees(axis: Axis) -> bool:
     return apart <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
 
 
-def stalled(axis: Axis) -> Finding | None:
+def stalled(axis: AlignedAxis) -> Finding | None:
     """The motor stands though the plan moves it on; None where it does not, or where it moves otherwise than planned."""
     w, planned, peak, n = axis.measured.w, axis.speed, axis.plan.peak, windows(axis.step)[1][0]
     if peak == 0.0 or len(w) < n:
@@ -235,7 +237,7 @@ def stalled(axis: Axis) -> Finding | None:
     return Finding("stall", "not held", text, length, STALL)
 
 
-def saturated(axis: Axis) -> Iterator[Finding]:
+def saturated(axis: AlignedAxis) -> Iterator[Finding]:
     """Torque stays at one largest value while the speed sags, or stays at the motor's own."""
     tau, w, motor = axis.measured.tau, axis.measured.w, axis.plan.joint.motor
     size = np.abs(tau)
@@ -263,7 +265,7 @@ def saturated(axis: Axis) -> Iterator[Finding]:
         yield Finding("saturation", "not held", text, lack, allowed)
 
 
-def torque(axis: Axis) -> Iterator[Finding]:
+def torque(axis: AlignedAxis) -> Iterator[Finding]:
     """Torque in motion beside the band that is predicted for it, averaged over the longest window."""
     plan, n = axis.plan, windows(axis.step)[-1][0]
     tau = axis.measured.tau
@@ -295,7 +297,7 @@ def _extreme(values: Array, reach: int, sign: int) -> Array:
     return np.asarray(sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1))
 
 
-def limits_of(axis: Axis, certificate: Certificate | None) -> tuple[Kept, ...]:
+def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
     """Position, velocity, motor speed and motor torque against their limits."""
     plan, joint, measured = axis.plan, axis.plan.joint, axis.measured
     stated = {c.name: c.margin for c in certificate.limits if c.joint == joint.name} if certificate is not None else {}
@@ -349,7 +351,7 @@ def limits_of(axis: Axis, certificate: Certificate | None) -> tuple[Kept, ...]:
     return tuple(found)
 
 
-def of_the_clock(clock: Clock, axes: list[Axis]) -> Iterator[Finding]:
+def of_the_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
     """Axes out of step with the others, and a clock that is certainly off."""
     if clock.rate != 1.0:
         text = (

@@ -40,10 +40,11 @@ class Axis:
     """Where the counts come from."""
 
     def increments(self, q: Array) -> Array:
-        """Target positions, whole numbers, of joint positions."""
+        """Target positions (n,), whole numbers, of joint positions (n,)."""
         return np.round(q * self.increments_per_unit) + 0.0
 
     def to_dict(self) -> dict[str, Any]:
+        """What the manifest of an export says of it."""
         return {
             "increments_per_unit": self.increments_per_unit,
             "increments_per_motor_turn": self.counts_per_turn,

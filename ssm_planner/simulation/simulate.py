@@ -29,7 +29,6 @@ from ssm_planner.simulation.playback import (
     compliance_of,
 )
 from ssm_planner.sizing.duty import with_payload
-from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
 PERIOD = 1
@@ -242,25 +241,13 @@ def simulate(
     scenario.check(plan.robot, duration)
     if scenario.supply is not None:
         controller = replace(controller, supply=scenario.supply)
-    played_plan = plan if scenario.speed == 1.0 else replace(plan, trajectory=slower(plan.motion, scenario.speed))
+    played_plan = plan if scenario.speed == 1.0 else replace(plan, trajectory=plan.motion.slower(scenario.speed))
     stage = _Stage(played_plan, scenario, controller)
     progress("playing the set points")
     played = stage.play()
     progress("losing power")
     losses = stage.lose_power(played, progress)
     return stage.result(played, losses)
-
-
-def slower(motion: Trajectory, speed: float) -> Trajectory:
-    """The same path at a share of its speed."""
-    coefficients = motion.pieces(slice(None))
-    powers = speed ** np.arange(coefficients.shape[1])[:, None]
-    begin = motion.breaks[0]
-    spans = tuple(
-        replace(span, start=begin + (span.start - begin) / speed, end=begin + (span.end - begin) / speed)
-        for span in motion.phases
-    )
-    return Trajectory(begin + (motion.breaks - begin) / speed, coefficients * powers, spans)
 
 
 class _Stage:

@@ -20,7 +20,7 @@ from ssm_planner.simulation.arm import ArmSimulation
 from ssm_planner.simulation.cascade import electrics_of
 from ssm_planner.simulation.plant import MOTOR, QD, STATE, Q
 from ssm_planner.simulation.recorder import write_recordings
-from ssm_planner.simulation.simulate import Scenario, _Stage, simulate, slower
+from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
 
 PLAN = Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json"
 DRIVEN = ("roll", "tilt", "insertion")
@@ -156,7 +156,7 @@ def test_an_arm_that_does_not_lock_falls_without_power(plan):
 
 
 def test_a_slower_playback_goes_the_same_way(plan):
-    slow = slower(plan.motion, 0.1)
+    slow = plan.motion.slower(0.1)
     assert slow.duration == pytest.approx(10 * plan.motion.duration)
     t = np.linspace(0, plan.motion.duration, 50)
     there, here = plan.motion.sample(t), slow.sample(10 * t)

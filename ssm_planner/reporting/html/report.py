@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ssm_planner.display import NOTHING, fixed, number, percent, words
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Joint
@@ -28,6 +30,7 @@ from ssm_planner.reporting.text import (
 )
 from ssm_planner.units import shown
 
+SHOWN_STOPS = 12
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 Mark = tuple[str, str, str]
 """("good", "bad" or "open", a word, its reason)."""
@@ -54,6 +57,7 @@ def report_page(plan: Plan) -> str:
         limits=[(limit, limit_cells(limit, "°")) for limit in sorted(limits, key=lambda limit: limit.margin)],
         phases=phases_table(plan),
         motors=motors_table(plan.requirements),
+        stops=_stops(plan),
         sizing=_sizing(plan),
         motion=_motion(plan),
         task_limits=Table(("limit", "from", "to", "unit"), limit_rows(plan.limits), (1, 2), "Limits of the task"),
@@ -125,6 +129,26 @@ def _figures(plan: Plan) -> list[tuple[str, str, str]]:
 
 def _seconds(value: float | None) -> str:
     return NOTHING if value is None else f"{fixed(value, 4)} s"
+
+
+def _stops(plan: Plan) -> dict[str, Any] | None:
+    """From some instants, the longest and the farthest stop among them: how long it takes, how far the tip goes."""
+    stops = plan.stops
+    if stops is None:
+        return None
+    shown = np.linspace(0, len(stops.time) - 1, SHOWN_STOPS).astype(int)
+    longest, farthest = int(np.argmax(stops.duration)), int(np.argmax(stops.travel))
+    marks = {longest: "longest", farthest: "farthest"} if longest != farthest else {longest: "longest and farthest"}
+    rows = [
+        (fixed(stops.time[k], 3), fixed(1e3 * stops.duration[k], 1), fixed(1e3 * stops.travel[k], 3), marks.get(k, ""))
+        for k in sorted({*shown.tolist(), *marks})
+    ]
+    return {
+        "count": len(stops.time),
+        "passed": stops.passed,
+        "broken": sorted({f"{each.name} {each.joint or ''}".strip() for each in stops.certificate.violations}),
+        "table": Table(("from s", "stands after ms", "way of the tip mm", ""), rows, (0, 1, 2)),
+    }
 
 
 def _sizing(plan: Plan) -> dict[str, Any]:

@@ -1,0 +1,103 @@
+"""A motion played slower: held against a scan of a thousand speeds and against the check of the slowed motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import ProblemError
+from ssm_planner.plans import load_plan
+from ssm_planner.verification.check import check
+from ssm_planner.verification.slower import check_slower, check_speeds
+
+RESULTS = Path(__file__).parents[2] / "results"
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return load_plan(RESULTS / "tilt_insert" / "plan.json")
+
+
+def with_stribeck(plan, rise: float, speed: float):
+    """The plan on drives whose friction rises towards low speed."""
+    joints = []
+    for joint in plan.robot.joints:
+        if joint.drive is not None:
+            friction = joint.drive.friction
+            law = {"law": "stribeck_gaussian", "mu_stribeck": rise * friction.mu, "stribeck_speed": speed}
+            friction = replace(friction, **law, mu_static=(1 + rise) * friction.mu)
+            joint = replace(joint, drive=replace(joint.drive, friction=friction))
+        joints.append(joint)
+    return replace(plan.robot, joints=tuple(joints))
+
+
+def scan(plan, robot, factors):
+    """Largest torque (m, 4) of a motion at each factor, one after the other."""
+    found = []
+    for factor in factors:
+        slow = plan.motion.slower(factor)
+        samples = slow.sample(np.linspace(slow.breaks[0], slow.breaks[-1], 2000))
+        way, away = directions(robot, samples, 1)
+        torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
+        found.append(np.nanmax(np.abs(np.nan_to_num(torque)), axis=0))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("law", ["coulomb", "stribeck"])
+def test_the_worst_speed_is_that_of_a_scan_of_a_thousand(plan, law):
+    robot = plan.robot if law == "coulomb" else with_stribeck(plan, 0.8, 40.0)
+    factors = np.geomspace(0.01, 1.0, 1000)
+    brute = scan(plan, robot, factors)
+    found = check_speeds(plan.motion, robot, plan.limits)
+    worst = {each.found.joint: each for each in found.worst if each.found.name == "motor torque"}
+    assert set(worst) == {"roll", "tilt", "insertion"}
+    for joint, each in worst.items():
+        i = [j.name for j in robot.joints].index(joint)
+        assert each.found.worst == pytest.approx(brute[:, i].max(), rel=0.01)
+        there = np.interp(each.speed, factors, brute[:, i])
+        assert there == pytest.approx(brute[:, i].max(), rel=0.01)
+    if law == "stribeck":
+        assert min(each.speed for each in worst.values()) < 0.5
+
+
+def test_a_certificate_at_one_speed_is_that_of_the_slowed_motion(plan):
+    slow = check_slower(plan.motion, plan.robot, plan.limits, 0.1)
+    direct = check(plan.motion.slower(0.1), plan.robot, plan.limits)
+    for a, b in zip(slow.limits, direct.limits, strict=True):
+        assert (a.name, a.joint) == (b.name, b.joint)
+        assert a.worst == pytest.approx(b.worst, rel=1e-6, abs=1e-9)
+    speeds = {c.joint: c.worst for c in check(plan.motion, plan.robot, plan.limits).limits if c.name == "velocity"}
+    for each in slow.limits:
+        if each.name == "velocity":
+            assert each.worst == pytest.approx(0.1 * speeds[each.joint], rel=1e-6)
+
+
+def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
+    """A motor whose largest torque lies between what it gives at full and at its worst speed."""
+    robot = with_stribeck(plan, 0.8, 40.0)
+    free = check_speeds(plan.motion, robot, plan.limits)
+    worst = next(each for each in free.worst if each.found.name == "motor torque" and each.found.joint == "tilt")
+    full = next(
+        each for each in dict(free.certificates)[1.0].limits if (each.name, each.joint) == ("motor torque", "tilt")
+    )
+    assert full.worst < worst.found.worst
+    between = (full.worst + worst.found.worst) / 2
+    tilt = replace(robot.joints[1], motor=replace(robot.joints[1].motor, max_torque=between, nominal_torque=between))
+    weak = replace(robot, joints=(robot.joints[0], tilt, *robot.joints[2:]))
+    assert check(plan.motion, weak, plan.limits).passed
+    found = check_speeds(plan.motion, weak, plan.limits)
+    assert not found.passed
+    assert not check_slower(plan.motion, weak, plan.limits, worst.speed).passed
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.5, -0.1])
+def test_what_is_no_speed_is_refused(plan, speed):
+    with pytest.raises(ProblemError):
+        check_slower(plan.motion, plan.robot, plan.limits, speed)
+    with pytest.raises(ProblemError):
+        check_speeds(plan.motion, plan.robot, plan.limits, speed or 1.0)
