@@ -17,8 +17,13 @@ from ssm_planner.verification.check import check
 
 def with_nominal(problem: Problem, i: int, torque: float) -> Problem:
     """The problem with another nominal torque of the motor of joint i."""
+    return with_motor(problem, i, nominal_torque=torque)
+
+
+def with_motor(problem: Problem, i: int, **figures: float) -> Problem:
+    """The problem with other figures of the motor of joint i."""
     joints = list(problem.robot.joints)
-    joints[i] = dataclasses.replace(joints[i], motor=dataclasses.replace(joints[i].motor, nominal_torque=torque))
+    joints[i] = dataclasses.replace(joints[i], motor=dataclasses.replace(joints[i].motor, **figures))
     return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints)))
 
 
@@ -56,6 +61,7 @@ def test_a_motor_that_acceleration_heats_goes_slower(tilt_insert: Problem) -> No
     drive = dataclasses.replace(joint.drive, friction=friction, input_inertia=100 * joint.drive.input_inertia)
     joints = (*problem.robot.joints[:3], dataclasses.replace(joint, drive=drive))
     problem = dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=joints))
+    problem = with_motor(problem, 3, max_torque=2.19e-3, nominal_torque=2.19e-3)
     fastest = plan(problem)
     assert fastest.passed
     limit = 0.9 * rms(problem, fastest.trajectory, "insertion")

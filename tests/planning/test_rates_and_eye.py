@@ -105,6 +105,15 @@ def test_where_no_way_is_found_the_clearance_that_would_do_is_tried(laser_scan: 
     assert "tried" in result.reason.relaxation
 
 
+def with_insertion_motor(problem: Problem, torque: float) -> Problem:
+    """The problem with another largest torque of joint 4's motor."""
+    joint = problem.robot.joints[3]
+    assert joint.motor is not None
+    motor = dataclasses.replace(joint.motor, max_torque=torque, nominal_torque=min(joint.motor.nominal_torque, torque))
+    joints = (*problem.robot.joints[:3], dataclasses.replace(joint, motor=motor))
+    return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=joints))
+
+
 def in_the_way(problem: Problem) -> Eye:
     """A small lens on the way of a shaft that swings from SWING to FAR while it is inserted."""
     tilt, depth = -1.95, 0.0075
@@ -148,3 +157,13 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     assert coarse.solved
     assert fine.solved
     assert coarse.breaks[-1] / fine.breaks[-1] - 1 < 2e-3
+
+
+@pytest.mark.parametrize("strength", [2.19e-3, 4e-3, 6.72e-3])
+def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(laser_scan: Problem, strength: float) -> None:
+    """What a row was lowered too much for the space between collocation points is given back."""
+    problem = moving(with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan))
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    points = feasible_phases(problem, mechanism)[0][0].points
+    durations = [solve_free(problem, mechanism, points, count=n).duration for n in (32, 40, 57)]
+    assert max(durations) / min(durations) - 1 < 2e-3

@@ -245,7 +245,9 @@ def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) ->
 
 def test_two_limits_in_the_way_are_relaxed_together(tilt_insert: Problem) -> None:
     """What the first one would need is tried; what then is in the way is relaxed too."""
-    problem = weak(weak(tilt(tilt_insert, motion=(straight(tilt=-1.9, depth=0.01),)), 0, 0.2), 3, 0.05)
+    problem = tilt(tilt_insert, motion=(straight(tilt=-1.9, depth=0.01),))
+    for i, torque in ((0, 0.0156), (3, 0.00011)):
+        problem = weak(problem, i, torque / problem.robot.joints[i].motor.max_torque)
     reason = plan(problem).reason
     assert reason is not None
     assert reason.joint in ("roll", "insertion")
