@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -87,9 +88,7 @@ def study_from(section: Section) -> Study:
     robot = _tree(follow(section, "robot"))
     motions: dict[str, Any] = {}
     for i, name in enumerate(model.motions):
-        motion = (
-            follow(section, "motions", i, kind="problem") if _beside(section, name) else read(find(name, "problems"))
-        )
+        motion = follow(section, "motions", i, kind="problem")
         label = Path(name).stem
         if label in motions:
             raise section.error("given twice", "motions", i)
@@ -110,10 +109,6 @@ def study_from(section: Section) -> Study:
         )
     _check_paths(section, study)
     return study
-
-
-def _beside(section: Section, name: str) -> bool:
-    return section.file is not None and (section.file.parent / name).is_file()
 
 
 def _tree(robot: Section) -> dict[str, Any]:
@@ -141,18 +136,10 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
         contents = {}
         for i, choice in enumerate(choices):
             file = isinstance(choice, str) and path.split(".")[-1] in ("drive", "motor")
-            content = follow_choice(section, i, path.split(".")[-1]) if file else choice
+            content = follow(section, "choices", i, kind=path.split(".")[-1]).value if file else choice
             contents[str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))] = content
         return Choice(path, contents)
     return Choice(path, catalogue(section, path))
-
-
-def follow_choice(section: Section, i: int, kind: str) -> Any:
-    """What the drive or motor file says that an entry of `choices` names."""
-    text = section.value["choices"][i]
-    base = Path() if section.file is None else section.file.parent
-    target = base / text
-    return read(target if target.is_file() else find(text, f"{kind}s")).value  # type: ignore[arg-type]
 
 
 def _span(section: Section, path: str) -> Varied:
@@ -198,14 +185,14 @@ def rows_of(file: Path, gear: bool = False) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise ProblemError(f"cannot be read: {error}", file=file) from None
     reader = csv.reader(io.StringIO(text))
-    headings = [_heading(cell) for cell in next(reader, [])]
+    headings = [_heading(cell) for cell in next(_cells(reader, file), [])]
     names = [name for name, _ in headings]
     if not {"name", "order_number"} & set(names):
         raise ProblemError("no column name or order_number", file=file, line=1)
     if len(set(names)) < len(names):
         raise ProblemError("two columns of one name", file=file, line=1)
     entries: dict[str, Any] = {}
-    for cells in reader:
+    for cells in _cells(reader, file):
         if not cells:
             continue
         if len(cells) != len(headings):
@@ -217,6 +204,13 @@ def rows_of(file: Path, gear: bool = False) -> dict[str, Any]:
             raise ProblemError(f"{label!r} stands twice", file=file, line=reader.line_num)
         entries[label] = row if gear else _motor(row, label, file.name)
     return entries
+
+
+def _cells(reader: Any, file: Path) -> Iterator[list[str]]:
+    try:
+        yield from reader
+    except csv.Error as error:
+        raise ProblemError(f"not a table: {error}", file=file, line=reader.line_num) from None
 
 
 def _value(text: str) -> str | float:

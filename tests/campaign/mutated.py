@@ -33,6 +33,17 @@ VALUES: tuple[Any, ...] = (
     "\ud800", "a" * 300, "../../x", [], {}, [[]], [None], {"": 0}, [1, 2, 3, 4], "2001-99-99", "1e999", 1.5, [1e308] * 4,
 )  # fmt: skip
 
+STUDY = """robot: vitreoretinal
+motions: [tilt_insert]
+vary:
+  geometry.alpha: {from: 26 deg, to: 40 deg}
+  joints.roll.motor: {catalogue: motors.csv}
+  joints.insertion.drive.friction.mu: {choices: [0.10, 0.13, 0.16]}
+require: {reach: [-135 deg, -85 deg], self_locking: true, motor_margin: 20 %}
+minimise: [duration, motor_mass]
+search: {method: sobol, points: 64, seed: 1}
+"""
+
 
 def bombs() -> list[bytes]:
     """Whole files that are hostile whatever their kind."""
@@ -139,6 +150,7 @@ class Kinds:
         from ssm_planner.formats.export import export
         from ssm_planner.loading import load
         from ssm_planner.publishing import publishing_results
+        from ssm_planner.studies.study_file import load_study
 
         self.folder, self.large = folder, False
         robot = load.load_robot(ROBOT)
@@ -156,6 +168,7 @@ class Kinds:
         identified = command("identify", str(rig), "-o", str(drive), seconds=60)
         assert identified[0] == 0, f"identify: {identified}"
         recording, recorder = _recordings(folder)
+        study, catalogue, store = _study(folder)
 
         def shipped(pattern: str) -> list[Path]:
             return sorted((ROOT / "problems").glob(pattern))
@@ -182,6 +195,9 @@ class Kinds:
             Kind("bag, metadata", [metadata], lambda path: check(path.parent)),
             Kind("manifest, tree", [manifest], lambda path: check(path.parent), tree=True),
             Kind("manifest, bytes", [manifest], lambda path: check(path.parent)),
+            Kind("study YAML", [study], load_study, loads=True),
+            Kind("catalogue of a study", [catalogue], lambda _: load_study(study), loads=True),
+            Kind("store of a study", [store], _read_store, loads=True),
             Kind("recording", [recording], lambda path: ["predict", str(rig), str(path), "--json"]),
             Kind("recording of a recorder", [recorder], lambda path: ["compare", str(plan), f"roll={path}", "--json"]),
         ]  # fmt: skip
@@ -241,6 +257,29 @@ def _recordings(folder: Path) -> tuple[Path, Path]:
     return named, recorder
 
 
+def _study(folder: Path) -> tuple[Path, Path, Path]:
+    """A study, its catalogue, and a store of three candidates."""
+    from ssm_planner.studies.store import Candidate, Store
+
+    catalogue, study, store = folder / "motors.csv", folder / "study.yaml", folder / "store.sqlite"
+    shutil.copy(ROOT / "problems/catalogues/motors_24v.csv", catalogue)
+    study.write_text(STUDY, encoding="utf-8")
+    with Store(store) as open_store:
+        open_store.add((k, f"{k:032x}", {"geometry.alpha": f"{26 + k} deg"}) for k in range(3))
+        found = Candidate(0, "done", {"geometry.alpha": "26 deg"}, figures={"duration": 1.5, "motor_mass": 0.2})
+        open_store.put([(f"{0:032x}", found)])
+    return study, catalogue, store
+
+
+def _read_store(path: Path) -> None:
+    from ssm_planner.studies.store import Store
+
+    for suffix in ("-wal", "-shm"):  # of the file that was here before
+        path.with_name(path.name + suffix).unlink(missing_ok=True)
+    with Store(path) as store:
+        store.rows()
+
+
 def _load(reader: Callable[[Path], Any], path: Path) -> str | None:
     from ssm_planner.errors import SsmPlannerError
 
@@ -249,7 +288,9 @@ def _load(reader: Callable[[Path], Any], path: Path) -> str | None:
             reader(path)
     except SsmPlannerError as error:
         # a fault of a file that this one names is said of that file
-        return None if ".yaml" in str(error) else f"the message does not name the file: {error}"
+        return (
+            None if ".yaml" in str(error) or path.name in str(error) else f"the message does not name the file: {error}"
+        )
     except Hang:
         return "hangs"
     except Exception as error:  # noqa: BLE001 - any is a finding

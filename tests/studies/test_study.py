@@ -204,7 +204,7 @@ def test_the_front_holds_what_nothing_beats():
         ({"vary": {"geometry.alpha": {"form": "3 deg", "to": "2 deg"}}}, "not a way to vary"),
         ({"vary": {"joints.roll.motor": {"catalogue": "nowhere.csv"}}}, "does not exist"),
         ({"minimise": ["cost"]}, "minimise"),
-        ({"motions": ["nowhere.yaml"]}, "no such file"),
+        ({"motions": ["nowhere.yaml"]}, r"motions\[0\] = nowhere.yaml: .*does not exist"),
         ({"require": {"motor_margin": "120 %"}}, "not a share"),
         ({"search": {"points": 0}}, "points"),
     ],
@@ -212,3 +212,21 @@ def test_the_front_holds_what_nothing_beats():
 def test_bad_input_is_named(change, words):
     with pytest.raises(ProblemError, match=words):
         study(**change)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("tilt_insert", "tilt_inser", r"study\.yaml:2: motions\[0\] = tilt_inser: .*does not exist"),
+        ("tilt_insert", "x" * 5000, r"study\.yaml:2: motions\[0\]"),
+        ("motors.csv", "none.csv", r"study\.yaml:4: .*none\.csv does not exist"),
+        ("name,", "name," + "x" * 200_000 + ",", r"motors\.csv:1: not a table: field larger"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_named_with_its_line(tmp_path, old, new, message):
+    vary = "vary:\n  joints.roll.motor: {catalogue: motors.csv}\nminimise: [duration]\nsearch: {points: 4}\n"
+    files = {"study.yaml": f"robot: vitreoretinal\nmotions: [tilt_insert]\n{vary}", "motors.csv": CATALOGUE.read_text()}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(ProblemError, match=message):
+        load_study(tmp_path / "study.yaml")
