@@ -9,19 +9,11 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.spread import FrictionSpread, spread_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.checks import TOLERANCE, Case, Check, all_of, below, binding, gear_checks, unchecked
-from ssm_planner.sizing.demand import (
-    ELECTRICAL,
-    Band,
-    DemandName,
-    Demands,
-    FrictionSpread,
-    linear_band,
-    monte_carlo,
-    spread_of,
-)
+from ssm_planner.sizing.demand import ELECTRICAL, Band, DemandName, Demands, linear_band, monte_carlo
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.spread import FrictionSpread
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.problem.drive import Ratings, ScrewEnds
-from ssm_planner.sizing.demand import Band, DemandName, FrictionSpread
+from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.typing import Array

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of
 from ssm_planner.sizing.checks import Case, Check, all_of, binding, gear_checks
-from ssm_planner.sizing.demand import Band, DemandName, spread_of
+from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions

@@ -22,9 +22,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "sizing"))
 from sizing_cases import COMPLETE, with_covariance
 
+from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.loading.load import load_motor
 from ssm_planner.plans import load_plan
-from ssm_planner.sizing.demand import linear_band, monte_carlo, spread_of
+from ssm_planner.sizing.demand import linear_band, monte_carlo
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import size

@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sizing_cases import with_covariance
 
+from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.sizing.checks import BENDING, COLUMN, DENSITY, YOUNG, Case, buckling_load, critical_speed, gear_checks
-from ssm_planner.sizing.demand import linear_band, spread_of
+from ssm_planner.sizing.demand import linear_band
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 

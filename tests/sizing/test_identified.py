@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from ssm_planner import identify
+from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.loading.files import shipped_names
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Stroke
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.posterior import Posterior, Ripple
 from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.sizing.demand import spread_of
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.size import size

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from sizing_cases import COMPLETE, equipped, random_trajectory
 
+from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import assess
 from ssm_planner.sizing.checks import all_of
-from ssm_planner.sizing.demand import spread_of
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions

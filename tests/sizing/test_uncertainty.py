@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from sizing_cases import COMPLETE, random_trajectory, with_covariance
 
+from ssm_planner.dynamics.spread import drawn, spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.demand import DEMANDS, demands, drawn, linear_band, monte_carlo, spread_of, thinned
+from ssm_planner.sizing.demand import DEMANDS, demands, linear_band, monte_carlo, thinned
 from ssm_planner.sizing.duty import back_and_forth
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 
