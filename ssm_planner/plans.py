@@ -119,6 +119,8 @@ class Plan:
     """Of the independent check; None unless solved, or where it is not that of this trajectory, robot and limits."""
     reason: Reason | None = None
     """Why there is no certified motion."""
+    nominal_duration: float | None = None
+    """Of the plan for friction as stated and an empty tip, s, where this one holds for a range of them."""
     solve_time: float | None = None
     """s; not stored: None for a plan that was loaded."""
     software: Mapping[str, str] = field(default_factory=software)
@@ -262,6 +264,7 @@ class Plan:
             "lower_bound": self.lower_bound,
             "gap": self.gap,
             "toppra_duration": self.toppra_duration,
+            "nominal_duration": self.nominal_duration,
             "passed": self.passed,
             "solve_time": self.solve_time,
             "motors": [requirement.to_dict() for requirement in self.requirements],
@@ -318,6 +321,7 @@ class Plan:
                 trajectory=Trajectory.from_dict(_mapping(document, "trajectory", file)),
                 phases=_phases(document.get("phases") or [], file),
                 certificate=None if stated is None else Certificate.from_dict(stated),
+                nominal_duration=_number(document.get("nominal_duration"), path=file),
                 software=document.get("software") or {},
             )
         except TrajectoryError as error:
@@ -395,6 +399,12 @@ def _mapping(data: dict[str, Any], key: str, path: Path) -> dict[str, Any]:
     value = data.get(key)
     if not isinstance(value, dict):
         raise TrajectoryError(f"{path}: {key} is missing or is no mapping: not a whole plan.json")
+    return value
+
+
+def _number(value: Any, path: Path) -> float | None:
+    if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
+        raise TrajectoryError(f"{path}: nominal_duration is no number: not a whole plan.json")
     return value
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -15,8 +15,9 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import call
+from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.rotations import constant, rotation_symbolic
-from ssm_planner.problem.robot import Body, Geometry, Robot
+from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 from ssm_planner.typing import Array
 
 
@@ -192,3 +193,15 @@ class RigidBody:
 @lru_cache(maxsize=16)
 def _rigid_body(content: bytes) -> RigidBody:
     return RigidBody(*pickle.loads(content))
+
+
+def with_payload(robot: Robot, mass: float) -> Robot:
+    """The robot with a point mass (kg) at the tool tip, the origin of the last body's frame. Raises ProblemError."""
+    if mass == 0.0:
+        return robot
+    if not mass > 0.0:
+        raise ProblemError("not a mass", key="payload", value=mass, allowed="0 kg or more")
+    first, second, third, tool = robot.bodies
+    total = tool.mass + mass
+    com = frozen(tool.com * tool.mass / total, (3,))
+    return replace(robot, bodies=(first, second, third, replace(tool, mass=total, com=com)))

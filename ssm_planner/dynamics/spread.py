@@ -81,6 +81,21 @@ class FrictionSpread:
         """Parameters by name, (count,) each, for deviations (count, k) from the means."""
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
+    def within(self, share: float, count: int = 1000) -> dict[str, Array]:
+        """Parameters by name, (sets,) each, that span a range: the share of the draws nearest to their mean, by
+        Mahalanobis distance, with every combination of the ends of the ranges. `count` draws where there is no posterior.
+        """
+        deviations = self.deviations(count if self.posterior is None else len(self.posterior.draws))
+        if self.names:
+            scaled = deviations / np.where(self.sigma > 0, self.sigma, 1.0)
+            inverse = np.linalg.pinv(np.atleast_2d(np.cov(scaled, rowvar=False)), 1e-9)
+            distance = np.einsum("ni,ij,nj->n", scaled, inverse, scaled)
+            deviations = deviations[distance <= np.quantile(distance, share)]
+        corners, values = self.corners(), self.values(deviations)
+        sets = {name: np.tile(column, len(corners)) for name, column in values.items()}
+        ends = {name: [corner[name] for corner in corners] for name in corners[0]}
+        return sets | {name: np.repeat(column, len(deviations)) for name, column in ends.items()}
+
     def draws(self, name: str) -> Array:
         """(draws,) of one of `names`."""
         return self.values(self.deviations(LINEAR_DRAWS))[name]

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from ssm_planner import units
 from ssm_planner.loading.files import follow
 from ssm_planner.loading.robots import RANGES, ranges_from, robot_from
 from ssm_planner.loading.schema import (
@@ -17,6 +18,7 @@ from ssm_planner.loading.schema import (
     Part,
     Reference,
     Text,
+    interval,
     located,
     model_from,
     model_of,
@@ -26,6 +28,7 @@ from ssm_planner.loading.schema import (
     vector,
     wrong,
 )
+from ssm_planner.loading.schema import Field as Reader
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRate
 from ssm_planner.problem.motion import LARGEST_GRID, Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
@@ -33,6 +36,16 @@ from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.value import Bound
 from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
+
+
+def share(value: object) -> float:
+    """A percentage as a text, or a share as a number."""
+    text = value.strip().removesuffix("%").strip() if isinstance(value, str) and value.strip().endswith("%") else None
+    try:
+        return units.number(value) if text is None else float(text) / 100
+    except (units.BadQuantity, ValueError):
+        raise units.BadQuantity(f"{units.describe(value)} where a share is needed", "a share such as 95 %") from None
+
 
 JointValues = Annotated[tuple[float, float, float, float], vector("angle", "angle", "angle", "length")]
 LONGEST_MOTION = 10_000
@@ -171,7 +184,14 @@ EntryModel = model_from(
 )
 _SPEEDS = {kind.field: _optional(_speed(kind), kind.__doc__ or "") for kind in SpeedLimit.__subclasses__()}
 _RATES = {TaskRate.field_of(name): _optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.") for name in TASK}
-LimitsModel = model_from({**RANGES, **_SPEEDS, **_RATES})
+_WITHIN = {
+    "friction": _optional(
+        Annotated[Any, Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")],
+        "Share of what is known of the drives' friction for which motor torques hold.",
+    ),
+    "payload": _optional(Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."),
+}
+LimitsModel = model_from({**RANGES, **_SPEEDS, **_RATES, **_WITHIN})
 RatesModel = model_from({name: _optional(_rate(name)) for name in TASK})
 _MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
 ProblemModel = model_of(
@@ -186,6 +206,7 @@ ProblemModel = model_of(
         "start_rate": (_part(RatesModel), RatesModel()),
         "end_rate": (_part(RatesModel), RatesModel()),
     },
+    without=("friction", "payload"),
 )
 """What a problem file may say."""
 
@@ -206,6 +227,8 @@ def problem_from(section: Section) -> Problem:
             start=_point(section.sub("start"), model.start),
             motion=motion,
             limits=(*ranges_from(model.limits), *_speeds(model.limits)),
+            friction=model.limits.friction,
+            payload=model.limits.payload,
             objective=model.objective,
             duration=model.duration,
             planner=model.planner,
@@ -221,6 +244,7 @@ def problem_from(section: Section) -> Problem:
 def _places(model: Any) -> dict[str, Place]:
     """Where fields of a Problem stand in the file, by the names that its messages use."""
     places: dict[str, Place] = {"start.values": ("start", "joints"), "start.position": ("start", "tip")}
+    places |= {name: ("limits", name) for name in ("friction", "payload")}
     for i, entry in enumerate(model.motion):
         (name,) = entry.model_fields_set
         here, there = f"motion[{i}]", ("motion", i, name)

@@ -59,8 +59,18 @@ def plan(
         phases=tuple(map(_summary, planned.phases)),
         certificate=certificate,
         reason=reason,
+        nominal_duration=_nominal(problem, progress) if reason is None else None,
         solve_time=time.perf_counter() - begin,
     )
+
+
+def _nominal(problem: Problem, progress: Progress) -> float | None:
+    """Duration of the motion for friction as stated and an empty tip, where the plan holds for a range of them."""
+    if problem.friction is None and problem.payload is None:
+        return None
+    progress("for comparison without the range")
+    planned = plan_motion(replace(problem, friction=None, payload=None))
+    return None if planned.trajectory is None else planned.trajectory.duration
 
 
 def _summary(planned: PlannedPhase) -> PhaseSummary:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import (
     duration_too_short,
     durations_disagree,
@@ -30,6 +31,7 @@ from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime, retim
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
 
 CREEPING = 10.0
@@ -84,7 +86,11 @@ def plan_motion(
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    planner = _PhasePlanner(problem, mechanism, strict or problem.robot)
+    robot = with_corners(problem, problem.robot)
+    problem = unchecked(problem, robot=robot)
+    planner = _PhasePlanner(
+        problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
+    )
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and problem.duration is not None:
         phases, reason = _with_durations(phases, problem.duration, planner, progress)

@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
 from ssm_planner.problem.motion import Dwell, Free, Joints, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
-from ssm_planner.problem.value import Matrix, Names, NotNegative, Positive, Quantity, Value, Vector
+from ssm_planner.problem.value import Interval, Matrix, Names, NotNegative, Positive, Quantity, Value, Vector
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
@@ -129,6 +129,10 @@ class TaskLimits(Limited):
     start_rate: Mapping[str, float] | None = field(default_factory=dict)
     """Rates of task coordinates at the start, by name in TASK, 0 where not named; None: whatever the motion has."""
     end_rate: Mapping[str, float] | None = field(default_factory=dict)
+    friction: float | None = None
+    """Share of what is known of the drives' friction within which motor torques hold; None: friction as stated."""
+    payload: Range | None = None
+    """Point masses at the tip, kg, with all of which they hold; None: none."""
 
     def within(self, robot: Robot) -> TaskLimits:
         """With the ranges of a robot: of two for a coordinate what both allow, or the robot's where that is nothing."""
@@ -184,6 +188,10 @@ class Problem(Value, Limited):
     """Of everything together where it is asked for, s."""
     planner: Planner = "optimal"
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
+    friction: Positive | None = None
+    """Share of what is known of the drives' friction within which motor torques hold, as 0.95; None: friction as stated."""
+    payload: Interval | None = None
+    """Least and largest point mass at the tip, kg, with all of which motor torques hold; None: none."""
     name: str = "problem"
     file: str | None = field(default=None, compare=False)
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
@@ -197,7 +205,9 @@ class Problem(Value, Limited):
     @property
     def task_limits(self) -> TaskLimits:
         """Limits on where the tool is and how fast it goes."""
-        return TaskLimits(self.limits, self.eye, self.start_rate, self.end_rate)
+        return TaskLimits(
+            self.limits, self.eye, self.start_rate, self.end_rate, friction=self.friction, payload=self.payload
+        )
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
@@ -220,6 +230,7 @@ class Problem(Value, Limited):
         for place, point in self._points():
             self._check_point(place, point)
         self._check_durations()
+        self._check_range()
         if self.planner == "toppra":
             self._check_for_toppra()
 
@@ -297,6 +308,23 @@ class Problem(Value, Limited):
                 "the least effort has no duration of its own",
                 "a duration of the whole problem, or one for every motion",
             )
+
+    def _check_range(self) -> None:
+        """Of friction and payload: something is known of the friction of every motor's drive."""
+        if self.payload is not None and self.payload[0] < 0:
+            raise self._wrong("payload", "not a mass", "[least, largest], from 0 kg")
+        if self.friction is None:
+            return
+        if not 0.5 <= self.friction <= 0.999:
+            raise self._wrong("friction", "not a share of what is known", "50 % to 99.9 %")
+        for joint in self.robot.joints:
+            drive = joint.drive
+            if drive is None or joint.motor is None or drive.friction is None or drive.friction_ranges:
+                continue
+            if drive.friction.posterior is None and not drive.friction.covariance:
+                reason = f"nothing is known of how far the friction of {drive.name} (joint {joint.name}) may be off"
+                allowed = "drives with posterior, covariance or friction_ranges, or no range of friction"
+                raise self._wrong("friction", reason, allowed)
 
     def check_total(self) -> None:
         """Raises ProblemError where the duration of the whole contradicts those of its motions; the planner says so too."""

@@ -187,6 +187,11 @@ class Robot(Value, Limited):
     """Acceleration of gravity in the base frame, m/s², (3,)."""
     limits: tuple[Limit, ...] = ()
     """Ranges of task coordinates that the robot itself declares."""
+    corners: tuple[Robot, ...] = ()
+    """The same robot with other friction and tool mass: where there are some, a planner keeps its motors' driving torques
+    with each of them."""
+    lightest: tuple[Robot, ...] = ()
+    """The same for braking torques."""
     file: str | None = field(default=None, compare=False)
 
     def _check(self) -> None:
@@ -202,6 +207,32 @@ class Robot(Value, Limited):
             if name == "depth" and not max(low, lower) < min(high, upper):
                 allowed = f"within {low * 1e3:g} mm to {high * 1e3:g} mm"
                 raise self._wrong("limits.depth", "outside the travel of joint 4", allowed, (lower, upper))
+
+    @property
+    def loads(self) -> tuple[Robot, ...]:
+        """One robot for each set of bodies, of itself and its corners."""
+        found: dict[tuple[Body, ...], Robot] = {}
+        for robot in (self, *self.corners, *self.lightest):
+            found.setdefault(robot.bodies, robot)
+        return tuple(found.values())
+
+    def actuations(self, i: int) -> tuple[tuple[int, Drive, tuple[int, ...]], ...]:
+        """(position in `loads`, drive, sides) with which the motor of joint i has to manage, each once; none without one.
+
+        sides: +1 where it drives, −1 where it brakes; a robot with corners has to manage with these alone.
+        """
+        if self.joints[i].motor is None:
+            return ()
+        bodies = [robot.bodies for robot in self.loads]
+        found: dict[tuple[int, int], tuple[int, Drive, tuple[int, ...]]] = {}
+        wanted: list[tuple[Robot, tuple[int, ...]]] = [(each, (1,)) for each in self.corners]
+        wanted += [(each, (-1,)) for each in self.lightest]
+        for robot, sides in wanted or [(self, (1, -1))]:
+            drive, load = robot.joints[i].drive, bodies.index(robot.bodies)
+            if drive is not None:
+                before = found.get((load, id(drive)), (load, drive, ()))[2]
+                found[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*before, *sides))))
+        return tuple(found.values())
 
     @property
     def travel(self) -> Range:

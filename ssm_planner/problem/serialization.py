@@ -22,7 +22,9 @@ from ssm_planner.problem.value import Interval, Names, Positive, built, check_ma
 def plain(value: Any) -> Any:
     """Dataclasses, arrays and mappings as JSON types; limits by the names of what they limit."""
     if isinstance(value, Robot):
-        return {**_fields(value), "limits": plain(value.ranges)}
+        fields = {**_fields(value), "limits": plain(value.ranges)}
+        del fields["corners"], fields["lightest"]  # of a planner's making
+        return fields
     if isinstance(value, Problem):
         stated = {field: bound for field, bound in limits_to_plain(value).items() if field != "eye"}
         return {**_fields(value), **stated}
@@ -135,7 +137,8 @@ def _motion_from(data: Any, where: str) -> Motion:
 def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     """Limits of the task as plan.json states them: ranges and rates by coordinate, speeds by their field, the eye."""
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.speeds}}
-    return {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
+    stated = {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
+    return stated | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
 
 
 @contextmanager
@@ -156,7 +159,8 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     task = task_limits_from_plain(data, file)
     given: dict[str, Any] = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
     with _named(file):
-        given |= {"eye": task.eye, "start": _point_from(data.get("start"), "problem.start")}
+        given |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
+        given |= {"start": _point_from(data.get("start"), "problem.start")}
         entries = data.get("motion")
         if not isinstance(entries, (list, tuple)):
             raise wrong("problem.motion", entries, "a list")
@@ -189,7 +193,9 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
             largest = converted(Positive | None, problem.get(kind.field), f"problem.{kind.field}")
             limits += [] if largest is None else [kind(largest)]
         eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
-    return TaskLimits(tuple(limits), eye)
+        friction: float | None = converted(Positive | None, problem.get("friction"), "problem.friction")
+        payload: tuple[float, float] | None = converted(Interval | None, problem.get("payload"), "problem.payload")
+    return TaskLimits(tuple(limits), eye, friction=friction, payload=payload)
 
 
 def _ranges(data: Any, where: str) -> list[Limit]:

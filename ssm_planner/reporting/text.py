@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ssm_planner.display import NOTHING, fixed, number, percent, signed, words
-from ssm_planner.problem.limits import JUMPS, READ_IN
+from ssm_planner.problem.limits import JUMPS, READ_IN, MotorTorque
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
@@ -129,12 +129,33 @@ def summary_lines(plan: Plan) -> list[str]:
     return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
 
 
+def range_lines(plan: Plan) -> list[str]:
+    """What a range of friction and payload costs, and where in it each motor has most to do."""
+    friction, payload = plan.problem.friction, plan.problem.payload
+    if friction is None and payload is None:
+        return []
+    what = [f"friction within {100 * friction:g} %"] if friction else []
+    what += [f"payload up to {1e3 * payload[1]:g} g"] if payload else []
+    cost = ""
+    if plan.duration is not None and plan.nominal_duration:
+        longer = 100 * (plan.duration / plan.nominal_duration - 1)
+        cost = f": {longer:+.2f} % of the {plan.nominal_duration:.4f} s without"
+    lines = [f"range        {', '.join(what)}{cost}"]
+    for limit in () if plan.certificate is None else plan.certificate.limits:
+        if limit.name == MotorTorque.name and limit.case:
+            lines.append(
+                f"             joint {limit.joint}: worst, margin {100 * limit.margin:+.2f} %, at {limit.case}"
+            )
+    return lines
+
+
 def verdicts(plan: Plan) -> list[str]:
     """One line per question: planned, checked, motors."""
     lines = []
     if plan.duration is not None and plan.toppra_duration:
         more = percent(plan.duration / plan.toppra_duration - 1, 3)
         lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
+    lines += range_lines(plan)
     lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:
         worst = plan.certificate.worst

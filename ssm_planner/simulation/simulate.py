@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats.epos4 import setpoint_times, setpoints
 from ssm_planner.formats.epos4_setup import QUADRATURE, Axis, axes_of, following_error_window
@@ -28,7 +29,6 @@ from ssm_planner.simulation.playback import (
     commands,
     compliance_of,
 )
-from ssm_planner.sizing.duty import with_payload
 from ssm_planner.typing import Array
 
 PERIOD = 1

@@ -6,13 +6,14 @@ What motors are sized for: a planned motion as a whole, or single joints moved o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motion import Motorisation, Stroke
-from ssm_planner.problem.robot import JOINTS, Robot, frozen
+from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory
 from ssm_planner.typing import Array
@@ -97,18 +98,6 @@ class DutyCycle:
             for load in joint_loads(trajectory, robot, rate)
             if joint in (None, load.joint)
         )
-
-
-def with_payload(robot: Robot, mass: float) -> Robot:
-    """The robot with a point mass (kg) at the tool tip, the origin of the last body's frame. Raises ProblemError."""
-    if mass == 0.0:
-        return robot
-    if not mass > 0.0:
-        raise ProblemError("not a mass", key="payload", value=mass, allowed="0 kg or more")
-    first, second, third, tool = robot.bodies
-    total = tool.mass + mass
-    com = frozen(tool.com * tool.mass / total, (3,))
-    return replace(robot, bodies=(first, second, third, replace(tool, mass=total, com=com)))
 
 
 def no_drive(joint: str, file: str | None = None, motor: str | None = None) -> ProblemError:

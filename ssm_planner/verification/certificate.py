@@ -35,6 +35,8 @@ class LimitCheck:
     margin: float
     time: float
     unit: str
+    case: str | None = None
+    """Friction and payload at which it is worst, where a range of them was looked at."""
 
     @classmethod
     def of(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
@@ -58,7 +60,8 @@ class LimitCheck:
         try:
             numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
             joint = None if data["joint"] is None else str(data["joint"])
-            return cls(str(data["name"]), joint, **numbers, unit=str(data["unit"]))
+            case = None if data.get("case") is None else str(data["case"])
+            return cls(str(data["name"]), joint, **numbers, unit=str(data["unit"]), case=case)
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
 

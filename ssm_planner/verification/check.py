@@ -14,6 +14,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
+from ssm_planner.verification.cases import worst_cases
 from ssm_planner.verification.certificate import Certificate, LimitCheck, sealed
 from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Worst, quantities
@@ -46,6 +47,7 @@ def check(
     straight = resolution is not None
     # on straight pieces what depends on the acceleration is not defined
     judged = [each for each in quantities(robot, limits) if not straight or each.limit.order < 2]
+    judged += [] if straight else worst_cases(trajectory, robot, limits)
     worst = [Worst(quantity) for quantity in judged]
     jumps = Jumps(robot)
     first_rate = min(rate, INSTANTS / trajectory.duration)
@@ -65,10 +67,21 @@ def check(
         found, more = linear_limits(trajectory, robot, limits, resolution, dict(zip(judged, found, strict=True)))
         unchecked += more
     found += jumps.checks(straight)
+    found = _worst_of_each(found)
     found += end_checks(trajectory, robot, limits, straight)
     found += _locking(robot)
     certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
+
+
+def _worst_of_each(found: list[LimitCheck]) -> list[LimitCheck]:
+    """One check for each limit of a joint: of the cases of a range the worst."""
+    worst: dict[tuple[str, str | None], LimitCheck] = {}
+    for check_ in found:
+        key = check_.name, check_.joint
+        if key not in worst or check_.margin < worst[key].margin:
+            worst[key] = check_
+    return list(worst.values())
 
 
 def _lacking(joint: Joint) -> str:
@@ -90,6 +103,7 @@ def _locking(robot: Robot) -> list[LimitCheck]:
         lowest = limit.friction
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
-        found = {"worst": lowest, "limit": needed, "margin": float(in_mu) / needed}
-        checks.append(LimitCheck(limit.name, limit.joint, **found, time=0.0, unit=limit.unit))
+        margin = float(in_mu) / needed
+        found = LimitCheck(limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit)
+        checks.append(found)
     return checks

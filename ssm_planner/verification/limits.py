@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
     ContinuousTorque,
@@ -29,6 +30,15 @@ JUMP = 1e-6
 
 
 @dataclass(frozen=True)
+class Case:
+    """A drive and a mass at the tip (kg) within the range that a motion has to hold for."""
+
+    drive: Drive
+    payload: float
+    words: str
+
+
+@dataclass(frozen=True)
 class Quantity:
     """The value along a motion that a limit bounds, and how it follows from the joints."""
 
@@ -38,6 +48,8 @@ class Quantity:
     order: int | None = None
     """The value is `scale` times this derivative of q[index]; None where it is no polynomial in time."""
     scale: float = 1.0
+    case: Case | None = None
+    """Of a motor torque: friction and payload other than the robot's own."""
 
     @property
     def kinked(self) -> bool:
@@ -70,7 +82,14 @@ class Worst:
         if limit.low == -limit.high:
             value, bound = abs(value), limit.high
         return LimitCheck(
-            limit.name, limit.joint, worst=value, limit=bound, margin=-self.excess, time=self.time, unit=limit.unit
+            limit.name,
+            limit.joint,
+            worst=value,
+            limit=bound,
+            margin=-self.excess,
+            time=self.time,
+            unit=limit.unit,
+            case=None if self.quantity.case is None else self.quantity.case.words,
         )
 
 

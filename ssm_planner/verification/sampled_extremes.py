@@ -17,7 +17,7 @@ The torques at these instants are integrated on the way: see `RmsTorques`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -25,7 +25,8 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.codegen.vectorised import Vectorised, dense
-from ssm_planner.dynamics.motors import motor_law
+from ssm_planner.dynamics.motors import drive_torque, motor_law
+from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
 from ssm_planner.dynamics.transmission import nut_contact
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
@@ -220,6 +221,7 @@ class RmsTorques:
     def __init__(self, quantities: Sequence[Quantity]) -> None:
         self.columns = [k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)]
         self.joints = [quantities[k].index for k in self.columns]
+        self.cases = [quantities[k].case for k in self.columns]
         self.integrals = np.zeros(len(self.columns))
 
     def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
@@ -239,10 +241,10 @@ class RmsTorques:
     def checks(self, robot: Robot, trajectory: Trajectory) -> list[LimitCheck]:
         """RMS torque against what the motor may give for all time, motor by motor; of the whole motion, so at its end."""
         checks = []
-        for i, integral in zip(self.joints, self.integrals, strict=True):
+        for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
             limit = robot.joints[i].limit(ContinuousTorque)
             rms, end = float(np.sqrt(integral / trajectory.duration)), float(trajectory.breaks[-1])
-            checks.append(LimitCheck.of(limit, rms, end))
+            checks.append(replace(LimitCheck.of(limit, rms, end), case=None if case is None else case.words))
         return checks
 
 
@@ -251,15 +253,22 @@ def _law(robot: Robot, eye: Eye | None, wanted: tuple[Quantity, ...]) -> Vectori
     """The wanted quantities as one function of (q, qd, qdd, direction, breakaway); of a nut contact its effort."""
     q, qd, qdd, direction, breakaway = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway"))
     mechanism = Mechanism.from_geometry(robot.geometry)
-    _, torque, effort = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
+    tau, torque, effort = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)
     about_eye = {} if eye is None else eye_limits(casadi_namespace(), eye, (tip[0], tip[1], tip[2]))
     rows = []
+    loads = {0.0: tau}
     for quantity in wanted:
-        limit = quantity.limit
-        if isinstance(limit, MotorTorque):
+        limit, case, i = quantity.limit, quantity.case, quantity.index
+        if case is not None:
+            if case.payload not in loads:
+                loads[case.payload] = RigidBody.from_robot(with_payload(robot, case.payload)).symbolic(q, qd, qdd)
+            motion = loads[case.payload][i], qd[i], qdd[i], direction[i]
+            taken: ca.SX = drive_torque(case.drive, *motion, breakaway=breakaway[i])[0]
+            rows.append(taken)
+        elif isinstance(limit, MotorTorque):
             rows.append(torque[quantity.index])
         elif isinstance(limit, NutContact):
             rows.append(effort[quantity.index])

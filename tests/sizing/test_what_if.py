@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from sizing_cases import COMPLETE, equipped, random_trajectory
 
+from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.duty import DutyCycle, with_payload
+from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import largest_payload, shortest_duration, size

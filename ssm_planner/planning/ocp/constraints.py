@@ -61,7 +61,8 @@ def robot_key(robot: Robot) -> bytes:
     Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
     """
     joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
-    return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints))
+    corners = [load.bodies for load in robot.loads], [robot.actuations(i) for i in range(4)] if robot.corners else None
+    return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
 
 
 def limits_jerk(robot: Robot) -> bool:
@@ -76,12 +77,12 @@ COST_SOFTNESS = 1e-2
 
 
 RowName = tuple[str, int | None]
-"""Limit and joint of a row."""
+"""Limit and joint of a row; of the torque with the k-th of `Robot.actuations` joint + 4 k, so that each is active alone."""
 
 
 @dataclass(frozen=True)
 class PathConstraint:
-    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (0 to 3, None for the whole arm)."""
+    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (as in RowName; None for the whole arm)."""
 
     name: str
     joint: int | None
@@ -98,6 +99,7 @@ class Instant:
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX
+    """(4,) for each of `Robot.loads`, the robot's own first."""
     speeds: ca.SX
     """Speeds of the tool in the order of JACOBIANS; of the hull where qd_hull is."""
     sigma: ca.SX
@@ -123,21 +125,29 @@ def speed_rows(at: Instant) -> list[PathConstraint]:
     return [PathConstraint(kind.name, None, at.speeds[k] / at.limits.speeds[k]) for k, kind in enumerate(JACOBIANS)]
 
 
-def torque_rows(at: Instant, joints: tuple[Joint, ...], *, breakaway: bool = False) -> list[PathConstraint]:
-    """Motor torque of every driven joint under the exact friction law for the known direction of motion.
+def torque_rows(at: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
+    """Motor torque of every driven joint under the exact friction law for the known direction of motion; at corners too.
 
     breakaway: with the static coefficient, for instants at which a joint starts to move.
     """
     rows = []
-    for i, drive, _ in motorised(joints):
-        first, second = directed_torques(drive, at, i, breakaway=breakaway)
-        limit = at.limits.torque[i]
-        rows += [PathConstraint(MotorTorque.name, i, value / limit) for value in (first, second)]
-        # σ τ is the larger of the two; the smooth maximum below never exceeds it
-        half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
-        resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
-        rows.append(PathConstraint(MotorTorque.name, i, -resisting))
+    each = [(i, k, *one) for i in range(4) for k, one in enumerate(robot.actuations(i))]
+    for i, k, load, drive, sides in each:
+        first, second = directed_torques(drive, at, i, breakaway=breakaway, load=load)
+        limit, row = at.limits.torque[i], i + 4 * k
+        if 1 in sides:
+            rows += [PathConstraint(MotorTorque.name, row, value / limit) for value in (first, second)]
+        if -1 in sides:
+            # σ τ is the larger of the two; the smooth maximum below never exceeds it
+            half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
+            resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
+            rows.append(PathConstraint(MotorTorque.name, row, -resisting))
     return rows
+
+
+def torque_names(robot: Robot, i: int) -> set[RowName]:
+    """Of the rows of the motor torque of joint i."""
+    return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
 
 def heat(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
@@ -163,12 +173,12 @@ def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
-def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool) -> tuple[ca.SX, ca.SX]:
+def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool, load: int = 0) -> tuple[ca.SX, ca.SX]:
     """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
     friction = friction_of(drive)
     sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]
     mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)
-    effort = output_effort(drive, at.tau_rigid[i], at.qd[i], at.qdd[i], sigma)
+    effort = output_effort(drive, at.tau_rigid[4 * load + i], at.qd[i], at.qdd[i], sigma)
     rows = motor_torque_rows(drive, sigma, mu)
     first, second = (sigma * rows.torque(slope * effort, w, wd) for slope in rows.slope)
     return first, second

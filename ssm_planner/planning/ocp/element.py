@@ -19,7 +19,6 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
-from ssm_planner.dynamics.motors import motorised
 from ssm_planner.planning.ocp.constraints import Instant, PathConstraint, RowName, effort, heat, torque_rows
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
@@ -61,8 +60,11 @@ class ElementModel(ABC):
     """k."""
     positions: ClassVar[int]
     """How many entries of x are positions."""
-    parameters: ClassVar[tuple[Parameter, ...]]
-    """Sizes of p."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sizes of p."""
 
     @property
     @abstractmethod
@@ -141,12 +143,17 @@ class ElementModel(ABC):
         """(z, *p) → torque rows at the element's start with the static friction coefficient."""
         z, *p = self._symbols(self.size)
         at = self.instant(self.state(z, 0.0), *p)
-        return ca.Function("breakaway", [z, *p], [_column(torque_rows(at, self.robot.joints, breakaway=True))])
+        return ca.Function("breakaway", [z, *p], [_column(torque_rows(at, self.robot, breakaway=True))])
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
         """Joint of every row of `breakaway`."""
-        return [i for i, *_ in motorised(self.robot.joints) for _ in range(3)]
+        return [
+            i
+            for i in range(4)
+            for _, _, sides in self.robot.actuations(i)
+            for _ in range(2 * (1 in sides) + (-1 in sides))
+        ]
 
     def parameter_symbols(self, kind: type[X]) -> list[X]:
         """p as symbols, SX or MX."""

@@ -14,12 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.dynamics.motors import motorised
 from ssm_planner.kinematics.eye import retina_row
 from ssm_planner.kinematics.forward import speed_bounds, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk, torque_names
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
 from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
@@ -34,7 +33,7 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.problem.limits import TASK, MotorTorque, TaskRange, TaskRate
+from ssm_planner.problem.limits import TASK, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
@@ -194,7 +193,7 @@ class _FreeProblem(OcpProblem):
         rows |= {(limit.name, None) for limit in problem.speeds}
         if problem.eye is not None:
             rows |= {(limit.name, None) for limit in problem.eye.limits}
-        rows |= {(MotorTorque.name, i) for i, *_ in motorised(problem.robot.joints) if i in self.moving}
+        rows = rows.union(*(torque_names(problem.robot, int(i)) for i in self.moving))
         return shared(
             FreeElement(
                 robot=problem.robot,

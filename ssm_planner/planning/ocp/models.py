@@ -18,7 +18,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Hashable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from types import SimpleNamespace
 
 import casadi as ca
@@ -52,10 +52,6 @@ NARROWEST = 0.004
 """Smallest half width of a fit in s: room for the optimisation to move an element."""
 WIDER = 2.0
 """By how much a fit may be wider than a new one would be."""
-CURVES = Layout(dq=4, inertia=4, velocity=4, gravity=4, speeds=len(JACOBIANS))
-"""What is fitted: q', A, B and C of the joints, speeds of the tool at ṡ = 1."""
-FIT = Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * CURVES.size)
-"""A fit on [centre ± half_width] in s: coefficients of ξ^0, ξ^1, … with ξ = (s − centre) / half_width, each as CURVES."""
 WATCHED = ("roll", "spin")
 """Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
 RATED = ("roll", "tilt", "spin")
@@ -64,7 +60,7 @@ RATED = ("roll", "tilt", "spin")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StraightElement(ElementModel):
-    """Path constraints of one robot along any path: p = (σ (4,), FIT, layout). jerk: whether it has rows."""
+    """Path constraints of one robot along any path: p = (σ (4,), `fit_of`, layout). jerk: whether it has rows."""
 
     jerk: bool
 
@@ -73,7 +69,14 @@ class StraightElement(ElementModel):
     positions = 1
     layout = Layout(**LIMITS, time_scale=1)
     """Limits; length of a scaled second, s."""
-    parameters = (Parameter(4, True), Parameter(FIT.size, True), Parameter(layout.size, False))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(4, True),
+            Parameter(fit_of(len(self.robot.loads)).size, True),
+            Parameter(self.layout.size, False),
+        )
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
@@ -91,15 +94,15 @@ class StraightElement(ElementModel):
         return [start, middle, end]
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        at, joints = self.instant(x, *p), self.robot.joints
-        return [*kinematic_rows(at, joints, self.jerk), *torque_rows(at, joints)]
+        at = self.instant(x, *p)
+        return [*kinematic_rows(at, self.robot.joints, self.jerk), *torque_rows(at, self.robot)]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         sigma, fit_parameters, packed = p
         parameters = self.layout.unpack(packed)
         scale = parameters.time_scale
         speed, acceleration, jerk, bound_speed = x[1] / scale, x[2] / scale**2, x[3] / scale**3, x[4] / scale
-        path, ddq, dddq = path_derivatives(fit_parameters, x[0], self.jerk)
+        path, ddq, dddq = path_derivatives(fit_parameters, x[0], len(self.robot.loads), self.jerk)
         return Instant(
             qd=path.dq * speed,
             qd_hull=path.dq * bound_speed,
@@ -112,19 +115,31 @@ class StraightElement(ElementModel):
         )
 
 
-def path_derivatives(parameters: ca.SX, s: ca.SX, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
-    """From a fit (FIT): CURVES at s, q'' (4,) and q''' (4,), which is zero unless jerk."""
-    fit_ = FIT.unpack(parameters)
+@cache
+def curves_of(loads: int) -> Layout:
+    """What is fitted: q'; A, B and C of the joints with every load; speeds of the tool at ṡ = 1."""
+    return Layout(dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS))
+
+
+@cache
+def fit_of(loads: int) -> Layout:
+    """A fit on [centre ± half_width] in s: of `curves_of` the coefficients of ξ^0, ξ^1, …, ξ = (s − centre) / half_width."""
+    return Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * curves_of(loads).size)
+
+
+def path_derivatives(parameters: ca.SX, s: ca.SX, loads: int, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
+    """From a fit (`fit_of`): `curves_of` at s, q'' (4,) and q''' (4,), which is zero unless jerk."""
+    fit_, curves = fit_of(loads).unpack(parameters), curves_of(loads)
     xi = (s - fit_.centre) / fit_.half_width
-    coefficients = ca.reshape(fit_.coefficients, CURVES.size, DEGREE + 1)
-    slope = _derivative(coefficients[CURVES.slices["dq"], :])
+    coefficients = ca.reshape(fit_.coefficients, curves.size, DEGREE + 1)
+    slope = _derivative(coefficients[curves.slices["dq"], :])
     second = _horner(slope, xi) / fit_.half_width
     third = _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
-    return CURVES.unpack(_horner(coefficients, xi)), second, third
+    return curves.unpack(_horner(coefficients, xi)), second, third
 
 
-def fit(path: StraightPath, body: RigidBody, low: Array, high: Array) -> Array:
-    """Fits (n, FIT.size) of elements that cover [low, high] (n,) in s.
+def fit(path: StraightPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
+    """Fits (n, size of `fit_of`) of elements that cover [low, high] (n,) in s.
 
     They reach beyond the element by half its width, but stay on the path.
     """
@@ -132,19 +147,18 @@ def fit(path: StraightPath, body: RigidBody, low: Array, high: Array) -> Array:
     centre = np.clip((low + high) / 2, half_width, 1 - half_width)
     chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
-    load = body.path_load(samples.q, samples.dq, samples.ddq)
+    load = zip(*(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True)
     speeds = np.column_stack([tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS])
-    curves = np.hstack([samples.dq, *load, speeds])
+    curves = np.hstack([samples.dq, *(part for parts in load for part in parts), speeds])
     # node j of element n has the values Σ_d ξ_j^d a_nd
     inverse = np.linalg.inv(np.vander(chebyshev, increasing=True))
-    coefficients = np.einsum("dj,njk->ndk", inverse, curves.reshape(len(low), DEGREE + 1, CURVES.size))
+    coefficients = np.einsum("dj,njk->ndk", inverse, curves.reshape(len(low), DEGREE + 1, -1))
     return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
 
 
 def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
-    """Whether fits (n, FIT.size) hold on [low, high] (n,), and are not much wider than they need to be."""
-    fits = FIT.unpack(parameters)
-    centre, half_width = fits.centre[:, 0], fits.half_width[:, 0]
+    """Whether fits (n, size of `fit_of`) hold on [low, high] (n,), and are not much wider than they need to be."""
+    centre, half_width = parameters[:, 0], parameters[:, 1]
     inside = (low >= centre - half_width) & (high <= centre + half_width)
     return np.asarray(inside & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
 
@@ -182,7 +196,10 @@ class FreeElement(ElementModel):
     )
     """First point and unit of the coordinates; limits; ranges of WATCHED; rates of RATED; by how much the retina's row may
     exceed 1; length of a scaled second, s."""
-    parameters = (Parameter(4, True), Parameter(layout.size, False))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return Parameter(4, True), Parameter(self.layout.size, False)
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
@@ -208,7 +225,7 @@ class FreeElement(ElementModel):
             qd_hull=qd,
             qdd=qdd,
             qddd=ca.SX.zeros(4),
-            tau_rigid=RigidBody.from_robot(self.robot).symbolic(q, qd, qdd),
+            tau_rigid=ca.vertcat(*(RigidBody.from_robot(load).symbolic(q, qd, qdd) for load in self.robot.loads)),
             speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
             sigma=sigma,
             limits=limits,
@@ -217,7 +234,7 @@ class FreeElement(ElementModel):
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         at, parameters = self.instant(x, *p), self.layout.unpack(p[1])
         q, qd, _ = _joints(x, parameters)
-        rows = [*speed_rows(at), *torque_rows(at, self.robot.joints)]
+        rows = [*speed_rows(at), *torque_rows(at, self.robot)]
         task = task_from_joints_symbolic(self.mechanism, q)
         for k, name in enumerate(WATCHED):
             value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[k]

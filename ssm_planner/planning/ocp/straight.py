@@ -15,15 +15,15 @@ import numpy as np
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.forward import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk
+from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk, torque_names
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.models import FIT, StraightElement, fit, fits_hold
+from ssm_planner.planning.ocp.models import StraightElement, fit, fit_of, fits_hold
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpStructure, PhaseSolution, cubics
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
-from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, MotorTorque, SpeedLimit
+from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, SpeedLimit
 from ssm_planner.problem.problem import Objective, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
@@ -123,7 +123,7 @@ class _StraightProblem(OcpProblem):
     def complete_element(self) -> StraightElement:
         """With the rows of what moves and has a limit."""
         moving = np.abs(self.path.sample(np.linspace(0, 1, 33)).dq).max(axis=0) > 0
-        rows: set[RowName] = {(MotorTorque.name, i) for i in range(4)}
+        rows: set[RowName] = set().union(*(torque_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
             rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
             if self.robot.joints[i].jerk is not None:
@@ -143,19 +143,19 @@ class _StraightProblem(OcpProblem):
         return self.sigma, self._fitted(elements), limits
 
     @cached_property
-    def _body(self) -> RigidBody:
-        return RigidBody.from_robot(self.robot)
+    def _bodies(self) -> tuple[RigidBody, ...]:
+        return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
 
     @cached_property
     def _fits(self) -> Array:
-        return np.full((self.structure.elements, FIT.size), np.nan)
+        return np.full((self.structure.elements, fit_of(len(self._bodies)).size), np.nan)
 
     def _fitted(self, elements: Array) -> Array:
-        """The fits of path and load around these elements, (n, FIT.size); renewed for elements that have left theirs."""
+        """Fits of path and load around these elements, (n, size of `fit_of`); renewed where elements have left theirs."""
         low, high = elements[:, 0], np.append(elements[1:, 0], 1.0)
         left = np.logical_not(fits_hold(self._fits, low, high))
         if left.any():
-            self._fits[left] = fit(self.path, self._body, low[left], high[left])
+            self._fits[left] = fit(self.path, self._bodies, low[left], high[left])
         return self._fits
 
 

@@ -115,8 +115,8 @@ class PathLimits:
 
     robot: Robot
     samples: PathSamples
-    load: tuple[Array, Array, Array]
-    """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each."""
+    loads: tuple[tuple[Array, Array, Array], ...]
+    """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each, for each of `Robot.loads`."""
     directions: Array
     """σ: sign of q'(s), 0 for a joint that stands, (n, 4)."""
     ceiling: Array
@@ -130,9 +130,10 @@ class PathLimits:
         knots, signs = path.directions
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
-        load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
+        bodies = map(RigidBody.from_robot, robot.loads)
+        loads = tuple(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies)
         ceiling = _speed_ceiling(path, samples, robot, limits)
-        return cls(robot, samples, load, directions=signs[interval], ceiling=ceiling, starts=path.starts(samples))
+        return cls(robot, samples, loads, directions=signs[interval], ceiling=ceiling, starts=path.starts(samples))
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
         """Rows for the joints' accelerations and the motors' torques.
@@ -146,9 +147,12 @@ class PathLimits:
         for i, joint in enumerate(self.robot.joints):
             acceleration = PathTerm(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
             rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
-        for i, drive, motor in motorised(self.robot.joints):
-            mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-            rows += [(term, motor.max_torque) for term in self._torque_rows(drive, i, mu, speed_squared)]
+        for i, _, motor in motorised(self.robot.joints):
+            for load, drive, sides in self.robot.actuations(i):
+                mu = self._friction_coefficient(drive, i, speed_squared, static_start)
+                terms = self._torque_rows(drive, i, mu, speed_squared=speed_squared, load=self.loads[load])
+                wanted = [*(terms[:2] if 1 in sides else ()), *(terms[2:] if -1 in sides else ())]
+                rows += [(term, motor.max_torque) for term in wanted]
         return LinearConstraints.of(rows, self.ceiling)
 
     def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
@@ -158,7 +162,9 @@ class PathLimits:
         starts = self.starts[:, i] if static_start else np.zeros_like(self.starts[:, i])
         return np.where(starts, np.asarray(breakaway_coefficient(friction, w)), friction_coefficient(friction, w))
 
-    def _torque_rows(self, drive: Drive, i: int, mu: Array, speed_squared: Array) -> list[PathTerm]:
+    def _torque_rows(
+        self, drive: Drive, i: int, mu: Array, *, speed_squared: Array, load: tuple[Array, Array, Array]
+    ) -> list[PathTerm]:
         """Terms ≤ the largest motor torque of joint i, three of them, for friction coefficients mu (n,).
 
         With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor speed w = r q̇, the torque in the
@@ -171,7 +177,7 @@ class PathLimits:
         """
         sigma, dq, ddq = self.directions[:, i], self.samples.dq[:, i], self.samples.ddq[:, i]
         qd, qdd = PathTerm(k=sigma * np.abs(dq)), PathTerm(a=dq, b=ddq)
-        tau_rigid = PathTerm(*(part[:, i] for part in self.load))
+        tau_rigid = PathTerm(*(part[:, i] for part in load))
         effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
 
         rows = motor_torque_rows(drive, sigma, mu)

@@ -27,6 +27,7 @@ from ssm_planner.reporting.text import (
     motors_table,
     motors_verdict,
     phases_table,
+    range_lines,
 )
 from ssm_planner.units import shown
 
@@ -124,7 +125,13 @@ def _figures(plan: Plan) -> list[tuple[str, str, str]]:
         ("Lower bound", _seconds(plan.lower_bound), "no motion on this path can be shorter"),
         ("Gap", NOTHING if gap is None else f"{fixed(100 * gap, 2)} %", "duration above the bound"),
         ("TOPP-RA", _seconds(toppra), against),
+        *([("Without the range", _seconds(plan.nominal_duration), _range(plan))] if plan.nominal_duration else []),
     ]
+
+
+def _range(plan: Plan) -> str:
+    """What the plan holds for, and the cost."""
+    return range_lines(plan)[0].removeprefix("range").strip()
 
 
 def _seconds(value: float | None) -> str:
