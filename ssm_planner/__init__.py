@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ssm_planner.formats.export import export
     from ssm_planner.identification.dynamic import DynamicFit
     from ssm_planner.identification.fit import Estimate, MapFit
+    from ssm_planner.identification.harmonics import Harmonics
     from ssm_planner.identification.identify import Identification, identify, predict
     from ssm_planner.identification.prediction import Prediction, PredictionBand
     from ssm_planner.identification.recordings import Recording
@@ -70,8 +71,8 @@ __all__ = [
     "Alignment", "Array", "Axis", "AxisComparison", "AxisController", "Band", "Body", "Candidate", "Certificate",
     "Check", "Choice", "Clock", "Comparison", "Conditions", "Controller", "Count", "Cycle", "DemandName", "Demands",
     "Design", "DesignRegion", "Difference", "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate", "ExportError",
-    "Extreme", "Eye", "Finding", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError", "Heat",
-    "Identification", "Indices", "Interval", "Joint", "JointCompliance", "JointLoad", "JointSizing", "JointSolutions",
+    "Extreme", "Eye", "Finding", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError",
+    "Harmonics", "Heat", "Identification", "Indices", "Interval", "Joint", "JointCompliance", "JointLoad", "JointSizing", "JointSolutions",
     "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion", "Motor",
     "MotorRequirement", "MotorUse", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
     "Point", "Positive", "Posterior", "PowerLosses", "Prediction", "PredictionBand", "Problem", "ProblemError",
@@ -99,6 +100,7 @@ _HOMES = {
         "ssm_planner.identification.fit": "Estimate MapFit",
         "ssm_planner.identification.identify": "Identification identify predict",
         "ssm_planner.identification.prediction": "Prediction PredictionBand",
+        "ssm_planner.identification.harmonics": "Harmonics",
         "ssm_planner.identification.recordings": "Recording",
         "ssm_planner.identification.torque_map": "TorqueMap",
         "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",

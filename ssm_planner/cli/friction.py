@@ -90,7 +90,11 @@ def _identified_lines(result: dict[str, Any]) -> list[str]:
         lines.append(
             f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, {row['nrmsd']:.4f} fitted"
         )
-    sections = (("Repairs", result["repairs"]), ("Notes", result["notes"]))
+    ripple = []
+    for way, found in result["harmonics"].items():
+        pairs = zip(found["orders"], found["amplitudes"], strict=True)
+        ripple.append(f"{way}: " + ", ".join(f"{1e3 * a:.3f} mN·m at {order:.3g} per motor turn" for order, a in pairs))
+    sections = (("Repeats with the angle", ripple), ("Repairs", result["repairs"]), ("Notes", result["notes"]))
     for title, items in sections:
         if items:
             lines += ["", title, *(f"  {item}" for item in items)]

@@ -247,6 +247,12 @@ def _notes(model: MapModel, drive: Drive, predicted: Array) -> tuple[str, ...]:
             "mu is most likely below the least with which the drive locks itself: the value is that least one, the interval "
             "is not cut there"
         )
+    for name in ("b_c", "b_v"):
+        expected, found = model.reference.get(name, 0.0), getattr(friction, name)
+        if name in model.names and expected > 0 and not 1 / FOREIGN < found / expected < FOREIGN:
+            notes.append(
+                f"{name} is {found / expected:.2g} times what was expected: are these recordings of this drive?"
+            )
     worst = float(np.sqrt(np.mean((model.tau - predicted) ** 2)))
     if worst > BAD * float(np.mean(np.abs(model.tau))):
         notes.append(
@@ -256,6 +262,8 @@ def _notes(model: MapModel, drive: Drive, predicted: Array) -> tuple[str, ...]:
     return tuple(notes)
 
 
+FOREIGN = 2.5
+"""Factor from the expected bearing friction that points to another drive."""
 BAD = 0.2
 """Misfit, as a share of the mean torque, that no drive of this kind shows."""
 

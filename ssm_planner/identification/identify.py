@@ -11,6 +11,7 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
 from ssm_planner.identification.fit import Estimate, MapFit, fit_map
+from ssm_planner.identification.harmonics import Harmonics, fit_harmonics
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, distinct, read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
@@ -30,6 +31,8 @@ class Identification:
     data: TorqueMap
     moving: tuple[Recording, ...]
     """The start–stop recordings."""
+    harmonics: Mapping[str, Harmonics]
+    """What repeats with the angle, `forwards` and `backwards`; empty without recordings that turn twice."""
     load: float
     """Constant effort on the output, an offset that was found included, N·m or N."""
     evidence: str
@@ -67,6 +70,7 @@ class Identification:
             "inseparable": [list(group) for group in fit.inseparable],
             "outliers": [{"recording": n, "distance": d, "weight": w} for n, d, w in fit.outliers],
             "combinations": {name: _estimate(estimate) for name, estimate in fit.combinations.items()},
+            "harmonics": {way: harmonics.to_dict() for way, harmonics in self.harmonics.items()},
             "criterion": {"name": "RMS error on recordings left out, N·m", "laws": dict(fit.criterion)},
             "start_stop": []
             if dynamic is None
@@ -100,12 +104,15 @@ def identify(
     data = replace(data, repairs=(*repeated, *data.repairs))
     load, inertia = _load(here)
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
+    wheel = here.ratio if here.kind == "worm" else None
+    by_way = {way: fit_harmonics(steady, sign, wheel) for way, sign in (("forwards", 1), ("backwards", -1))}
     dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None
     return Identification(
         fit=fit,
         dynamic=dynamic,
         data=data,
         moving=tuple(moving),
+        harmonics={way: found for way, found in by_way.items() if found is not None},
         load=fit.load,
         evidence=evidence,
         file=find(drive, "drives"),

@@ -69,6 +69,12 @@ class Notes:
 UNITS: dict[str, dict[str, float]] = {
     "time": {**TIMES, "sec": 1.0},
     "speed": SPEEDS,
+    "position": {
+        "rad": 1.0,
+        "deg": math.pi / 180,
+        "turns": 2 * math.pi,
+        **dict.fromkeys(("inc", "qc"), 2 * math.pi / 4096),
+    },
     "torque": {
         "%": 0.01,
         "percent": 0.01,
@@ -80,15 +86,18 @@ UNITS: dict[str, dict[str, float]] = {
         "mnm": 1e-3,
     },
 }
-"""Factor to SI by quantity and unit in lower case; %, ‰ are of the motor's nominal torque."""
+"""Factor to SI by quantity and unit in lower case; %, ‰ are of the motor's nominal torque, increments of an encoder of 1024
+lines."""
 _OF_NOMINAL = ("%", "percent", "‰", "permille")
 
 NAMES = {
     "time": ("time", "t", "timestamp"),
     "speed": ("velocity actual value averaged", "velocity actual value", "velocity", "speed", "w", "omega"),
+    "position": ("position actual value", "position", "angle"),
     "torque": ("torque actual value averaged", "torque actual value", "torque", "tau"),
 }
 """Accepted column names, best first."""
+_OPTIONAL = ("position",)
 
 _MORE = "lines with more than {} columns: the rest ignored"
 MAX_LINE = 100_000
@@ -149,6 +158,8 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
     found: dict[str, Column] = {}
     for quantity, accepted in NAMES.items():
         candidates = [(accepted.index(n), k) for k, (n, _) in enumerate(split) if n in accepted]
+        if not candidates and quantity in _OPTIONAL:
+            continue
         if not candidates:
             raise RecordingError(
                 f"{path}: no {quantity} column among {[n for n in table.names if n] or table.names}; "

@@ -37,6 +37,8 @@ class Recording:
     quantum: float = 0.0
     """Resolution of the speed channel, rad/s."""
     header: dict[str, str] = field(default_factory=dict)
+    angle: Array | None = None
+    """Motor angle where a position channel recorded it, rad."""
     begin: float = 0.0
     """Time of the first sample in the file, s; `time` begins with 0."""
 
@@ -56,7 +58,8 @@ def read_recording(
     columns = find_columns(table, path)
     repairs = list(table.repairs)
     time, speed, torque = (_in_si(table, columns[key], path, nominal_torque) for key in ("time", "speed", "torque"))
-    keep = np.isfinite(time) & np.isfinite(speed) & np.isfinite(torque)
+    angle = _in_si(table, columns["position"], path, None) if "position" in columns else np.zeros(len(time))
+    keep = np.isfinite(time) & np.isfinite(speed) & np.isfinite(torque) & np.isfinite(angle)
     if not keep.all():
         bad = np.flatnonzero(~keep)
         if len(bad) > max(1, 0.05 * len(keep)):
@@ -66,7 +69,7 @@ def read_recording(
             )
         repairs.append(f"{len(bad)} samples that are not finite left out (first: line {table.lines[bad[0]]})")
     lines = np.asarray(table.lines)[keep]
-    time, speed, torque = time[keep], speed[keep], torque[keep]
+    time, speed, torque, angle = time[keep], speed[keep], torque[keep], angle[keep]
     _check_time(time, lines, path)
     if len(time) < MIN_SAMPLES:
         raise RecordingError(f"{path}: {len(time)} samples; at least {MIN_SAMPLES} are needed")
@@ -77,7 +80,7 @@ def read_recording(
             repairs.append(f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})")
             channel[spikes] = np.nan
     keep = np.isfinite(torque) & np.isfinite(speed)
-    time, speed, torque = time[keep], speed[keep], torque[keep]
+    time, speed, torque, angle = time[keep], speed[keep], torque[keep], angle[keep]
     if np.ptp(torque) == 0.0 and np.any(speed != 0.0):
         raise RecordingError(
             f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
@@ -91,6 +94,7 @@ def read_recording(
         repairs=tuple(repairs),
         quantum=_quantum(speed),
         header=table.header,
+        angle=direction * angle if "position" in columns else None,
         begin=float(time[0]),
     )
 

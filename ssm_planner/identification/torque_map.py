@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ssm_planner.dynamics.friction import STANDSTILL
 from ssm_planner.errors import RecordingError, SsmPlannerError
+from ssm_planner.identification.harmonics import ripple_of, travelled
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.posterior import Ripple
@@ -38,9 +39,6 @@ FIGURES_HEADER = (
 )
 """Columns of a table of figures; speed and torque at the motor, in the drive's positive direction."""
 
-TURN = 2 * np.pi
-HARMONICS = 3
-"""Of the motor's angle, by which torque is taken to repeat."""
 REST_TIME = 0.3
 REST_SAMPLES = 6
 """Readings of zero speed that last this long (s and samples) are rest; shorter ones, motion below the resolution."""
@@ -154,22 +152,9 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
         tau_deviation=np.array([r.tau.std() for r in order]),
         samples=np.array([len(r.w) for r in order], dtype=float),
         repairs=tuple(repairs),
-        ripple=np.array([_ripple(r) for r in order]),
+        ripple=np.array([ripple_of(travelled(r), r.tau) for r in order]),
         peak=np.array([np.abs(r.tau).max() - abs(r.tau.mean()) for r in order]),
     )
-
-
-def _ripple(recording: Recording) -> float:
-    """RMS of the harmonics of the motor's angle in the torque of steady motion, less what noise would show of them."""
-    angle = np.concatenate([[0.0], np.cumsum(np.diff(recording.time) * (recording.w[1:] + recording.w[:-1]) / 2)])
-    if np.ptp(angle) < 2 * TURN:
-        return float("nan")
-    orders = np.arange(1, HARMONICS + 1)
-    waves = angle[:, None] * orders
-    columns = np.column_stack([np.ones(len(angle)), np.cos(waves), np.sin(waves)])
-    left = recording.tau - columns @ np.linalg.lstsq(columns, recording.tau, rcond=None)[0]
-    noise = float(left @ left) / max(len(angle) - columns.shape[1], 1)
-    return float(np.sqrt(max(np.var(recording.tau) - noise, 0.0)))
 
 
 def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> None:

@@ -103,3 +103,6 @@ def test_recordings_of_another_rig_are_remarked(tmp_path):
     began = clock.process_time()
     assert len(predict(drive, [RECORDINGS])) == 87
     assert clock.process_time() - began <= 10.0
+    for other in ("drive1_lead_screw", "drive2_antibacklash_screw"):
+        notes = identify(DRIVES / "rig3_worm.yaml", [RECORDINGS / other / "steady_state"]).fit.notes
+        assert any("of this drive?" in note for note in notes), other

@@ -1,0 +1,79 @@
+"""Torque that repeats with the angle: known harmonics found with and without a position channel; real files predicted on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.identification.harmonics import fit_harmonics, travelled
+from ssm_planner.identification.prediction import nrmsd
+from ssm_planner.identification.recordings import Recording, read_recording, read_recordings
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+RATIO = 60.0
+TURN = 2 * np.pi
+SCREW = {1: 2e-4, 2: -1e-4, 3: 0.5e-4}
+
+
+def simulated(direction: int, start: float, position: bool, wheel: float = 0.0, turns: float = 80.0) -> Recording:
+    """A recording of known harmonics: cosines of the screw's angle, a sine of the wheel's, of opposite sign backwards."""
+    rng = np.random.default_rng(int(10 * abs(start)) + direction + 1)
+    time = np.linspace(0.0, turns * TURN / 10.0, 2000)
+    w = np.full_like(time, direction * 10.0)
+    angle = start + w * time
+    tau = direction * 1e-3 + sum(a * np.cos(k * angle) for k, a in SCREW.items()) * direction
+    tau += wheel * np.sin(angle / RATIO) + rng.normal(0, 1e-4, len(time))
+    return Recording(f"{start:.1f}", time, w, tau, angle=angle if position else None)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_recorded_angles_give_the_harmonics_of_screw_and_wheel_back(direction):
+    recordings = [simulated(sign, start, True, 3e-4) for sign in (1, -1) for start in (0.3, 41.0, 200.0)]
+    found = fit_harmonics(recordings, direction, RATIO)
+    assert found.phased
+    assert found.orders == pytest.approx((1 / RATIO, 2 / RATIO, 3 / RATIO, 1.0, 2.0, 3.0))
+    np.testing.assert_allclose(found.cosine[3:], direction * np.array(list(SCREW.values())), atol=1e-5)
+    np.testing.assert_allclose(found.sine, [3e-4, 0, 0, 0, 0, 0], atol=1.5e-5)
+
+
+def test_without_angles_amplitudes_are_found_and_the_phase_from_the_beginning():
+    recordings = [simulated(1, start, False, turns=20.0) for start in (0.3, 1.7, 2.9, 4.4)]
+    found = fit_harmonics(recordings, 1)
+    assert not found.phased
+    np.testing.assert_allclose(found.amplitudes, np.abs(list(SCREW.values())), atol=1.5e-5)
+    other = simulated(1, 5.1, False, turns=20.0)
+    angle = travelled(other)
+    first = angle <= 2 * TURN
+    wave = found.turned(found.start_in(angle[first], other.tau[first])).torque(angle[~first])
+    assert np.std(other.tau[~first] - wave) < 1.1e-4
+
+
+def test_a_position_channel_is_read(tmp_path):
+    lines = [f"{k};60;{20 + k % 3};{2048 * k}" for k in range(20)]
+    header = ";Velocity actual value averaged;Torque actual value averaged;Position actual value\nms;rpm;%;inc\n"
+    (tmp_path / "a.csv").write_text(header + "\n".join(lines))
+    read = read_recording(tmp_path / "a.csv", nominal_torque=0.01, direction=-1)
+    np.testing.assert_allclose(read.angle, -np.pi * np.arange(20))
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+@pytest.mark.parametrize(
+    ("rig", "most"), [("drive1_lead_screw", 0.155), ("drive2_antibacklash_screw", 0.1185), ("drive3_worm", 0.118)]
+)
+def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
+    steady = read_recordings([RECORDINGS / rig / "steady_state"], nominal_torque=9.84e-3, direction=-1)
+    errors, constant = [], []
+    for recording in steady:
+        angle = travelled(recording)
+        if np.ptp(angle) < 2.5 * TURN:
+            continue
+        others = [r for r in steady if r is not recording]
+        found = fit_harmonics(others, int(np.sign(recording.w.mean())))
+        first = np.abs(angle) <= 2 * TURN
+        wave = found.turned(found.start_in(angle[first], recording.tau[first])).torque(angle[~first])
+        mean, span = recording.tau.mean(), np.ptp(recording.tau) / np.ptp(recording.tau[~first])
+        errors.append(nrmsd(mean + wave, recording.tau[~first]) / span)
+        constant.append(nrmsd(np.full(len(wave), mean), recording.tau[~first]) / span)
+    assert np.mean(errors) <= most < np.mean(constant)
