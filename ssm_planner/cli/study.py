@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.cli.shared import FAILED, OK, output_arguments, show
+from ssm_planner.display import number
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
         "candidates": len(result.rows),
         "states": result.states,
         "front": [_entry(row) for row in result.front],
+        "own": _entry(result.own),
+        "better": [row.number for row in result.better],
         "reasons": result.reasons,
         "finished": result.finished,
         "files": files,
@@ -156,6 +159,11 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
         lines.append(f"  {row.number:>6}  {figures}  ({chosen})")
     if len(front) > SHOWN:
         lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
+    own = ", ".join(f"{name} {number(result.own.figures.get(name), 4)}" for name in study.minimise)
+    lines += [
+        "",
+        f"The study's own robot as it stands: {result.own.state}, {own}; {len(result.better)} of the front beat it",
+    ]
     lines += ["", "Why candidates fall out", *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN])]
     return [*lines, "", *(f"file: {path}" for path in files.values())]
 

@@ -21,16 +21,21 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.sizing.size import Sizing, size_motion
+from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate, Store, key_of, write_table
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
 
-STORE, TABLE = "study.sqlite", "table.csv"
+STORE, TABLE, PAGE = "study.sqlite", "table.csv", "study.html"
+OWN = -1
+"""Number of the study's own robot."""
 SCREENED_TOGETHER = 4096
 COMMIT_EVERY = 0.5
 """Seconds between writes of the store."""
+PAGE_EVERY = 10.0
+"""Seconds between pages while it runs, at least."""
 AHEAD = 8
 """Candidates given to an executor for each worker that it has, so that none waits for the driver."""
 MARGINS = ("torque", "continuous_torque", "speed", "heat", "voltage")
@@ -49,6 +54,8 @@ class StudyResult:
     folder: Path
     finished: bool
     """False where it was interrupted."""
+    own: Candidate
+    """The study's own robot, as it stands."""
 
     @property
     def states(self) -> dict[str, int]:
@@ -62,6 +69,12 @@ class StudyResult:
         return dict(
             sorted(((stage, stages.count(stage)) for stage in set(stages)), key=lambda each: (-each[1], each[0]))
         )
+
+    @property
+    def better(self) -> tuple[Candidate, ...]:
+        """The candidates that are better than the study's own robot in one objective and in none worse."""
+        names = self.study.minimise
+        return tuple(row for row in self.front if pareto((self.own, row), names) == (row,))
 
     @property
     def front(self) -> tuple[Candidate, ...]:
@@ -95,8 +108,11 @@ def study(
             finished = False
         driver.flush()
         rows = tuple(store.rows(driver.keys))
+        (own,) = store.rows([driver.own])
+    result = StudyResult(of, rows, folder, finished, own)
     write_table(rows, folder / TABLE)
-    return StudyResult(of, rows, folder, finished)
+    write_study_page(of, (own, *rows), result.front, folder / PAGE, finished=True)
+    return result
 
 
 @contextmanager
@@ -122,14 +138,19 @@ class _Driver:
         self._study, self._store, self._pool, self._ahead, self._progress = study, store, pool, ahead, progress
         self._context, self._screens = context_of(study), Screens(study)
         self.keys: list[str] = []
+        self.own = key_of({}, self._context)
         self._flying: dict[Future[Candidate], str] = {}
         self._done: list[tuple[str, Candidate]] = []
         self._written = time.monotonic()
+        self._next_page = self._written + PAGE_EVERY
         self._states: dict[str, int] = {}
         self._evaluate = Evaluation(study)
 
     def run(self) -> None:
-        """All candidates."""
+        """All candidates, the study's own robot first."""
+        self._store.add([(OWN, self.own, {})])
+        if self._store.waiting([self.own]):
+            self._flying[self._pool.submit(self._evaluate, OWN, {})] = self.own
         if self._study.search.adaptive:
             from ssm_planner.studies.adaptive import batches
 
@@ -148,6 +169,16 @@ class _Driver:
             self._store.put(self._done)
             self._done = []
         self._written = time.monotonic()
+        if self._written > self._next_page:
+            self._show()
+
+    def _show(self) -> None:
+        """The page as far as it goes; it may take two hundredths of the time."""
+        rows = self._store.rows([self.own, *self.keys])
+        page = self._store.path.with_name(PAGE)
+        write_study_page(self._study, rows, pareto(rows, self._study.minimise), page, finished=False)
+        now = time.monotonic()
+        self._next_page = now + max(PAGE_EVERY, 50 * (now - self._written))
 
     def _look_at(self, designs: Sequence[Design], first: int, total: int, collect: bool = True) -> list[Candidate]:
         """Screen candidates and give the rest to the workers; with collect, wait and return their rows."""
@@ -192,7 +223,8 @@ class _Driver:
 
     def _keep(self, key: str, row: Candidate) -> None:
         self._done.append((key, row))
-        self._count(row)
+        if key != self.own:
+            self._count(row)
         if len(self._done) >= SCREENED_TOGETHER:
             self.flush()
 

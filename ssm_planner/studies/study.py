@@ -36,7 +36,7 @@ class Varied:
 
     def at(self, place: float) -> str:
         """The choice at a place in [0, 1]."""
-        return f"{self.low + place * (self.high - self.low):.12g} {self.unit}".rstrip()
+        return f"{self.low + place * (self.high - self.low):.8g} {self.unit}".rstrip()
 
     def grid(self, count: int) -> list[str]:
         """`count` choices from end to end."""
@@ -123,12 +123,14 @@ class Study:
         return {variable.path: variable.at(float(x)) for variable, x in zip(self.vary, place, strict=True)}
 
     def resolved(self, design: Design) -> dict[str, Any]:
-        """What the robot file of a candidate says."""
+        """What the robot file of a candidate says; with an empty design the study's own robot."""
         tree = copy.deepcopy(dict(self.robot))
         for variable in self.vary:
+            if variable.path not in design:
+                continue
             chosen = design[variable.path]
             _put(tree, variable.path, variable.contents[chosen] if isinstance(variable, Choice) else chosen)
-        for path in self.paths:
+        for path in design:
             if path.startswith("joints.") and path.endswith(".motor"):
                 _with_rotor(tree["joints"][path.split(".")[1]], self.robot["joints"][path.split(".")[1]])
         return tree

@@ -18,6 +18,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
+from ssm_planner.studies.page import explained, write_study_page
 from ssm_planner.studies.run import Evaluation, pareto, problems_of
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
@@ -230,3 +231,39 @@ def test_a_file_that_cannot_be_used_is_named_with_its_line(tmp_path, old, new, m
         (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(ProblemError, match=message):
         load_study(tmp_path / "study.yaml")
+
+
+def test_the_page_shows_front_reasons_and_what_moves_the_objectives(tmp_path):
+    of = study(minimise=["duration"])
+    result = run_study(of, tmp_path, workers=2)
+    text = (tmp_path / "study.html").read_text()
+    assert "http" not in text.replace("http-equiv", "")
+    assert all(f'<td class="number">{row.number}</td>' in text for row in result.front)
+    assert "The study&#39;s own robot as it stands: duration s 3.349" in text
+    assert result.own.state == "done"
+    assert result.better
+    assert all(row.figures["duration"] <= result.own.figures["duration"] for row in result.better)
+
+
+def test_explained_variance_is_that_of_a_known_law():
+    rng = np.random.default_rng(4)
+    x, y = rng.random((2, 20000))
+    value = 3 * x + 4 * y  # variances 9/12 and 16/12
+    assert explained(x, value) == pytest.approx(9 / 25, abs=0.01)
+    assert explained(y, value) == pytest.approx(16 / 25, abs=0.01)
+    assert explained(rng.random(20000), value) < 0.002
+    assert explained(np.floor(3 * x), np.floor(3 * x)) == pytest.approx(1)
+
+
+@pytest.mark.slow
+def test_a_page_of_many_candidates_is_made_in_time(tmp_path):
+    of = study()
+    rng = np.random.default_rng(1)
+    designs = [of.design(place) for place in rng.random((20_000, 2))]
+    values = rng.random((len(designs), 2))
+    figures = [{"duration": a, "peak_torque": b} for a, b in values.tolist()]
+    found = enumerate(zip(designs, figures, strict=True))
+    rows = [Candidate(i, "done", design, figures=each) for i, (design, each) in found]
+    begin = time.process_time()
+    write_study_page(of, (rows[0], *rows), pareto(rows, of.minimise), tmp_path / "page.html", finished=True)
+    assert time.process_time() - begin < 2.0

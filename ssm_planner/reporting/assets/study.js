@@ -1,0 +1,200 @@
+// The page of a study: front, map of what falls out, parallel coordinates with brushes. Plain canvas, no library.
+"use strict";
+const data = JSON.parse(document.getElementById("data").textContent);
+const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#A0457E", "#7a4b00", "#444444", "#56B4E9"];
+const SOFT = "rgba(90, 100, 112, 0.35)", INK = "#1b2129", LINE = "#aab2bc";
+const column = (name) => data.columns[data.names.indexOf(name)];
+const brushes = new Map();
+const kept = (i) => [...brushes].every(([name, [low, high]]) => column(name).at[i] >= low && column(name).at[i] <= high);
+
+// A canvas at the screen's own resolution; draw(context, width, height) again whenever it changes its size.
+const surface = (id, draw) => {
+  const canvas = document.getElementById(id);
+  const paint = () => {
+    const scale = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    canvas.width = width * scale;
+    canvas.height = height * scale;
+    const context = canvas.getContext("2d");
+    context.scale(scale, scale);
+    context.clearRect(0, 0, width, height);
+    context.font = "12px system-ui, sans-serif";
+    draw(context, width, height);
+  };
+  new ResizeObserver(paint).observe(canvas);
+  return { canvas, paint };
+};
+
+const extent = (values) => {
+  let low = Infinity, high = -Infinity;
+  for (const value of values) {
+    if (value === null) continue;
+    low = Math.min(low, value);
+    high = Math.max(high, value);
+  }
+  return low < high ? [low, high] : [low - 1, high + 1];
+};
+const ticks = ([low, high]) => {
+  const raw = (high - low) / 5, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((each) => each * power).find((each) => each >= raw);
+  const found = [];
+  for (let at = Math.ceil(low / step) * step; at <= high + step * 1e-9; at += step) found.push(at);
+  return found.map((at) => [at, Number(at.toPrecision(6)).toString().replace("-", "−")]);
+};
+const label = (of, value) => (of.labels ? of.labels[value] : Number(value.toPrecision(5)).toString().replace("-", "−"));
+
+// Axes around a plot; returns where values stand.
+const EDGE = { left: 64, right: 14, top: 12, bottom: 44 };
+const axes = (context, width, height, across, up) => {
+  const [x, y] = [extent(across.at), extent(up.at)].map(([low, high]) => [low - (high - low) * 0.03, high + (high - low) * 0.03]);
+  const px = (value) => EDGE.left + ((value - x[0]) / (x[1] - x[0])) * (width - EDGE.left - EDGE.right);
+  const py = (value) => height - EDGE.bottom - ((value - y[0]) / (y[1] - y[0])) * (height - EDGE.top - EDGE.bottom);
+  context.strokeStyle = LINE;
+  context.fillStyle = INK;
+  context.strokeRect(EDGE.left, EDGE.top, width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom);
+  context.textAlign = "center";
+  const marks = (of, range) => (of.labels ? of.labels.map((text, i) => [i, text.slice(0, 14)]) : ticks(range));
+  for (const [at, text] of marks(across, x).slice(0, 12)) context.fillText(text, px(at), height - EDGE.bottom + 16);
+  context.fillText(across.title, (EDGE.left + width - EDGE.right) / 2, height - 8);
+  context.textAlign = "right";
+  for (const [at, text] of marks(up, y).slice(0, 20)) context.fillText(text, EDGE.left - 6, py(at) + 4);
+  context.save();
+  context.translate(13, (EDGE.top + height - EDGE.bottom) / 2);
+  context.rotate(-Math.PI / 2);
+  context.textAlign = "center";
+  context.fillText(up.title, 0, 0);
+  context.restore();
+  return [px, py];
+};
+const SHAPES = [
+  (c, x, y, r) => c.arc(x, y, r, 0, 7),
+  (c, x, y, r) => c.rect(x - r, y - r, 2 * r, 2 * r),
+  (c, x, y, r) => { c.moveTo(x, y - r * 1.2); c.lineTo(x + r * 1.1, y + r); c.lineTo(x - r * 1.1, y + r); c.closePath(); },
+  (c, x, y, r) => { c.moveTo(x, y - r * 1.3); c.lineTo(x + r * 1.3, y); c.lineTo(x, y + r * 1.3); c.lineTo(x - r * 1.3, y); c.closePath(); },
+];
+const point = (context, shape, x, y, radius, colour) => {
+  context.beginPath();
+  SHAPES[shape % SHAPES.length](context, x, y, radius);
+  context.fillStyle = colour;
+  context.fill();
+};
+const fill = (id, names, chosen, then) => {
+  const select = document.getElementById(id);
+  for (const name of names) select.add(new Option(column(name).title, name, false, name === chosen));
+  select.addEventListener("change", then);
+  return select;
+};
+
+const done = data.names.length ? data.state.flatMap((state, i) => (state === "done" ? [i] : [])) : [];
+const onFront = new Set(data.front);
+let nearest = null;
+const numeric = data.names.filter((name) => !column(name).labels);
+const across = fill("across", numeric, data.objectives[0], () => front.paint());
+const up = fill("up", numeric, data.objectives[1] ?? data.choices.find((name) => numeric.includes(name)), () => front.paint());
+const front = surface("front", (context, width, height) => {
+  const only = (of) => ({ ...of, at: done.map((i) => of.at[i]) });
+  const [px, py] = axes(context, width, height, only(column(across.value)), only(column(up.value)));
+  const place = (i) => [px(column(across.value).at[i]), py(column(up.value).at[i])];
+  front.places = done.map((i) => [i, ...place(i)]);
+  for (const [i, x, y] of front.places) if (!onFront.has(i)) point(context, 0, x, y, 2.6, kept(i) ? SOFT : "rgba(90,100,112,.1)");
+  for (const [i, x, y] of front.places) if (onFront.has(i)) point(context, 3, x, y, 4, kept(i) ? COLOURS[0] : "rgba(0,114,178,.2)");
+  if (nearest !== null) {
+    const [x, y] = place(nearest);
+    context.beginPath();
+    context.arc(x, y, 8, 0, 7);
+    context.strokeStyle = INK;
+    context.stroke();
+  }
+});
+front.canvas.addEventListener("pointermove", (event) => {
+  const [x, y] = [event.offsetX, event.offsetY];
+  let best = Infinity;
+  for (const [i, px, py] of front.places) {
+    const away = (px - x) ** 2 + (py - y) ** 2;
+    if (away < best) [best, nearest] = [away, i];
+  }
+  if (nearest === null) return;
+  const parts = data.names.map((name) => [column(name), column(name).at[nearest]]).filter(([, value]) => value !== null);
+  document.getElementById("chosen").textContent =
+    `Candidate ${data.number[nearest]}: ` + parts.map(([of, value]) => `${of.title} ${label(of, value)}`).join("; ");
+  front.paint();
+});
+
+const stages = [...new Set(data.stage)];
+const mapAcross = fill("map-across", data.choices, data.choices[0], () => map.paint());
+const mapUp = fill("map-up", data.choices, data.choices[1] ?? data.choices[0], () => map.paint());
+const map = surface("map", (context, width, height) => {
+  const [px, py] = axes(context, width, height, column(mapAcross.value), column(mapUp.value));
+  data.stage.forEach((stage, i) => {
+    const [x, y] = [px(column(mapAcross.value).at[i]), py(column(mapUp.value).at[i])];
+    const k = stages.indexOf(stage);
+    point(context, k, x, y, 3, COLOURS[k % COLOURS.length]);
+  });
+});
+document.getElementById("map-legend").append(
+  ...stages.map((stage, k) => {
+    const item = document.createElement("li");
+    item.style.color = COLOURS[k % COLOURS.length];
+    item.textContent = `${"●■▲◆"[k % 4]} ${stage}`;
+    return item;
+  }),
+);
+
+const lanes = [...data.choices, ...data.figures];
+const parallel = surface("parallel", (context, width, height) => {
+  const top = 46, bottom = 26;
+  const at = (k) => 60 + (k * (width - 120)) / Math.max(lanes.length - 1, 1);
+  const ranges = lanes.map((name) => extent(done.map((i) => column(name).at[i])));
+  const y = (k, value) => height - bottom - ((value - ranges[k][0]) / (ranges[k][1] - ranges[k][0])) * (height - top - bottom);
+  parallel.at = at;
+  parallel.value = (k, py) => ranges[k][0] + ((height - bottom - py) / (height - top - bottom)) * (ranges[k][1] - ranges[k][0]);
+  const draw = (i, colour) => {
+    context.beginPath();
+    lanes.forEach((name, k) => {
+      const value = column(name).at[i];
+      if (value !== null) context.lineTo(at(k), y(k, value));
+    });
+    context.strokeStyle = colour;
+    context.stroke();
+  };
+  const shown = done.filter(kept), step = Math.ceil(shown.length / 4000);
+  document.getElementById("kept").textContent = `${shown.length} of ${done.length} kept` + (step > 1 ? `, every ${step}th drawn.` : ".");
+  shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, "rgba(90, 100, 112, 0.18)"); });
+  shown.forEach((i) => { if (onFront.has(i)) draw(i, COLOURS[0]); });
+  context.fillStyle = INK;
+  context.textAlign = "center";
+  lanes.forEach((name, k) => {
+    context.strokeStyle = INK;
+    context.beginPath();
+    context.moveTo(at(k), top);
+    context.lineTo(at(k), height - bottom);
+    context.stroke();
+    const title = column(name).title, row = k % 2;
+    context.fillText(title.length > 26 ? `${title.slice(0, 25)}…` : title, at(k), 12 + 14 * row);
+    context.fillText(label(column(name), column(name).labels ? ranges[k][1] : ranges[k][1]) ?? "", at(k), top - 5);
+    context.fillText(label(column(name), ranges[k][0]) ?? "", at(k), height - 10);
+    const brush = brushes.get(name);
+    if (brush) {
+      context.fillStyle = "rgba(0, 114, 178, 0.25)";
+      context.fillRect(at(k) - 9, y(k, brush[1]), 18, y(k, brush[0]) - y(k, brush[1]));
+      context.fillStyle = INK;
+    }
+  });
+});
+let held = null;
+parallel.canvas.addEventListener("pointerdown", (event) => {
+  const k = lanes.reduce((best, _, i) => (Math.abs(parallel.at(i) - event.offsetX) < Math.abs(parallel.at(best) - event.offsetX) ? i : best), 0);
+  held = { k, start: event.offsetY };
+  parallel.canvas.setPointerCapture(event.pointerId);
+});
+parallel.canvas.addEventListener("pointermove", (event) => {
+  if (held === null || Math.abs(event.offsetY - held.start) < 4) return;
+  const ends = [held.start, event.offsetY].map((y) => parallel.value(held.k, y)).sort((a, b) => a - b);
+  brushes.set(lanes[held.k], ends);
+  parallel.paint();
+});
+parallel.canvas.addEventListener("pointerup", (event) => {
+  if (held !== null && Math.abs(event.offsetY - held.start) < 4) brushes.delete(lanes[held.k]);
+  held = null;
+  parallel.paint();
+  front.paint();
+});
