@@ -1,6 +1,6 @@
 # make plan   the main job: plan problems/tilt_insert.yaml into results/tilt_insert/
 # make test   the tests;  make lint  ruff and mypy;  make clean  removes the environment
-# make api    docs/api.md from the docstrings of the public names
+# make api    docs/api.md and docs/reference.md, from the docstrings of the public names and the schema of the files
 # make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 # make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
@@ -25,6 +25,7 @@ lint: $(VENV)/.lint
 
 api: $(VENV)/.main
 	$(BIN)/python docs/make_api.py
+	$(BIN)/python docs/make_reference.py
 
 wheel: $(VENV)/.lint
 	rm -rf dist

@@ -38,6 +38,8 @@ COMMANDS = {
     "identify": ("friction", "friction with confidence, map figure, a drive file to use"),
     "predict": ("friction", "predicted against measured torque, NRMSD"),
     "ik": ("kinematics", "closed-form inverse kinematics, all branches"),
+    "new": ("files", "a commented file to start from: robot, drive, motor, problem, study, …"),
+    "schema": ("files", "the JSON schema of a kind of file, for editors that complete and check"),
     "reproduce": ("pages", "the paper's tables and figures, ours beside the published values"),
 }
 """Module in ssm_planner.cli and help of every command; the module is imported only when its command is used.

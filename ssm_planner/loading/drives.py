@@ -24,6 +24,7 @@ from ssm_planner.loading.schema import (
     located,
     model_from,
     model_of,
+    optional,
     quantity,
     reading,
     validated,
@@ -33,7 +34,7 @@ from ssm_planner.loading.schema import (
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.drive import PARAMETERS, RANGED, Drive, DriveKind, Friction, Ratings, Rig
 from ssm_planner.problem.posterior import Posterior, Ripple
-from ssm_planner.problem.value import Bound, Quantity, bare, hints
+from ssm_planner.problem.value import Bound, Quantity, bare, descriptions, hints
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
@@ -49,13 +50,17 @@ class WormDimensions(Model):
     ratio: _Number = None
     """Turns of the worm by those of the wheel."""
     worm_diameter: _Length = None
+    """Pitch diameter of the worm."""
     wheel_diameter: _Length = None
+    """Pitch diameter of the wheel."""
     lead: _Length = None
     """Advance of the thread in one turn."""
     lead_angle: _Angle | None = None
+    """Of the thread at that diameter: tan = lead / (π · diameter)."""
     starts: _Number = None
     """Threads beside each other: lead = starts · pitch."""
     pitch: _Length = None
+    """From one thread to the next."""
     thread_angle: _Angle
     """Between the two flanks, in the axial section."""
 
@@ -70,9 +75,11 @@ class ScrewDimensions(Model):
     effective_diameter: _Length = None
     """The same as diameter."""
     lead_angle: _Angle | None = None
+    """Of the thread at that diameter: tan = lead / (π · diameter)."""
     starts: _Number = None
     """Threads beside each other: lead = starts · pitch."""
     pitch: _Length = None
+    """From one thread to the next."""
     thread_angle: _Angle
     """Between the two flanks, in the axial section."""
     outer_diameter: _Length = None
@@ -90,7 +97,7 @@ def _numbers(value: Any) -> tuple[float, ...]:
 
 
 _Numbers = Annotated[tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")]
-RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)))
+RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), of=Ripple)
 
 
 class PosteriorModel(Model):
@@ -107,6 +114,7 @@ class PosteriorModel(Model):
     forwards: Annotated[Any, Part(RippleModel)] | None = None
     """Ripple and noise in positive motion."""
     backwards: Annotated[Any, Part(RippleModel)] | None = None
+    """Ripple and noise in negative motion."""
     draws: dict[str, _Numbers] = PydanticField(min_length=1)
     """Equally likely values of each parameter."""
 
@@ -135,6 +143,9 @@ def _range(name: str, slides: bool) -> Any:
     return Annotated[Any, vector(kind, kind) if kind == "number" else interval(kind)] | None, None
 
 
+_OF_FRICTION = f"Of mesh and bearings; {TO_IDENTIFY!r} where the drive stands on a rig and it is still to be found."
+
+
 def _drive(kind: str) -> Any:
     """What the file of a kind of drive may say."""
     slides, has_nuts = kind != "worm", kind == "antibacklash_screw"
@@ -147,11 +158,12 @@ def _drive(kind: str) -> Any:
     ratings = () if slides else ("free_length", "root_diameter", "ends")
     ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
     published = {name: reading(Friction, name, slides, figures=True) for name in PARAMETERS}
-    published["preload"] = reading(Drive, "preload", figures=True)
-    optional = {name: (hint | None, None) for name, hint in published.items()}
+    given = {name: (hint | None, None) for name, hint in published.items()}
+    preload = reading(Drive, "preload", figures=True)
+    given["preload"] = optional(preload, descriptions(Drive)["preload"])
     rig = {
         "payload_direction": (Literal["positive", "negative"], "positive"),
-        "published": _part(model_from({**optional, "source": SOURCE})),
+        "published": _part(model_from({**given, "source": SOURCE}, of=Friction)),
         "source": SOURCE,
     }
     if not slides:
@@ -159,13 +171,16 @@ def _drive(kind: str) -> Any:
     more = {
         "kind": (Literal[kind], ...),
         "source": SOURCE,
-        "geometry": (ScrewDimensions if slides else WormDimensions, ...),
+        "geometry": (
+            ScrewDimensions if slides else WormDimensions,
+            PydanticField(description="Dimensions of the thread."),
+        ),
         "self_locking": (Literal["required", "not required"], "required"),
         "friction": (
             Annotated[Any, Part(model_of(Friction, friction, slides=slides, figures=True))] | None,
-            PydanticField(default=None, json_schema_extra=_may_be_identified),
+            PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
         ),
-        "friction_ranges": _part(model_from(ranges)),
+        "friction_ranges": _part(model_from(ranges, of=Friction)),
         "ratings": _part(model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)),
         "rig": _part(model_of(Rig, rig, slides=slides, without=("payload_arm",))),
     }

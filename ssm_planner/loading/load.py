@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from ssm_planner.loading.drives import DRIVES, drive_from
 from ssm_planner.loading.files import find, follow, of_data, of_text, read
@@ -112,7 +112,9 @@ class MotorisationModel(Model):
     name: Text | None = None
     """By default the file's name without its ending."""
     source: Text | None = None
+    """Where the figures come from."""
     robot: Reference
+    """Whose joints move."""
     held: JointValues = (0.0, 0.0, 0.0, 0.0)
     """Where the joints stand that do not move."""
     back_and_forth: Annotated[list[Annotated[Any, Part(_Run)]], Field(min_length=1, max_length=100)]
@@ -154,8 +156,8 @@ def _models(kind: Kind) -> tuple[Any, ...]:
 
 def json_schema(kind: Kind) -> dict[str, Any]:
     """JSON schema of a kind of file, for editors that complete and check YAML."""
-    schemas = [model.model_json_schema() for model in _models(kind)]
-    return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+    every: Any = Union[_models(kind)]  # noqa: UP007 - of a tuple
+    return TypeAdapter(every).json_schema()
 
 
 def file_keys(kind: Kind) -> tuple[Key, ...]:

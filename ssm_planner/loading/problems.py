@@ -22,6 +22,7 @@ from ssm_planner.loading.schema import (
     located,
     model_from,
     model_of,
+    optional,
     quantity,
     reading,
     validated,
@@ -82,6 +83,7 @@ class _PointModel(Model):
 
 class _ScanModel(Model):
     pattern: Literal["raster", "ring", "triple ring"]
+    """A grid, or one or three circles of spots."""
 
     @model_validator(mode="before")
     @classmethod
@@ -96,11 +98,6 @@ class _ScanModel(Model):
             if key not in data and key != "diameters":
                 raise wrong(f"missing: the pattern {pattern!r} needs it", None, key)
         return data
-
-
-def _optional(hint: Any, description: str = "") -> Any:
-    """A key that may be left out."""
-    return hint | None, Field(None, description=description)
 
 
 def _part(model: Any) -> Any:
@@ -123,8 +120,8 @@ _TIP = Annotated[Any, vector("length", "length", "length")]
 PointModel = model_of(
     Task,
     {
-        "joints": _optional(JointValues, "Values of the four joints, in place of everything else."),
-        "tip": _optional(_TIP, "Position of the tool's tip in the base frame, in place of roll, tilt and depth."),
+        "joints": optional(JointValues, "Values of the four joints, in place of everything else."),
+        "tip": optional(_TIP, "Position of the tool's tip in the base frame, in place of roll, tilt and depth."),
     },
     base=_PointModel,
 )
@@ -133,10 +130,10 @@ ScanModel = model_of(
     Scan,
     {
         "at": (_part(TaskModel), ...),
-        "diameter": _optional(Annotated[Any, quantity("length", Bound(above=0.0))], "Of a ring."),
+        "diameter": optional(Annotated[Any, quantity("length", Bound(above=0.0))], "Of a ring."),
         "diameters": (Annotated[Any, vector("length", "length", "length")], (1e-3, 2e-3, 3e-3)),
-        "rows": _optional(_COUNT),
-        "columns": _optional(_COUNT),
+        "rows": optional(_COUNT),
+        "columns": optional(_COUNT),
     },
     without=("name",),
     base=_ScanModel,
@@ -145,10 +142,10 @@ LensModel = model_of(
     Lens,
     {
         "axis": (Axis, Field(description="Direction of the third semi-axis; its length is free.")),
-        "first_axis": _optional(Axis, "Direction of the first semi-axis, where it differs from the second."),
+        "first_axis": optional(Axis, "Direction of the first semi-axis, where it differs from the second."),
     },
 )
-EyeModel = model_of(Eye, {"lens": _optional(_part(LensModel))})
+EyeModel = model_of(Eye, {"lens": optional(_part(LensModel))})
 
 
 class _EntryModel(Model):
@@ -163,8 +160,9 @@ class _EntryModel(Model):
 
 
 def _motion_to(to: Any, description: str, more: Mapping[str, Any] | None = None) -> Any:
-    model = model_of(Straight, {"to": (to, ...), **(more or {})}, without=(*TASK, "name"))
-    return _optional(_part(model), description)
+    to_key = to, Field(description="Where it ends.")
+    model = model_of(Straight, {"to": to_key, **(more or {})}, without=(*TASK, "name"))
+    return optional(_part(model), description)
 
 
 _THROUGH = Annotated[tuple[Annotated[Any, Part(PointModel)], ...], Field(max_length=MOST_POINTS)]
@@ -177,32 +175,32 @@ EntryModel = model_from(
         "insert": _motion_to(reading(Task, "depth"), "To a depth, the other task coordinates held."),
         "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held."),
         "free": _motion_to(_part(PointModel), "On whatever way the planner finds fastest.", _PASSED),
-        "dwell": _optional(reading(Dwell, "duration"), "At rest for a while."),
-        "scan": _optional(_part(ScanModel), "Spots on the retina."),
+        "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
+        "scan": optional(_part(ScanModel), "Spots on the retina."),
     },
     base=_EntryModel,
 )
-_SPEEDS = {kind.field: _optional(_speed(kind), kind.__doc__ or "") for kind in SpeedLimit.__subclasses__()}
-_RATES = {TaskRate.field_of(name): _optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.") for name in TASK}
+_SPEEDS = {kind.field: optional(_speed(kind), kind.__doc__ or "") for kind in SpeedLimit.__subclasses__()}
+_RATES = {TaskRate.field_of(name): optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.") for name in TASK}
 _WITHIN = {
-    "friction": _optional(
+    "friction": optional(
         Annotated[Any, Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")],
         "Share of what is known of the drives' friction for which motor torques hold.",
     ),
-    "payload": _optional(Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."),
+    "payload": optional(Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."),
 }
 LimitsModel = model_from({**RANGES, **_SPEEDS, **_RATES, **_WITHIN})
-RatesModel = model_from({name: _optional(_rate(name)) for name in TASK})
+RatesModel = model_from({name: optional(_rate(name), f"Of the {name}.") for name in TASK})
 _MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
 ProblemModel = model_of(
     Problem,
     {
-        "name": _optional(Text, "By default the file's name without its ending."),
+        "name": optional(Text, "By default the file's name without its ending."),
         "robot": (Reference, ...),
         "start": (_part(PointModel), ...),
         "motion": (_MOTION, ...),
         "limits": (_part(LimitsModel), LimitsModel()),
-        "eye": _optional(_part(EyeModel)),
+        "eye": optional(_part(EyeModel)),
         "start_rate": (_part(RatesModel), RatesModel()),
         "end_rate": (_part(RatesModel), RatesModel()),
     },

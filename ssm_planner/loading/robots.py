@@ -25,6 +25,7 @@ from ssm_planner.loading.schema import (
     located,
     model_from,
     model_of,
+    optional,
     quantity,
     validated,
     vector,
@@ -78,8 +79,11 @@ class AxesModel(Model):
     """Unit vectors in the base frame at q = 0."""
 
     joint1: Axis
+    """Turns everything; roll of the tool is about it."""
     joint2: Axis
+    """At alpha to joint 1."""
     joint3: Axis
+    """At beta to joint 2: the tool's axis."""
 
 
 class GeometryModel(Model):
@@ -105,11 +109,17 @@ class InertiaModel(Model):
     """About the origin of the body frame."""
 
     xx: _Moment
+    """Moment."""
     yy: _Moment
+    """Moment."""
     zz: _Moment
+    """Moment."""
     yz: _Product = 0.0
+    """Product; its sign as products_of_inertia says."""
     xz: _Product = 0.0
+    """Product; its sign as products_of_inertia says."""
     xy: _Product = 0.0
+    """Product; its sign as products_of_inertia says."""
 
 
 class _BodyModel(Model):
@@ -135,16 +145,20 @@ def _joint_model(slides: bool = False) -> Any:
 
 
 JointsModel = by_joint(_joint_model(), _joint_model(slides=True), required=True)
-RANGES = {name: (Annotated[Any, interval("length" if name == "depth" else "angle")] | None, None) for name in TASK}
+RANGES = {
+    name: optional(Annotated[Any, interval("length" if name == "depth" else "angle")], f"Range of the {name}.")
+    for name in TASK
+}
 """Keys of the ranges of the task coordinates."""
 RangesModel = model_from(RANGES)
+_BODIES = PydanticField(min_length=4, max_length=4, description="What joints 1 to 4 move, in this order.")
 RobotModel = model_of(
     Robot,
     {
         "source": SOURCE,
-        "geometry": (GeometryModel, ...),
-        "bodies": (Annotated[list[Annotated[Any, Part(BodyModel)]], PydanticField(min_length=4, max_length=4)], ...),
-        "joints": (Annotated[Any, Part(JointsModel)], ...),
+        "geometry": (GeometryModel, PydanticField(description="Axes of joints 1 to 3, as vectors or as angles.")),
+        "bodies": (list[Annotated[Any, Part(BodyModel)]], _BODIES),
+        "joints": (Annotated[Any, Part(JointsModel)], PydanticField(description="Ranges, limits and actuation.")),
         "limits": (Annotated[Any, Part(RangesModel)], RangesModel()),
     },
 )

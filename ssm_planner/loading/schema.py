@@ -6,6 +6,7 @@ A field of a value that is a key of a file carries its kind of quantity (`value.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import difflib
 import re
@@ -14,6 +15,7 @@ from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model, model_validator
+from pydantic import Field as PydanticField
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ssm_planner import units
@@ -51,6 +53,30 @@ class Model(BaseModel):
             raise wrong(f"{units.describe(data)} where a mapping is needed", "the keys " + ", ".join(cls.model_fields))
         check_keys(data, list(cls.model_fields))
         return data
+
+    @classmethod
+    def about(cls) -> dict[str, str]:
+        """What each key means, where that is said."""
+        named = {name: info.description for name, info in cls.model_fields.items() if info.description}
+        of_value = descriptions(cls.of) if cls.of else {}
+        # shapes and None are Python's
+        in_files = {
+            name: re.sub(r",? ?\(3,\)", "", text).replace("None:", "left out:") for name, text in of_value.items()
+        }
+        return {**in_files, **descriptions(cls), **named}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: Any) -> dict[str, Any]:
+        schema = handler(core)
+        keys_of = handler.resolve_ref_schema(schema).get("properties", {})
+        about = cls.about()
+        for name, entry in keys_of.items():
+            entry.pop("title", None)
+            if name in about:
+                entry["description"] = about[name]
+            if isinstance(entry.get("default"), float):
+                entry["default"] = field_of(cls.model_fields[name]).written(entry["default"])
+        return schema
 
     def figures(self) -> dict[str, Figure]:
         """The fields that hold a figure."""
@@ -99,7 +125,7 @@ class Field:
         return core_schema.no_info_plain_validator_function(_guarded(self.read))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        return self.json_schema
+        return copy.deepcopy(self.json_schema)  # pydantic writes defaults into it
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -213,23 +239,28 @@ def model_of(
         else:
             left_out = field.default is None or (figures and get_origin(hint) is Annotated)
             fields[field.name] = (hint | None, None) if left_out else (hint, field.default)
-    model = model_from({**fields, **given}, base)
-    model.of = cls
+    return model_from({**fields, **given}, base, cls)
+
+
+def model_from(fields: Mapping[str, Any], base: type[Model] = Model, of: Any = None) -> Any:
+    """The model with these keys, each as pydantic's (type, default); of: the value whose fields say what they mean."""
+    made: Any = create_model
+    model = made("KeysModel", __base__=base, **fields)
+    model.of = of
     return model
 
 
-def model_from(fields: Mapping[str, Any], base: type[Model] = Model) -> Any:
-    """The model with these keys, each as pydantic's (type, default)."""
-    made: Any = create_model
-    return made("KeysModel", __base__=base, **fields)
+def optional(hint: Any, description: str = "") -> Any:
+    """A key that may be left out."""
+    return hint | None, PydanticField(None, description=description)
 
 
 def by_joint(turning: Any, sliding: Any, required: bool = False) -> Any:
     """The model of a mapping from joints to what a model says of one of them."""
     fields: dict[str, Any] = {}
-    for name in JOINTS:
-        part = Annotated[Any, Part(sliding if name == "insertion" else turning)]
-        fields[name] = (part, ...) if required else (part | None, None)
+    for i, name in enumerate(JOINTS, 1):
+        part, text = Annotated[Any, Part(sliding if name == "insertion" else turning)], f"Of joint {i}."
+        fields[name] = (part, PydanticField(description=text)) if required else optional(part, text)
     return model_from(fields)
 
 
@@ -274,7 +305,7 @@ Reference = Annotated[
         allowed=f"{_FILE}, a shipped name, or what the file would hold",
     ),
 ]
-SOURCE: Any = (Text | None, None)
+SOURCE: Any = optional(Text, "Where the figures come from.")
 
 
 def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[Any], Any]:
@@ -308,10 +339,9 @@ class Key(NamedTuple):
 
 def keys(model: Any, path: str = "") -> Iterator[Key]:
     """Every key that a model knows, those of its parts below their own."""
-    about = {**(descriptions(model.of) if model.of else {}), **descriptions(model)}
+    about = model.about()
     for name, info in model.model_fields.items():
-        parts = list(_parts((info.annotation, *info.metadata)))
-        field = next((part for part in parts if isinstance(part, Field)), Field(str, {}))
+        parts, field = list(_parts((info.annotation, *info.metadata))), field_of(info)
         choices = [repr(choice) for part in parts if get_origin(part) is Literal for choice in get_args(part)]
         default = info.default
         if isinstance(default, (Model, tuple)) or default is None:
@@ -321,12 +351,18 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
             field.unit,
             " or ".join(choices) or field.allowed,
             "required" if info.is_required() else field.written(default),
-            about.get(name, info.description or ""),
+            about.get(name, ""),
         )
         inside = f"{path}{name}{'[]' * any(get_origin(part) in (list, tuple) for part in parts)}."
         for part in parts:
             if isinstance(part, type) and issubclass(part, Model):
                 yield from keys(part, inside)
+
+
+def field_of(info: Any) -> Field:
+    """How a key's value is read, of pydantic's description of the key."""
+    parts = _parts((info.annotation, *info.metadata))
+    return next((part for part in parts if isinstance(part, Field)), Field(str, {}))
 
 
 def _parts(hint: Any) -> Iterator[Any]:

@@ -17,19 +17,19 @@ class AxisController(Value):
     bandwidth: Annotated[Positive, Quantity("rate")] | None = None
     """Of the position loop, Hz: what gains that are None are tuned for."""
     p: Annotated[NotNegative, Quantity("position_gain")] | None = None
-    """A/rad at the motor."""
+    """Position gain, A/rad at the motor."""
     i: Annotated[NotNegative, Quantity("integral_gain")] | None = None
-    """A/(rad·s)."""
+    """Integral gain, A/(rad·s)."""
     d: Annotated[NotNegative, Quantity("derivative_gain")] | None = None
-    """A·s/rad."""
+    """Derivative gain, A·s/rad."""
     ff_velocity: Annotated[NotNegative, Quantity("derivative_gain")] | None = None
-    """A·s/rad."""
+    """Feed-forward of the velocity, A·s/rad."""
     ff_acceleration: Annotated[NotNegative, Quantity("acceleration_gain")] | None = None
-    """A·s²/rad."""
+    """Feed-forward of the acceleration, A·s²/rad."""
     max_current: Annotated[Positive, Quantity("current")] | None = None
-    """A; None: the motor's largest torque by its torque constant."""
+    """Largest current, A; None: the motor's largest torque by its torque constant."""
     following_error: Annotated[Positive, Quantity("angle", "length")] | None = None
-    """rad or m of the joint; None: the window that `export --to epos4` writes."""
+    """Window of the following error, rad or m of the joint; None: the one that `export --to epos4` writes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,11 @@ class JointCompliance(Value):
     frequency: Annotated[Positive, Quantity("rate")] | None = None
     """Natural frequency of the joint with its drive locked, Hz; None: 30 Hz, joint 4 100 Hz."""
     damping_ratio: Annotated[NotNegative, Quantity("number")] = 0.3
+    """Of the joint with its drive locked."""
     backlash: Annotated[NotNegative, Quantity("angle", "length")] | None = None
     """From one flank to the other, rad or m; None: 0.1 deg, joint 4 0.02 mm."""
     source: str | None = None
+    """Where the figures come from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +51,13 @@ class Controller(Value):
     """A cascade as an EPOS4 runs it: position PID with feed-forward at `loop_period`, inside it a current loop."""
 
     name: str = "EPOS4, tuned from the plant"
+    """Of the controller and its tuning."""
     loop_period: Annotated[Positive, Quantity("time")] = 400e-6
     """Of the position loop, s: 2.5 kHz in an EPOS4 (hardware reference, 50/5)."""
     current_lag: Annotated[Positive, Quantity("time")] = 100e-6
     """Time constant of the closed current loop, s; assumed: the current is sampled at 25 kHz."""
     supply: Annotated[Positive, Quantity("voltage")] | None = None
-    """V; None: the motor's nominal voltage."""
+    """Supply voltage, V; None: the motor's nominal voltage."""
     output_share: Annotated[float, Bound(above=0.0), Quantity("number")] = 0.9
     """Of the supply voltage that reaches the motor: 0.9 in an EPOS4 (hardware reference, 50/5)."""
     counts_per_turn: Annotated[int, Bound(above=0), Quantity("number")] | None = None
@@ -62,7 +65,9 @@ class Controller(Value):
     torque_offset: bool = True
     """Whether the drive adds the exported torque offsets. Without them velocity and acceleration feed-forward are tuned."""
     joints: Annotated[Mapping[str, AxisController], Names(JOINTS)] = field(default_factory=dict)
+    """The position loops, by joint."""
     compliance: Annotated[Mapping[str, JointCompliance], Names(JOINTS)] = field(default_factory=dict)
+    """Between drive and joint, by joint."""
     file: str | None = field(default=None, compare=False)
 
     def _check(self) -> None:

@@ -90,7 +90,9 @@ class Friction(Value):
     b_ov: Annotated[NotNegative, Quantity("rotary_viscosity", "linear_viscosity")] = 0.0
     """Output viscous coefficient, N·m·s/rad or N·s/m."""
     law: FrictionLawName = "coulomb"
+    """How the coefficient depends on speed."""
     mu_stribeck: Annotated[NotNegative, Quantity("number")] = 0.0
+    """What the coefficient of the Stribeck laws has beyond mu at low speed."""
     stribeck_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
     """Motor speed w_s of the Stribeck term, rad/s."""
     dwell_constant: Annotated[NotNegative, Quantity("time")] | None = None
@@ -106,6 +108,7 @@ class Friction(Value):
     posterior: Posterior | None = None
     """What an identification leaves open; then there is no covariance."""
     source: str | None = None
+    """Where the parameters come from."""
 
     def _check(self) -> None:
         if self.mu_static < self.mu:
@@ -142,6 +145,7 @@ class Ratings(Value):
     root_diameter: Annotated[Positive, Quantity("length")] | None = None
     """Core diameter of a screw, m."""
     ends: ScrewEnds | None = None
+    """How the screw is held, for buckling and critical speed."""
 
     def _check(self) -> None:
         continuous, peak = self.continuous_output, self.peak_output
@@ -159,7 +163,9 @@ class Drive(Value):
     """A self-locking transmission, geometry resolved: w = ratio · qd."""
 
     name: str
+    """Such as the manufacturer's designation."""
     kind: DriveKind
+    """Worm gear, or a screw with one nut or with two that a spring presses apart."""
     ratio: Positive
     """Motor angle per joint coordinate: 1 (worm) or rad/m (screws)."""
     gamma: Positive
@@ -177,6 +183,7 @@ class Drive(Value):
     preload: Annotated[NotNegative, Quantity("force")] = 0.0
     """Spring force between the half nuts of an antibacklash screw, N."""
     second_nut_mass: Annotated[NotNegative, Quantity("mass")] = 0.0
+    """Of the half nut that the spring carries, kg."""
     self_locking: bool = True
     """The robot relies on this drive holding without torque."""
     dimensions: Mapping[str, float] = field(default_factory=dict)
@@ -189,6 +196,7 @@ class Drive(Value):
     """Present for a drive on a test rig."""
     file: str | None = field(default=None, compare=False)
     ratings: Ratings | None = None
+    """What the manufacturer allows; without it gears are not judged."""
     friction_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """What lubrication, temperature and wear may make of friction parameters, by their names in Friction."""
 

@@ -19,9 +19,13 @@ class Task(Value):
     """A point in task coordinates, rad and m; those left out are held."""
 
     roll: Annotated[float, Quantity("angle")] | None = None
+    """Turn of the plane of tilt about joint 1, rad."""
     tilt: Annotated[float, Quantity("angle")] | None = None
+    """Signed angle from joint 1 to the tool about the tilt axis, rad."""
     spin: Annotated[float, Quantity("angle")] | None = None
+    """Turn of the tool about itself, rad."""
     depth: Annotated[float, Quantity("length")] | None = None
+    """How far the tip is beyond the remote centre, m."""
     line: Line | None = field(default=None, compare=False)
     """Line of the problem file, for messages."""
 
@@ -128,6 +132,7 @@ class Scan(Value):
     diameters: tuple[Positive, ...] = ()
     """Of the rings, m, growing; none for a raster."""
     rows: Annotated[Count, Quantity("number")] = 0
+    """Of a raster; 0 for rings."""
     columns: Annotated[Count, Quantity("number")] = 0
     """Of a raster; 0 for rings."""
     spacing: Annotated[Positive, Quantity("length")] = 0.6e-3
@@ -164,9 +169,13 @@ class Stroke(Value):
 
     joint: str
     centre: Annotated[float, Quantity("angle", "length")]
+    """Middle of the stroke."""
     reach: Annotated[Positive, Quantity("angle", "length")]
+    """To either side of the centre."""
     velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
+    """Between the ramps."""
     acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
+    """Of the ramps."""
     home: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Where the other joints are held."""
 

@@ -17,28 +17,39 @@ class Motor(Value):
     """A motor's datasheet figures; None where the file gives none."""
 
     name: str
+    """Such as the manufacturer's designation."""
     nominal_torque: Annotated[Positive, Quantity("torque")]
     """Continuous torque, N·m."""
     max_torque: Annotated[Positive, Quantity("torque")]
     """Largest usable torque, N·m: what a plan may use at any instant."""
     max_speed: Annotated[Positive, Quantity("motor_speed")]
-    """rad/s."""
+    """Largest permissible speed, rad/s."""
     nominal_voltage: Annotated[Positive, Quantity("voltage")] | None = None
+    """V; the default of the controller's supply."""
     nominal_current: Annotated[Positive, Quantity("current")] | None = None
+    """A, continuous."""
     torque_constant: Annotated[Positive, Quantity("torque_constant")] | None = None
+    """N·m/A."""
     terminal_resistance: Annotated[Positive, Quantity("resistance")] | None = None
+    """Ω, from phase to phase, at 25 °C."""
     rotor_inertia: Annotated[Positive, Quantity("inertia")] | None = None
+    """kg·m²."""
     resistance_winding_housing: Annotated[Positive, Quantity("thermal_resistance")] | None = None
+    """Thermal resistance, K/W."""
     resistance_housing_ambient: Annotated[Positive, Quantity("thermal_resistance")] | None = None
+    """Thermal resistance, K/W."""
     time_constant_winding: Annotated[Positive, Quantity("time")] | None = None
+    """Thermal time constant of the winding, s."""
     time_constant_motor: Annotated[Positive, Quantity("time")] | None = None
+    """Thermal time constant of the motor, s."""
     max_winding_temperature: Annotated[Positive, Quantity("temperature")] | None = None
-    """K."""
+    """Largest permissible temperature of the winding, K."""
     torque_constant_per_kelvin: Annotated[float, Quantity("number")] | None = None
     """Relative change of the torque constant with the magnets' temperature, 1/K, negative."""
     mass: Annotated[Positive, Quantity("mass")] | None = None
     """kg."""
     encoder_counts: Annotated[int, Bound(above=0), Quantity("number")] | None = None
+    """Counts (lines) per turn; a position has four increments for each."""
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
     """Names of the figures that nobody could source for this motor; sources says what stands in and why."""

@@ -79,6 +79,7 @@ class Posterior(Value):
     forwards: Ripple | None = None
     """Ripple and noise in positive motion."""
     backwards: Ripple | None = None
+    """Ripple and noise in negative motion."""
 
     def _check(self) -> None:
         known = (*FRICTION_NAMES, LOAD_OFFSET)

@@ -25,9 +25,9 @@ class Lens(Value):
     """An ellipsoid that the shaft keeps clear of, base frame, m."""
 
     centre: Annotated[Vector, Quantity("length")]
-    """(3,)."""
+    """Base frame, m, (3,)."""
     semi_axes: Annotated[Vector, Quantity("length")]
-    """(3,), along the columns of `frame`."""
+    """m, (3,), along the columns of `frame`."""
     frame: Matrix
     """(3, 3), rotation base ← lens."""
 
@@ -43,8 +43,9 @@ class Eye(Value):
     """The eye about the remote centre, base frame, m: the retina as a sphere, and the lens where there is one."""
 
     centre: Annotated[Vector, Quantity("length")]
-    """(3,)."""
+    """Base frame, m, (3,)."""
     radius: Annotated[Positive, Quantity("length")]
+    """Of the retina, m."""
     clearance: Annotated[NotNegative, Quantity("length")]
     """Least distance of the tip from the retina."""
     port: Annotated[Positive, Quantity("length")] = 3e-3
@@ -52,6 +53,7 @@ class Eye(Value):
     shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
     """Added around the shaft where it passes the lens."""
     lens: Lens | None = None
+    """What the shaft keeps clear of."""
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -171,19 +173,24 @@ class Problem(Value, Limited):
     """A robot, where it starts, what it does, and within which limits. Raises ProblemError for what cannot be."""
 
     robot: Robot
+    """Geometry, bodies, joint limits, drives and motors."""
     start: Task | Joints | Tip
     """Task coordinates that it does not name are 0."""
     motion: tuple[Straight | Free | Dwell | Scan, ...]
+    """One motion after the other."""
     limits: tuple[Limit, ...] = ()
     """Of the task: ranges, rates and speeds; those of the joints are in robot.
 
     The robot's own ranges and the travel of joint 4 hold too: each range is what all of them leave.
     """
     objective: Objective = "time then heat"
+    """What is made least: "time"; "time then heat", the coolest of the fastest motions; or in a given duration "effort"."""
     eye: Eye | None = None
+    """Retina and lens that the tool keeps clear of."""
     start_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
     end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
+    """Rates of task coordinates at the very end, likewise."""
     duration: Annotated[Positive, Quantity("time")] | None = None
     """Of everything together where it is asked for, s."""
     planner: Planner = "optimal"

@@ -78,7 +78,9 @@ class Body(Value):
     """Inertial data of one moving body, in its own frame at the RCM."""
 
     name: str
+    """Such as the CAD part's."""
     mass: Annotated[NotNegative, Quantity("mass")]
+    """kg; 0 where it is counted in another body."""
     com: Annotated[Vector, Quantity("length")]
     """Centre of mass in the body frame, m, (3,)."""
     inertia: Matrix
@@ -110,11 +112,17 @@ class Joint(Value):
     name: str
     kind: Literal["revolute", "prismatic"]
     position: Annotated[Interval, Quantity("angle", "length")]
+    """Range."""
     velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
+    """Largest, by magnitude."""
     acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
+    """Largest, by magnitude."""
     jerk: Annotated[Positive, Quantity("angular_jerk", "jerk")] | None = None
+    """Largest, by magnitude; without it jerk is not limited."""
     drive: Drive | None = None
+    """Gear or screw with its friction; without it torque and motor of the joint are not checked."""
     motor: Motor | None = None
+    """Motor that turns the drive; without it motor torque and speed are not limited."""
     alternatives: tuple[Motor, ...] = ()
     """Motors that it may be instead, where what is known of the robot leaves it open; `size` judges them beside."""
     motor_direction: Sign = 1
@@ -180,6 +188,7 @@ class Robot(Value, Limited):
     """A serial spherical mechanism: geometry, bodies and joints with their limits, drives and motors; SI."""
 
     name: str
+    """By which results speak of it."""
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
     joints: tuple[Joint, Joint, Joint, Joint]

@@ -52,29 +52,45 @@ class SearchModel(Model):
     """How candidates are chosen."""
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
+    """Scrambled Sobol points; a grid; or with the extra `optuna` TPE or NSGA-II."""
     points: Annotated[int, Field(ge=1, le=10_000_000)] = 256
+    """Candidates, at least 1; of a grid, values of each span."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """The same seed gives the same candidates."""
 
 
 class RequirementsModel(Model):
     """What a candidate must do."""
 
     reach: Annotated[tuple[float, float], interval("angle")] | None = None
+    """Tilts that the mechanism has to reach."""
     reach_margin: Annotated[float, quantity("angle", Bound(at_least=0.0))] = 0.0
+    """To spare at both ends of reach."""
     self_locking: Truth = False
-    motor_margin: Annotated[float, Share(_share, {"type": ["number", "string"]})] = 0.0
+    """Every drive holds without torque."""
+    motor_margin: Annotated[float, Share(_share, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")] = (
+        0.0
+    )
+    """Least margin of torque, continuous torque, speed, heat and voltage."""
 
 
 class StudyModel(Model):
     """What a study file may say."""
 
     name: Text | None = None
+    """By default the file's name without its ending."""
     robot: Reference
+    """Where the candidates start from."""
     motions: Annotated[list[Text], Field(min_length=1, max_length=50)]
+    """Problem files, or shipped names; the candidate takes the place of their robot."""
     vary: dict[str, Any]
+    """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE}."""
     require: RequirementsModel = RequirementsModel()
+    """What a candidate must do."""
     minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]  # a tuple of texts
+    """Margins are made large."""
     search: SearchModel = SearchModel()
+    """How candidates are chosen."""
 
 
 def load_study(name: str | Path) -> Study:

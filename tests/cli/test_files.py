@@ -1,0 +1,107 @@
+"""Files to start from load as they stand; every key has a meaning; the schema accepts what the loader accepts."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from ssm_planner.cli import main
+from ssm_planner.cli.files import EXAMPLES, KINDS, REFERENCES, file_keys, template
+from ssm_planner.loading import load
+from ssm_planner.studies.study_file import load_study
+
+ROOT = Path(__file__).parents[2]
+LOADERS: dict[str, Callable[[Path], Any]] = {
+    "problem": load.load_problem,
+    "robot": load.load_robot,
+    "drive": load.load_drive,
+    "screw": load.load_drive,
+    "motor": load.load_motor,
+    "motorisation": load.load_motorisation,
+    "controller": load.load_controller,
+    "study": load_study,
+}
+
+
+@pytest.mark.parametrize("kind", LOADERS)
+def test_a_new_file_loads_as_it_stands(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.yaml"
+    assert main(["new", kind, str(file)]) == 0
+    assert str(file) in capsys.readouterr().out
+    made = LOADERS[kind](file)
+    assert made.name == "mine"
+    assert max(map(len, file.read_text().splitlines())) <= 120
+    if kind in EXAMPLES:
+        shipped = yaml.safe_load((ROOT / f"problems/{EXAMPLES[kind]}.yaml").read_text())
+        assert _by_stem(yaml.safe_load(file.read_text())) == _by_stem({**shipped, "name": "mine"})
+
+
+def _by_stem(value: Any, reference: bool = False) -> Any:
+    if isinstance(value, dict):
+        return {key: _by_stem(item, key in REFERENCES) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_by_stem(item, reference) for item in value]
+    return Path(value).stem if reference else value
+
+
+@pytest.mark.parametrize("kind", LOADERS)
+def test_a_new_file_names_every_key_of_its_first_two_levels(kind: str) -> None:
+    text = template(kind, "mine")
+    keys = {key.path for key in file_keys(kind) if key.path.count(".") == 0}
+    assert all(f"{key}:" in text for key in keys), text
+
+
+def test_a_new_file_replaces_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("precious")
+    assert main(["new", "robot", str(file)]) == 2
+    assert "nothing of yours is overwritten" in capsys.readouterr().err
+    assert file.read_text() == "precious"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_schema_describes_every_key(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", kind]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    lacking: list[str] = []
+
+    def visit(part: Any, path: str) -> None:
+        if isinstance(part, dict):
+            for name, entry in part.get("properties", {}).items():
+                figure = {"value", "source", "placeholder"} == set(part["properties"])
+                if not figure and not entry.get("description"):
+                    lacking.append(f"{path}.{name}")
+            for name, inner in part.items():
+                visit(inner, f"{path}.{name}")
+        elif isinstance(part, list):
+            for inner in part:
+                visit(inner, path)
+
+    visit(schema, kind)
+    assert not lacking
+
+
+@pytest.mark.parametrize("kind", LOADERS)
+def test_the_schema_accepts_a_new_file_and_refuses_an_unknown_key(kind: str) -> None:
+    validator = jsonschema.Draft202012Validator
+    from ssm_planner.cli.files import schema
+
+    known = validator(schema("drive" if kind == "screw" else kind))
+    data = yaml.safe_load(template(kind, "mine"))
+    assert not [error.message for error in known.iter_errors(data)]
+    assert [*known.iter_errors({**data, "nonsense": 1})]
+
+
+def test_the_page_of_keys_is_current_and_describes_every_key() -> None:
+    script = runpy.run_path(str(ROOT / "docs/make_reference.py"))
+    assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"
+    for kind in KINDS:
+        for path, rows in script["grouped"](kind).items():
+            assert all(row.description for row in rows), (kind, path)
