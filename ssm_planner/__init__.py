@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
     from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
+    from ssm_planner.simulation.draws import Draws
     from ssm_planner.simulation.simulate import MotorUse, PowerLosses, Scenario, SimulationResult, Tracking, simulate
     from ssm_planner.sizing.assess import MotorVerdict
     from ssm_planner.sizing.checks import Check
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     from ssm_planner.studies.study import Choice, Design, Requirements, Search, Study, Variable, Varied
     from ssm_planner.studies.study_file import load_study
     from ssm_planner.trajectory import Samples, Side, Span, Trajectory
-    from ssm_planner.typing import Array, Indices, Range
+    from ssm_planner.typing import Array, Indices, Mask, Range
     from ssm_planner.units import deg, mm, mNm, ms, rpm
     from ssm_planner.verification.certificate import Certificate, LimitCheck
     from ssm_planner.verification.slower import SpeedRange, WorstSpeed
@@ -70,22 +71,21 @@ if TYPE_CHECKING:
 __all__ = [
     "Alignment", "Array", "Axis", "AxisComparison", "AxisController", "Band", "Body", "Candidate", "Certificate",
     "Check", "Choice", "Clock", "Comparison", "Conditions", "Controller", "Count", "Cycle", "DemandName", "Demands",
-    "Design", "DesignRegion", "Difference", "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate", "ExportError",
-    "Extreme", "Eye", "Finding", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError",
-    "Harmonics", "Heat", "Identification", "Indices", "Interval", "Joint",
-    "JointCompliance", "JointLoad", "JointSizing", "JointSolutions",
-    "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Matrix", "Motion", "Motor",
-    "MotorRequirement", "MotorUse", "MotorVerdict", "NotNegative", "Objective", "PhaseSummary", "Plan", "Planner",
-    "Point", "Positive", "Posterior", "PowerLosses", "Prediction", "PredictionBand", "Problem", "ProblemError",
-    "Progress", "Range", "Ratings", "Reason", "Recording", "RecordingError", "Requirements", "Rig", "Ripple", "Robot",
-    "Samples", "Scan", "Scenario", "ScrewEnds", "Search", "Side", "Sign", "SimulationResult", "Sizing", "Span",
-    "SpeedLimit", "SpeedRange", "SsmPlannerError", "State", "Stops", "Straight", "Study", "StudyProgress",
-    "StudyResult", "Task", "TaskLimits", "TaskRange", "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolPose",
-    "TorqueBreakdown", "TorqueMap", "Tracking", "Trajectory", "TrajectoryError", "Variable", "Varied", "Vector",
-    "Verdict", "Workspace", "WorstSpeed", "check", "check_speeds", "compare", "controlled_stops", "deg",
-    "design_region", "export", "fk", "identify", "ik", "load_controller", "load_drive", "load_motor", "load_plan",
-    "load_problem", "load_robot", "load_study", "mNm", "mm", "ms", "plan", "predict", "report", "rpm", "simulate",
-    "size", "study", "workspace",
+    "Design", "DesignRegion", "Difference", "Draws", "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate",
+    "ExportError", "Extreme", "Eye", "Finding", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError",
+    "Harmonics", "Heat", "Identification", "Indices", "Interval", "Joint", "JointCompliance", "JointLoad",
+    "JointSizing", "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Mask",
+    "Matrix", "Motion", "Motor", "MotorRequirement", "MotorUse", "MotorVerdict", "NotNegative", "Objective",
+    "PhaseSummary", "Plan", "Planner", "Point", "Positive", "Posterior", "PowerLosses", "Prediction",
+    "PredictionBand", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording",
+    "RecordingError", "Requirements", "Rig", "Ripple", "Robot", "Samples", "Scan", "Scenario", "ScrewEnds", "Search",
+    "Side", "Sign", "SimulationResult", "Sizing", "Span", "SpeedLimit", "SpeedRange", "SsmPlannerError", "State",
+    "Stops", "Straight", "Study", "StudyProgress", "StudyResult", "Task", "TaskLimits", "TaskRange", "TaskRate",
+    "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Tracking", "Trajectory",
+    "TrajectoryError", "Variable", "Varied", "Vector", "Verdict", "Workspace", "WorstSpeed", "check", "check_speeds",
+    "compare", "controlled_stops", "deg", "design_region", "export", "fk", "identify", "ik", "load_controller",
+    "load_drive", "load_motor", "load_plan", "load_problem", "load_robot", "load_study", "mNm", "mm", "ms", "plan",
+    "predict", "report", "rpm", "simulate", "size", "study", "workspace",
 ]  # fmt: skip
 
 _HOMES = {
@@ -137,8 +137,9 @@ _HOMES = {
         "ssm_planner.simulation.simulate": "MotorUse PowerLosses Scenario SimulationResult Tracking simulate",
         "ssm_planner.stopping": "Stops",
         "ssm_planner.verification.slower": "SpeedRange WorstSpeed",
+        "ssm_planner.simulation.draws": "Draws",
         "ssm_planner.trajectory": "Samples Side Span Trajectory",
-        "ssm_planner.typing": "Array Indices Range",
+        "ssm_planner.typing": "Array Indices Range Mask",
         "ssm_planner.units": "deg mNm mm ms rpm",
         "ssm_planner.verification.certificate": "Certificate LimitCheck",
     }.items()

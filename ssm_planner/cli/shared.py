@@ -54,13 +54,13 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
         raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
 
 
-def share(text: str) -> float:
-    """`10%`, `10 %` or 0.1 of --speed as 0.1. Raises ProblemError."""
+def share(text: str, option: str = "--speed") -> float:
+    """`10%`, `10 %` or 0.1 of an option as 0.1. Raises ProblemError."""
     word = text.strip()
     try:
         return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
     except ValueError:
-        raise ProblemError("not a share", key="--speed", value=text, allowed="such as 10% or 0.1") from None
+        raise ProblemError("not a share", key=option, value=text, allowed="such as 10% or 0.1") from None
 
 
 def progress_reporter() -> Callable[[str], None]:

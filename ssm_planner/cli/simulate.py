@@ -37,6 +37,10 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--friction", type=float, default=1.0, metavar="FACTOR", help="times the friction of all drives"
     )
+    parser.add_argument(
+        "--draws", type=int, default=0, metavar="N", help="frictions drawn from what the drive files know"
+    )
+    parser.add_argument("--spread", metavar="PERCENT", help="range of friction that the drive files state nothing of")
     parser.add_argument("--compliance", type=float, default=1.0, metavar="FACTOR", help="times the assumed stiffness")
     parser.add_argument("--speed", default="100%", metavar="PERCENT", help="of the playback, such as 10%%")
     parser.add_argument("--dropped", type=quantity_argument("time"), metavar="TIME", help="a set point is lost then")
@@ -104,6 +108,8 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
         stall=stall,
         supply=options.supply,
         friction=options.friction,
+        draws=options.draws,
+        spread=None if options.spread is None else share(options.spread, "--spread"),
         dropped=options.dropped,
         wrong_direction=options.wrong_direction,
         compliance=options.compliance,
@@ -149,6 +155,13 @@ def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> li
         f"without power {held} ({instants}); the tip travels up to {1e3 * result.travel:.4g} mm, "
         f"at {float(losses.time[losses.worst]):.4f} s"
     )
+    if result.draws is not None:
+        found = result.draws.to_dict()
+        low, middle, high = (1e3 * value for value in found["tip_error"])
+        lines.append(
+            f"frictions     {found['passed']} of {found['count']} drawn ones pass; tip error {middle:.4g} mm, "
+            f"95 % within {low:.4g} … {high:.4g} mm"
+        )
     if stops is not None:
         longest, farthest = int(stops.duration.argmax()), int(stops.travel.argmax())
         lines.append(

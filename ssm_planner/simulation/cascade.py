@@ -12,16 +12,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
+import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Joint
 
-BANDWIDTH = 150.0
-"""Of the default position loop, Hz."""
+MARGIN = 30.0
+"""Phase margin of the default position loop on the motor's own inertia, degrees: the least that is usual, because a worm that
+its load drives needs a fast loop."""
 DAMPING = 0.7
 FILTER = 10.0
 """The derivative's filter: D / (FILTER · P)."""
@@ -85,6 +88,32 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
     )
 
 
+@lru_cache
+def bandwidth_of(period: float, lag: float) -> float:
+    """The bandwidth, Hz, at which a position loop sampled every `period` (s) keeps MARGIN on an inertia; lag: of the current.
+
+    With P, I and D as `gains_of` makes them the inertia cancels out of the open loop
+    (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s², which half a period of sampling and the current's lag follow.
+    """
+    low, high = 1e-3 / period, 1.0 / period
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if phase_margin(middle, period, lag) > MARGIN else (low, middle)
+    return low
+
+
+def phase_margin(bandwidth: float, period: float, lag: float) -> float:
+    """Of the default position loop with a bandwidth (Hz), degrees; −180 where it is not stable at all."""
+    omega = 2.0 * math.pi * bandwidth
+    s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
+    derivative = 2.0 * DAMPING * omega * s / (1.0 + 2.0 * DAMPING / (FILTER * omega) * s)
+    loop = (omega**2 + derivative + INTEGRAL_SHARE * omega**3 / s) / s**2 / (1.0 + lag * s) * np.exp(-s * period / 2.0)
+    crossing = int(np.flatnonzero(np.abs(loop) > 1.0).max(initial=0))
+    phase = np.degrees(np.unwrap(np.angle(loop)))
+    # the integral and both poles at 0 begin at −270 degrees
+    return float(180.0 + phase[crossing] - 360.0 * round((phase[0] + 180.0) / 360.0))
+
+
 def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gains:
     """The file's gains, and for the rest those that give the loop its bandwidth on the motor's own inertia.
 
@@ -94,7 +123,7 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
     drive, axis = joint.drive, controller.axis(joint.name)
     if drive is None:
         raise ProblemError("has no drive", key=f"joints.{joint.name}")
-    omega = 2.0 * math.pi * (axis.bandwidth or BANDWIDTH)
+    omega = 2.0 * math.pi * (axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag))
     inertia = drive.input_inertia / electrics.torque_constant
     if inertia == 0.0 and (axis.p is None or axis.d is None):
         raise ProblemError(

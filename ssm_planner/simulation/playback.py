@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ssm_planner.codegen.vectorised import dense
 from ssm_planner.formats.epos4 import Stream
 from ssm_planner.formats.epos4_setup import Axis
 from ssm_planner.problem.controller import Controller
@@ -16,7 +17,7 @@ from ssm_planner.simulation.plant import FRICTION, INTEGRAL, MOTOR, QD, STATE, A
 from ssm_planner.typing import Array
 from ssm_planner.units import rpm
 
-STEPS = 1
+STEPS = 2
 """Of the plant in one period of the position loop."""
 FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
 """Natural frequencies of the joints with their drives locked, Hz: assumed."""
@@ -125,8 +126,8 @@ class ControlledArm(ArmPlant):
         super().__init__(robot, compliance or compliance_of(robot, controller), self.period / steps)
         self.controller, self.axes, self.windows = controller, axes, windows
         self.electrics: dict[int, Electrics] = {k: electrics_of(robot.joints[k], controller) for k in self.driven}
-        self._one = self._period_function()
-        self._many = self._one.mapaccum("arm", _CHUNK)
+        self.one = self._period_function()
+        self._many = self.one.mapaccum("arm", _CHUNK)
 
     def start(self, q: Array) -> Array:
         """State (44,) at rest at q (4,); the drives' encoders were set there."""
@@ -190,4 +191,4 @@ class ControlledArm(ArmPlant):
             y = step_once(y, ca.vertcat(*tau), locked, stalled, friction)
         after = ca.vertcat(y, *(ca.vertcat(*loops[name]) for name in ("current", "d", "e", "trip")))
         outputs = [after, ca.vertcat(*loops["e"]), ca.vertcat(*loops["cut"])]
-        return ca.Function("period", [x, u], outputs, {"cse": True})
+        return dense("period", [x, u], outputs)

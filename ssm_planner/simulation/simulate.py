@@ -19,6 +19,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.simulation.cascade import electrics_of
+from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
 from ssm_planner.simulation.playback import (
     CURRENT,
@@ -74,6 +75,10 @@ class Scenario:
     """Joint whose controller counts the other way than the robot file says."""
     compliance: float = 1.0
     """Times the assumed stiffness and damping between motor and joint."""
+    draws: int = 0
+    """Frictions under which the motion is played besides, drawn from what the drive files know of them."""
+    spread: float | None = None
+    """Range of the friction of which a drive file says nothing, as a share; None: as stated."""
     tip_error: float = TIP_ERROR
     """Largest that passes, m."""
     travel: float | None = None
@@ -88,6 +93,14 @@ class Scenario:
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
         if not 0 < self.speed <= 1:
             raise ProblemError("no playback", key="speed", value=self.speed, allowed="above 0 and up to 1 (100 %)")
+        if not 0 <= self.draws <= 100_000:
+            raise ProblemError("no such number", key="draws", value=self.draws, allowed="0 to 100 000")
+        if self.spread is not None and not 0 <= self.spread < 1:
+            raise ProblemError(
+                "no range of friction", key="spread", value=self.spread, allowed="0 up to, not including, 1"
+            )
+        if self.draws and self.payload and self.payload_time > 0:
+            raise ProblemError("not with draws", key="payload_time", value=self.payload_time, allowed="0")
         if not 0 < self.friction <= 10:
             raise ProblemError("no such friction", key="friction", value=self.friction, allowed="above 0 and up to 10")
         for key, joint in (("stall", self.stall and self.stall[0]), ("wrong_direction", self.wrong_direction)):
@@ -179,6 +192,8 @@ class SimulationResult:
     """Why it did not pass; empty where it did."""
     axes: dict[str, Axis] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    draws: Draws | None = None
+    """Of the same motion under drawn frictions; None where none were asked for."""
     """What was assumed."""
 
     @property
@@ -221,6 +236,7 @@ class SimulationResult:
                 "longest": float(losses.standing.max()) if losses.holds else None,
                 "not_held": int(np.sum(~np.isfinite(losses.standing))),
             },
+            "draws": None if self.draws is None else self.draws.to_dict(),
             "reasons": list(self.reasons),
             "notes": list(self.notes),
         }
@@ -247,7 +263,7 @@ def simulate(
     played = stage.play()
     progress("losing power")
     losses = stage.lose_power(played, progress)
-    return stage.result(played, losses)
+    return stage.result(played, losses, stage.draws(progress))
 
 
 class _Stage:
@@ -259,6 +275,7 @@ class _Stage:
         self.axes = axes_of(robot, _counts(robot, controller))
         self.windows = {name: self._window(axis) for name, axis in self.axes.items()}
         self.arms: dict[float, ControlledArm] = {}
+        self.unknown: tuple[str, ...] = ()
         self.period = controller.loop_period
         loss = scenario.power_loss
         end = plan.motion.duration + SETTLE if not isinstance(loss, float) else loss + HORIZON
@@ -335,7 +352,25 @@ class _Stage:
         still = np.array([STANDS * joint.velocity for joint in self.plan.robot.joints])
         return np.all(states[:, W] == 0.0, axis=1) & np.all(np.abs(states[:, QD]) <= still, axis=1)
 
-    def result(self, played: Played, losses: PowerLosses) -> SimulationResult:
+    def draws(self, progress: Callable[[str], None]) -> Draws | None:
+        """The same set points under many frictions."""
+        scenario = self.scenario
+        if not scenario.draws:
+            return None
+        frictions, self.unknown = drawn_frictions(self.plan.robot, scenario.draws, scenario.spread)
+        arm = self.arm(scenario.payload)
+        return play_draws(
+            arm,
+            arm.start(self.planned[0]),
+            self.told,
+            offsets=self.offsets,
+            friction=scenario.friction * frictions,
+            planned=self.planned,
+            tip_limit=scenario.tip_error,
+            progress=progress,
+        )
+
+    def result(self, played: Played, losses: PowerLosses, draws: Draws | None = None) -> SimulationResult:
         """Everything found, and the verdict."""
         states, robot = played.states[:-1], self.plan.robot
         mechanism = Mechanism.from_geometry(robot.geometry)
@@ -372,7 +407,8 @@ class _Stage:
             scenario=self.scenario,
             reasons=(),
             axes=self.axes,
-            notes=self._notes(),
+            notes=(*self._notes(), *self.unknown),
+            draws=draws,
         )
         return replace(result, reasons=tuple(_reasons(result)))
 
@@ -474,6 +510,11 @@ def _reasons(result: SimulationResult) -> list[str]:
         reasons.append(
             f"the tip was {1e3 * result.tip_error:.3g} mm away from the plan at {when:.4f} s (allowed: "
             f"{1e3 * scenario.tip_error:.3g} mm)"
+        )
+    if result.draws is not None and not result.draws.passed.all():
+        failed = int(np.sum(~result.draws.passed))
+        reasons.append(
+            f"with {failed} of {len(result.draws.passed)} drawn frictions a motor saturates, a drive trips or the tip strays"
         )
     losses = result.losses
     if not losses.holds:

@@ -11,7 +11,16 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_controller, load_robot
 from ssm_planner.problem.controller import AxisController, Controller
-from ssm_planner.simulation.cascade import Electrics, Gains, current_range, electrics_of, encoder, gains_of, loop_step
+from ssm_planner.simulation.cascade import (
+    Electrics,
+    Gains,
+    bandwidth_of,
+    current_range,
+    electrics_of,
+    encoder,
+    gains_of,
+    loop_step,
+)
 
 ROBOT = Path(__file__).parents[2] / "problems" / "robots" / "vitreoretinal.yaml"
 MOTOR = Electrics(torque_constant=0.0148, resistance=0.763, voltage=21.6, max_current=5.0, lag=1e-4)
@@ -99,13 +108,46 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
         k, inertia = electrics.torque_constant, joint.drive.input_inertia
         # closed on the bare motor the loop has its bandwidth and a damping ratio of 0.7
         omega = np.sqrt(k * tuned.p / inertia)
-        assert omega == pytest.approx(2 * np.pi * 150)
+        assert omega == pytest.approx(2 * np.pi * bandwidth_of(4e-4, 1e-4))
         assert k * tuned.d / inertia == pytest.approx(2 * 0.7 * omega)
         assert tuned.ff_velocity == tuned.ff_acceleration == 0.0
         without = gains_of(joint, Controller(torque_offset=False), electrics)
         assert without.ff_acceleration * k == pytest.approx(inertia)
         given = Controller(joints={joint.name: AxisController(p=1.0)})
         assert gains_of(joint, given, electrics).p == 1.0
+
+
+def test_the_default_bandwidth_leaves_its_phase_margin(robot):
+    """The loop in discrete time, its gain or its delay moved until the closed loop is no longer stable."""
+    period, lag = 4e-4, 1e-4
+    bandwidth = bandwidth_of(period, lag)
+    assert 100 < bandwidth < 200
+    assert bandwidth_of(2 * period, 2 * lag) == pytest.approx(bandwidth / 2, rel=1e-6)
+
+    def radius(delay):
+        """Largest |eigenvalue| of position, speed, current, integral, filtered derivative and last error; delay: periods."""
+        joint, controller = robot.joints[0], Controller()
+        gains, k = gains_of(joint, controller, electrics_of(joint, controller)), 1.0
+        unit = electrics_of(joint, controller).torque_constant / joint.drive.input_inertia
+        state, filtered = np.zeros((6 + delay, 6 + delay)), gains.d / (10 * gains.p)
+        follows = 1 - np.exp(-period / lag)
+        for column in range(6 + delay):
+            x = np.zeros(6 + delay)
+            x[column] = 1.0
+            q, w, i, integral, derivative, before = x[:6]
+            error = -q
+            derivative = (filtered * derivative + gains.d * (error - before)) / (filtered + period)
+            demanded = gains.p * error + integral + derivative
+            line = [*x[6:], demanded] if delay else [demanded]
+            i = i + follows * (line[0] - i)
+            integral = integral + period * gains.i * error
+            after = [q + period * w + period**2 / 2 * k * unit * i, w + period * k * unit * i]
+            state[:, column] = [*after, i, integral, derivative, error, *(line[1:] if delay else [])]
+        return np.abs(np.linalg.eigvals(state)).max()
+
+    assert radius(0) < 1
+    # 30 degrees at the crossing, at 1.5 times the bandwidth, are 0.4 ms: one period of dead time uses them up
+    assert radius(2) > 1
 
 
 @pytest.mark.parametrize(
