@@ -19,7 +19,9 @@ from ssm_planner.formats.epos4 import period_ms
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
+from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Robot
+from ssm_planner.simulation.simulate import Scenario, _Stage
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -360,6 +362,14 @@ def rated_torques(robot: Robot) -> dict[str, float]:
     return {joint.name: joint.motor.nominal_torque for joint in robot.joints if joint.motor is not None}
 
 
+LOOP_PERIOD = 4e-4
+
+
+def told_to_simulation(plan: Plan) -> np.ndarray:
+    """Motor angles (periods, 4) that `simulate` demands of its drives."""
+    return _Stage(plan, Scenario(), Controller(loop_period=LOOP_PERIOD, counts_per_turn=COUNTS)).told.demand
+
+
 def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
     """Enabled in CSP by the canopen library's own client and streamed in real time: every drive has got the plan."""
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
@@ -381,6 +391,11 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
             assert np.array_equal(received[:, 1], rows["velocity_offset_mrpm"])
             assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
             assert abs(drives[joint.name].position - exact[-1]) <= 1
+            # at every SYNC the simulated arm's drives are told the same position, within an increment
+            told = told_to_simulation(plan)[:: round(0.004 / LOOP_PERIOD), i][:count]
+            increments = told * joint.motor_direction * COUNTS / (2 * np.pi)
+            assert len(told) >= count - 1
+            assert np.abs(received[: len(told), 0] - increments).max() <= 1
             reported, target = clients[joint.name].tpdo[2][0], int(received[-1, 0])
             assert settled(lambda reported=reported, target=target: reported.raw == target)
 
