@@ -29,7 +29,17 @@ from pathlib import Path
 from section import Section, table_lines
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("same_problem", "same_path", "rest_to_rest", "kinematics", "identification", "stages", "growth", "process")
+PARTS = (
+    "same_problem",
+    "same_path",
+    "rest_to_rest",
+    "kinematics",
+    "identification",
+    "stages",
+    "growth",
+    "process",
+    "simulation",
+)
 PEERS = ("rockit-meco", "toppra", "copp-py", "ruckig", "pin")
 PACKAGES = ("ssm-planner", "casadi", "numpy", "scipy", "matplotlib", *PEERS)
 LONGEST = 900.0
