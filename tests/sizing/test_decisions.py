@@ -40,7 +40,7 @@ FRICTION = ("mu", "b_c", "b_v", "b_oc", "b_ov")
 
 
 def catalogue() -> Iterator[Motor]:
-    with (PROBLEMS / "motors/motors_24v.csv").open(encoding="utf-8", newline="") as file:
+    with (PROBLEMS / "catalogues/motors_24v.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             figures = {name: units.quantity(row[name], kind) for name, kind in KINDS.items()}
             yield Motor(name=row["order_number"], max_torque=figures.pop("chart_max_torque"), **figures)
