@@ -1,5 +1,12 @@
 """Laws that every page keeps, as JavaScript evaluated inside it; each returns what breaks the law."""
 
+from __future__ import annotations
+
+from importlib import resources
+from typing import Any
+
+import pytest
+
 CONTRAST = """() => {
   const parse = (text) => (text.match(/[0-9.]+/g) || [0, 0, 0, 0]).map(Number);
   const light = ([r, g, b]) => {
@@ -38,3 +45,18 @@ OVERFLOW = """() => document.documentElement.scrollWidth > innerWidth
   ? [...document.querySelectorAll("body *")].filter((node) => node.getBoundingClientRect().right > innerWidth + 1)
       .map((node) => `${node.tagName}.${node.className}`).slice(0, 5)
   : []"""
+
+
+def serious(page: Any) -> list[str]:
+    """What axe-core finds on a page that is serious or critical."""
+    axe = pytest.importorskip(
+        "axe_playwright_python", reason="axe-core is not installed (pip install axe-playwright-python)"
+    )
+    page.evaluate(resources.files(axe).joinpath("axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate("axe.run()")["violations"]
+    return [
+        f"{each['id']}: {node['html'][:160]}"
+        for each in found
+        if each["impact"] in ("serious", "critical")
+        for node in each["nodes"]
+    ]

@@ -18,7 +18,7 @@ from ssm_planner.reporting.html.report import write_report
 from ssm_planner.reporting.text import motors_verdict
 
 from .conftest import PLAN, Visit
-from .page_laws import CONTRAST, OVERFLOW, UNNAMED
+from .page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 Open = Callable[..., Visit]
 
@@ -125,9 +125,12 @@ def test_keyboard_plays_and_scrubs(visit: Open, report: Path) -> None:
 
 def test_certificate_sorts_and_its_times_move_the_scrubber(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
-    cells = "[...document.querySelectorAll('#certificate tbody tr')].map((row) => Number(row.cells[5].dataset.value))"
+    first = "document.querySelector('#certificate table')"
+    cells = f"[...{first}.tBodies[0].rows].map((row) => Number(row.querySelector('.margin').dataset.value))"
     rising = page.evaluate(cells)
     assert rising == sorted(rising)
+    assert len(rising) == 10
+    assert min(rising) >= 0
     page.get_by_role("button", name="margin").click()
     assert page.evaluate(cells) == sorted(rising, reverse=True)
     moment = page.locator("#certificate .moment").nth(5)
@@ -245,6 +248,8 @@ def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) 
 def test_whether_the_motors_suffice_is_said_above_and_shown_below(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
     _, verdict, reason = motors_verdict(load_plan(PLAN).sizing.to_dict())
+    assert verdict in page.inner_text("header .verdict")
+    page.click("header .unknowns summary")
     assert f"{verdict} {reason}" in page.inner_text("header .verdict")
     tables = page.locator("#sizing table")
     shown = [
@@ -258,3 +263,135 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(visit: Open, r
         assert all(
             needs in tables.nth(1).inner_text() for needs in " and ".join(motor["not_checked"].values()).split(" and ")
         )
+
+
+def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path) -> None:
+    """At 1280 × 800: verdict sentence, chips, mechanism and controls, without scrolling; what is not known unfolds."""
+    page = visit(report.as_uri()).page
+    assert page.inner_text(".lead").startswith("Tilts −85° → −135°, inserts 20 mm in 3.")
+    assert "limited by the speed of joints 1, 2 and 4" in page.inner_text(".lead")
+    for place in (
+        ".lead",
+        ".verdict",
+        "#scene",
+        "#player .play",
+        "#player .strip",
+        "#player .clock",
+        ".unknowns summary",
+    ):
+        box = page.locator(place).first.bounding_box()
+        assert box["y"] + box["height"] <= 800, place
+    assert page.locator("#scene").bounding_box()["width"] >= 0.45 * 1280
+    assert page.inner_text("#player .clock").startswith("0.000 s")
+    assert not page.locator(".unknowns ul").is_visible()
+
+
+def test_every_plot_says_its_values_at_the_cursor(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    page.evaluate("window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))")
+    page.evaluate("SSM.player.at(1.0)")
+    figures = page.locator("#plots figure")
+    for k in range(figures.count()):
+        figures.nth(k).scroll_into_view_if_needed()
+        shown = figures.nth(k).locator(".value").all_inner_texts()
+        assert shown, figures.nth(k).inner_text()
+        assert all(re.search(r"\d|–", text) for text in shown), figures.nth(k).inner_text()
+        assert figures.nth(k).locator("[role=img]").get_attribute("aria-label")
+    velocity = page.locator("figure", has_text="Velocity: roll, tilt, spin")
+    index = page.evaluate("SSM.player.index")
+    for i, text in enumerate(velocity.locator(".value").all_inner_texts()):
+        assert number(text) == pytest.approx(np.rad2deg(page.evaluate(f"SSM.channels.qd{i}[{index}]")), rel=1e-3)
+
+
+def test_hatching_stands_on_the_limit(visit: Open, report: Path) -> None:
+    """Every stroke of an active limit begins at that limit's value, whatever else is active there."""
+    page = visit(report.as_uri()).page
+    page.locator("figure").first.scroll_into_view_if_needed()
+    drawn = page.evaluate("""() => SSM.data().panels.filter((panel) => panel.active.length).map((panel) => {
+      const begins = [];
+      const ignore = () => {};
+      const ctx = new Proxy({}, { get: (_, name) => name === "moveTo" ? (x, y) => begins.push(y) : ignore, set: () => true });
+      const bbox = { left: 0, top: 0, width: 1e4, height: 1e4 };
+      SSM.drawLimits({ ctx, bbox, valToPos: (value) => value }, panel, ["", "", "", "", ""]);
+      return [begins, panel.limits.flatMap(({ low, high }) => [low, high])];
+    })""")
+    assert drawn
+    for begins, ends in drawn:
+        assert all(any(y == pytest.approx(end) for end in ends if end is not None) for y in begins)
+
+
+def test_lines_are_hidden_enlarged_and_zoomed_back(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    figure = page.locator("#plots figure").first
+    figure.scroll_into_view_if_needed()
+    key = figure.locator("button.key").first
+    before = figure.locator("canvas").screenshot()
+    key.click()
+    page.wait_for_timeout(100)
+    assert key.get_attribute("aria-pressed") == "false"
+    assert figure.locator("canvas").screenshot() != before
+    height = figure.locator("canvas").bounding_box()["height"]
+    figure.get_by_role("button", name="Enlarge").click()
+    page.wait_for_timeout(100)
+    assert figure.locator("canvas").bounding_box()["height"] > 1.5 * height
+    box = figure.locator(".u-over").bounding_box()
+    page.mouse.move(box["x"] + 40, box["y"] + 30)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 140, box["y"] + 30)
+    page.mouse.up()
+    reset = figure.get_by_role("button", name="Reset zoom")
+    reset.click()
+    page.wait_for_timeout(100)
+    assert not reset.is_visible()
+
+
+def test_the_keyboard_turns_the_mechanism(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    page.focus("#scene canvas")
+    before, index = page.evaluate("SSM.scene.camera.position.toArray()"), page.evaluate("SSM.player.index")
+    for press in ("ArrowLeft", "ArrowUp", "+"):
+        page.keyboard.press(press)
+    after = page.evaluate("SSM.scene.camera.position.toArray()")
+    assert np.linalg.norm(np.subtract(after, before)) > 0.01
+    assert page.evaluate("SSM.player.index") == index
+    page.keyboard.press("0")
+    assert page.evaluate("SSM.scene.camera.position.toArray()") == pytest.approx(before)
+
+
+def test_the_legend_hides_what_it_names(visit: Open, in_eye: Path, tmp_path: Path) -> None:
+    page = visit(write_report(load_plan(in_eye), tmp_path / "report.html").as_uri()).page
+    names = page.locator(".scene-legend label").all_inner_texts()
+    assert {"axes", "allowed tilt", "α and β", "tip trace", "eye", "start"} <= set(names)
+    canvas = page.locator("#scene canvas").first
+    for name in ("eye", "tip trace", "start"):
+        page.wait_for_timeout(100)
+        before = canvas.screenshot()
+        page.get_by_label(name, exact=True).uncheck()
+        page.wait_for_timeout(100)
+        assert canvas.screenshot() != before, name
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(browser: Any, report: Path, in_eye: Path, tmp_path: Path, scheme: str) -> None:
+    for page_file in (report, write_report(load_plan(in_eye), tmp_path / "in_eye.html")):
+        page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)
+        page.goto(page_file.as_uri())
+        page.wait_for_timeout(1000)
+        page.evaluate("window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))")
+        page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+        assert serious(page) == []
+        page.close()
+
+
+def test_print_shows_the_mechanism_and_full_width_plots(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    page.emulate_media(media="print")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.wait_for_timeout(200)
+    assert page.locator("#scene .paper").is_visible()
+    assert not page.locator("#player").is_visible()
+    assert page.evaluate(
+        "[...document.querySelectorAll('#plots figure')].every((each) => each.querySelector('canvas'))"
+    )
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("#scene .paper").count() == 0

@@ -29,15 +29,39 @@ SSM.dashes = [[], [9, 5], [10, 4, 2, 4], [2, 4], [12, 3, 2, 3, 2, 3]];
 
 SSM.calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
+// in dark mode: as far apart, and light enough on dark
+SSM.night = { "#0072B2": "#56B4E9", "#D55E00": "#FF9A4D", "#009E73": "#35D0A2", "#000000": "#E8EBEE", "#A0457E": "#E08CC4",
+  "#8c2d1a": "#ff9d85", "#a8482c": "#ffb08f", "#1c5f92": "#8cc8f5" };
+SSM.scheme = window.matchMedia("(prefers-color-scheme: dark)");
+SSM.printing = false;
+SSM.dark = () => SSM.scheme.matches && !SSM.printing;
+// for a style, and for a canvas
+SSM.paint = (colour) => (SSM.night[colour] ? `light-dark(${colour}, ${SSM.night[colour]})` : colour);
+SSM.tone = (colour) => (SSM.dark() && SSM.night[colour]) || colour;
+SSM.ink = (name) => SSM.inks[SSM.dark() ? 1 : 0][name];
+SSM.inks = [
+  { text: "#333b45", grid: "#e3e7ec", tick: "#c3cad3", limit: "#5b6470", stripe: "#eef1f5", paper: "#ffffff", regions: ["#e7ebf0", "#c9d8e6"], scene: 0xf7f8fa },
+  { text: "#c6ced7", grid: "#2b333d", tick: "#47525e", limit: "#9aa5b1", stripe: "#1e252d", paper: "#14191f", regions: ["#222a33", "#2c4255"], scene: 0x1a2027 },
+];
+
+// the longest of a phase's names that fits a width: whole, without its group, its number alone
+SSM.pen = document.createElement("canvas").getContext("2d");
+SSM.pen.font = "12px system-ui, sans-serif";
+SSM.fitting = (name, width) => {
+  const own = name.split(", ").pop();
+  return [name, own, own.match(/\d+$/)?.[0] ?? ""].find((text) => SSM.pen.measureText(text).width + 4 < width) ?? "";
+};
+
 // a short line in a colour and dash, as a key beside text
 SSM.swatch = (colour, dash, width = 2.5) => {
   const space = "http://www.w3.org/2000/svg";
   const svg = document.createElementNS(space, "svg");
   const line = document.createElementNS(space, "line");
   for (const [key, value] of [["width", 28], ["height", 8], ["aria-hidden", "true"]]) svg.setAttribute(key, value);
-  for (const [key, value] of [["x1", 0], ["x2", 28], ["y1", 4], ["y2", 4], ["stroke", colour], ["stroke-width", width]]) {
+  for (const [key, value] of [["x1", 0], ["x2", 28], ["y1", 4], ["y2", 4], ["stroke-width", width]]) {
     line.setAttribute(key, value);
   }
+  line.style.stroke = SSM.paint(colour);
   line.setAttribute("stroke-dasharray", dash.join(" "));
   svg.append(line);
   return svg;

@@ -10,7 +10,7 @@ SSM.maps = (container, data, channels, player) => {
 SSM.map = (grid, map, data, channels, player) => {
   const speed = channels[`w${map.joint}`].map((x) => (x * 30) / Math.PI);
   const torque = channels[`tau${map.joint}`].map((x) => 1000 * x);
-  const holder = SSM.element("div", { class: "plot" });
+  const holder = SSM.element("div", { class: "plot", role: "img", "aria-label": `Motor torque against speed of ${data.joints[map.joint].name}` });
   const colour = data.colours[map.joint];
   const notes = [];
   const span = (values, largest, unit) => {
@@ -24,38 +24,39 @@ SSM.map = (grid, map, data, channels, player) => {
   const key = (swatch, text) => SSM.element("span", { class: "key" }, swatch, text);
   const square = (fill) => {
     const node = SSM.element("span", { class: "square" });
-    node.style.background = fill;
+    node.style.background = `light-dark(${SSM.inks[0].regions[fill]}, ${SSM.inks[1].regions[fill]})`;
     return node;
   };
+  const value = SSM.element("span", { class: "value" });
   const caption = SSM.element("figcaption", {}, SSM.element("strong", {}, data.joints[map.joint].name),
     SSM.element("span", {}, `${map.motor}${map.placeholder ? " (placeholder figures)" : ""}`),
-    key(SSM.swatch(colour, []), "motion"), key(square(SSM.regions[1]), "continuous"), key(square(SSM.regions[0]), "short term"),
+    key(SSM.swatch(colour, []), "motion"), value, key(square(1), "continuous"), key(square(0), "short term"),
     SSM.element("span", { class: "note" }, beyond ?? ""));
   grid.append(SSM.element("figure", {}, caption, holder));
   const dot = SSM.element("div", { class: "dot" });
   const draw = (u) => {
-    SSM.region(u, map.speed, map.largest, SSM.regions[0]);
-    SSM.region(u, map.speed, map.continuous, SSM.regions[1]);
+    SSM.region(u, map.speed, map.largest, SSM.ink("regions")[0]);
+    SSM.region(u, map.speed, map.continuous, SSM.ink("regions")[1]);
   };
   const u = new uPlot({
     width: Math.max(200, holder.clientWidth), height: 230, padding: [10, 14, 0, 0], legend: { show: false }, cursor: { show: false },
     scales: { x: { time: false, range: () => ranges.x }, y: { range: () => ranges.y } },
     axes: [SSM.axis("motor speed (rpm)", 34), SSM.axis("motor torque (mN·m)", 48)],
     series: [{}, { show: true, points: { show: false }, paths: () => null }],
-    hooks: { drawClear: [draw], draw: [(plot) => SSM.curve(plot, speed, torque, colour)] },
+    hooks: { drawClear: [draw], draw: [(plot) => SSM.curve(plot, speed, torque, SSM.tone(colour))] },
   }, [ranges.x, [null, null]], holder);
   u.over.append(dot);
   const mark = (index) => {
     dot.style.transform = `translate(${u.valToPos(speed[index], "x")}px, ${u.valToPos(torque[index], "y")}px)`;
+    value.textContent = `${SSM.fixed(torque[index], 3)} mN·m at ${SSM.fixed(speed[index], 0)} rpm`;
   };
   player.listen(mark);
+  SSM.whenRedrawn(() => u.setSize({ width: SSM.printing ? 680 : Math.max(200, holder.clientWidth), height: 230 }));
   new ResizeObserver(() => {
     if (holder.clientWidth && holder.clientWidth !== u.width) u.setSize({ width: holder.clientWidth, height: 230 });
     mark(player.index);
   }).observe(holder);
 };
-
-SSM.regions = ["#e7ebf0", "#c9d8e6"];
 
 // all four quadrants
 SSM.region = (u, speed, torque, fill) => {
@@ -65,7 +66,7 @@ SSM.region = (u, speed, torque, fill) => {
   u.ctx.rect(left, top, width, height);
   u.ctx.clip();
   u.ctx.fillStyle = fill;
-  u.ctx.strokeStyle = "#5b6470";
+  u.ctx.strokeStyle = SSM.ink("limit");
   const ways = [[1, 1], [1, -1], [-1, -1], [-1, 1]];
   u.ctx.beginPath();
   ways.forEach(([x, y], quadrant) => {

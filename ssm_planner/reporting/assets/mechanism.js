@@ -31,18 +31,44 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   slide.add(SSM.ball(0.0013 * fine, solid(ghost ? colours[1] : "#7a2fa0", 1)));
   if (!ghost) {
     base.add(SSM.ball(0.0022 * fine, solid("#22272e")));
-    [base, turns[0], turns[1]].forEach((parent, i) => parent.add(SSM.axisLine(axes[i], r + 0.03, colours[i])));
   }
-  for (const band of ghost ? [] : scene.bands) base.add(SSM.band(band, -scene.insertion_sign, colours[1]));
+  // what the legend names: objects that appear and vanish together, and labels with the object that they stand at
+  const parts = {};
+  const put = (name, parent, ...objects) => {
+    parent.add(...objects);
+    parts[name] = [...(parts[name] ?? []), ...objects];
+  };
+  const texts = [];
+  const say = (name, parent, position, text, colour) => {
+    const anchor = new THREE.Group();
+    anchor.position.copy(position);
+    put(name, parent, anchor);
+    texts.push({ anchor, text, colour, name });
+  };
+  if (!ghost) {
+    put("axes", base, SSM.axisLine(axes[0], r + 0.03, colours[0]));
+    put("axes", turns[0], SSM.axisLine(axes[1], r + 0.03, colours[1]));
+    put("axes", turns[1], SSM.axisLine(axes[2], r + 0.03, colours[2]));
+    for (const band of scene.bands) {
+      const { lines, end } = SSM.band(band, -scene.insertion_sign, colours[1]);
+      put(`${band.name} tilt`, base, ...lines);
+      if (labels && band.name === "allowed") say("allowed tilt", base, end, "allowed tilt", colours[1]);
+    }
+    const degrees = (from, to) => `${SSM.fixed((180 / Math.PI) * from.angleTo(to), 1)}°`;
+    const arcs = [["α", turns[0], ends[0], axes[1].clone().multiplyScalar(scene.sides[0]), 0.062, colours[0]],
+      ["β", turns[1], ends[1], axes[2].clone().multiplyScalar(scene.sides[1]), 0.05, colours[2]]];
+    for (const [name, parent, from, to, radius, colour] of arcs) {
+      put("α and β", parent, SSM.arc(from, to, radius, 0.0007, new THREE.MeshBasicMaterial({ color: colour })));
+      const middle = from.clone().add(to).setLength(radius);
+      if (labels) say("α and β", parent, middle, `${name} ${degrees(from, to)}`, colour);
+    }
+  }
   if (labels) {
     const words = [`1 ${scene.names[0]}`, `2 ${scene.names[1]}`, `3 ${scene.names[2]}, 4 ${scene.names[3]}`];
-    [base, turns[0], turns[1]].forEach((parent, i) => {
-      const label = SSM.label(words[i], colours[i]);
-      label.position.copy(ends[i]).multiplyScalar(r + 0.046);
-      parent.add(label);
-    });
+    [base, turns[0], turns[1]].forEach((parent, i) => say("axes", parent, ends[i].clone().multiplyScalar(r + 0.03), words[i], colours[i]));
+    say("axes", base, new THREE.Vector3(), scene.eye ? "RCM, port" : "RCM", "#000000");
   }
-  return { base, turns, slide, axes };
+  return { base, turns, slide, axes, parts, put, say, texts };
 };
 
 SSM.rod = (direction, from, to, radius, material) => {
@@ -79,23 +105,18 @@ SSM.axisLine = (axis, length, colour) => {
   return line;
 };
 
+// edges of a range of tilts and the meridian between them, as thin lines
 SSM.band = ({ name, rows, columns, vertices }, side, colour) => {
-  const geometry = new THREE.BufferGeometry();
-  const allowed = name === "allowed";
-  const scale = side * (allowed ? 1.004 : 1);
-  geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(vertices, (x) => x * scale), 3));
-  const faces = [];
-  for (let i = 0; i + 1 < rows; i++) {
-    for (let j = 0; j + 1 < columns; j++) {
-      const a = i * columns + j;
-      faces.push(a, a + 1, a + columns, a + 1, a + columns + 1, a + columns);
-    }
-  }
-  geometry.setIndex(faces);
-  const material = new THREE.MeshBasicMaterial({
-    color: allowed ? colour : "#8fa3b8", opacity: allowed ? 0.3 : 0.22, transparent: true, side: THREE.DoubleSide, depthWrite: false,
-  });
-  return new THREE.Mesh(geometry, material);
+  const scale = side * (name === "allowed" ? 1.004 : 1);
+  const at = (row, column) => new THREE.Vector3().fromArray(vertices, 3 * (row * columns + column)).multiplyScalar(scale);
+  const [middle, last] = [columns >> 1, rows - 1];
+  const paint = name === "allowed" ? colour : "#8793a0";
+  const thin = (points, radius) => new THREE.Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), 2 * points.length, radius, 6),
+    new THREE.MeshBasicMaterial({ color: paint }));
+  const along = (row) => Array.from({ length: columns }, (_, j) => at(row, j));
+  const lines = [0, last].map((row) => new THREE.Line(new THREE.BufferGeometry().setFromPoints(along(row)), new THREE.LineBasicMaterial({ color: paint })));
+  lines.push(thin(Array.from({ length: rows }, (_, i) => at(i, middle)), name === "allowed" ? 0.0014 : 0.0007));
+  return { lines, end: at(last, middle) };
 };
 
 SSM.tipPath = (points, colour, ghost) => {
@@ -109,43 +130,63 @@ SSM.tipPath = (points, colour, ghost) => {
   return line;
 };
 
-SSM.label = (text, colour) => {
-  const canvas = SSM.element("canvas", { width: 360, height: 64 });
-  const pen = canvas.getContext("2d");
-  pen.font = "600 44px system-ui, sans-serif";
-  pen.textAlign = "center";
-  pen.textBaseline = "middle";
-  pen.lineWidth = 8;
-  pen.strokeStyle = "#ffffff";
-  pen.strokeText(text, 180, 32, 352);
-  pen.fillStyle = colour;
-  pen.fillText(text, 180, 32, 352);
-  const map = new THREE.CanvasTexture(canvas);
-  map.colorSpace = "srgb";
-  const label = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
-  label.scale.set(0.1, 0.0178, 1);
-  return label;
-};
+// places where a phase ends and the tool stands: the spots of a scan, and stops
+SSM.stops = (points) => points.map(({ position, spot }) => {
+  const ball = SSM.ball(spot ? 0.00028 : 0.0004, new THREE.MeshBasicMaterial({ color: spot ? "#1fae5b" : "#e0a100" }));
+  ball.position.set(...position);
+  return ball;
+});
 
-// eye: see values.Eye; base frame, the columns of the lens frame are the directions of its semi-axes
+// eye: see Eye of problem/problem.py; base frame, the columns of the lens frame are the directions of its semi-axes.
+// Retina, clearance and lens are the plan's; sclera, cornea, iris and macula are of usual size, to show which eye it is.
 SSM.eye = (eye) => {
-  const shell = (name, radius, colour, opacity) => {
-    const material = new THREE.MeshBasicMaterial({ color: colour, opacity, transparent: true, depthWrite: false });
-    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 32, 20), material);
+  const group = new THREE.Group();
+  const centre = SSM.vector(eye.centre);
+  const front = (eye.lens ? SSM.vector(eye.lens.centre).sub(centre) : centre.clone().negate()).normalize();
+  const surface = (name, radius, colour, { opacity = 1, side = 0, from = 0, to = Math.PI, at = 0, light = true } = {}) => {
+    const options = { color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
+    const material = light ? new THREE.MeshLambertMaterial(options) : new THREE.MeshBasicMaterial(options);
+    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 48, 32, 0, 2 * Math.PI, from, to - from), material);
     mesh.name = name;
-    mesh.position.set(...eye.centre);
+    mesh.position.copy(centre).addScaledVector(front, at);
+    mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
+    group.add(mesh);
     return mesh;
   };
-  const group = new THREE.Group();
-  group.add(shell("retina", eye.radius, "#8fa3b8", 0.25));
-  if (eye.clearance) group.add(shell("clearance", eye.radius - eye.clearance, "#b5482a", 0.12));
+  // seen through: the far half is opaque enough to be a background, the near half a film
+  const outer = eye.radius + 0.0006;
+  const limbus = 0.0058; // half the usual width of a cornea
+  const opening = Math.asin(Math.min(0.9, limbus / outer));
+  surface("retina", eye.radius, "#e0704d", { opacity: 0.5, side: 1, from: opening });
+  surface("sclera", outer, "#f4f1ea", { opacity: 0.22, from: opening });
+  const bulge = 0.0078; // usual radius of a cornea
+  const half = Math.asin(limbus / bulge);
+  surface("cornea", bulge, "#9cc7e8", { opacity: 0.3, side: 2, to: half, at: outer * Math.cos(opening) - bulge * Math.cos(half) });
+  const iris = new THREE.Mesh(new THREE.LatheGeometry([new THREE.Vector2(0.0022, 0), new THREE.Vector2(limbus - 0.0003, 0)], 40),
+    new THREE.MeshBasicMaterial({ color: "#4f7f6a", side: 2, opacity: 0.55, transparent: true, depthWrite: false }));
+  const disc = eye.lens ? SSM.vector(eye.lens.centre).distanceTo(centre) + Math.min(...eye.lens.semi_axes) : outer * Math.cos(opening);
+  iris.position.copy(centre).addScaledVector(front, disc);
+  iris.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
+  group.add(iris);
+  const macula = SSM.ball(0.0012, new THREE.MeshBasicMaterial({ color: "#8c2d1a" }));
+  macula.scale.y = 0.15;
+  macula.position.copy(centre).addScaledVector(front, -eye.radius);
+  macula.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
+  group.add(macula);
+  const port = new THREE.Mesh(new THREE.LatheGeometry([new THREE.Vector2(0.0007, -0.0004), new THREE.Vector2(0.0011, -0.0004), new THREE.Vector2(0.0011, 0.0004), new THREE.Vector2(0.0007, 0.0004)], 24),
+    new THREE.MeshLambertMaterial({ color: "#3c4650", side: 2 }));
+  port.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), centre.clone().normalize());
+  group.add(port);
+  const places = [["macula", macula.position, "#8c2d1a"], ["retina", centre.clone().addScaledVector(new THREE.Vector3(0, -1, 0), eye.radius), "#a8482c"]];
+  const edges = [];
+  if (eye.clearance) edges.push(surface("clearance", eye.radius - eye.clearance, "#b5482a", { opacity: 0.1, light: false }));
   if (eye.lens) {
-    const lens = shell("lens", 1, "#2a7ab5", 0.4);
+    const lens = surface("lens", 1, "#2a7ab5", { opacity: 0.45 });
     lens.position.set(...eye.lens.centre);
     lens.scale.set(...eye.lens.semi_axes);
     const columns = [0, 1, 2].map((i) => SSM.vector(eye.lens.frame.map((row) => row[i])));
     lens.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(...columns));
-    group.add(lens);
+    places.push(["lens", lens.position, "#1c5f92"]);
   }
-  return group;
+  return { group, places, edges };
 };

@@ -45,13 +45,12 @@ SSM.timeline = (container, data, player) => {
     const node = SSM.element("span", { class: kind, title: `${text}: ${start.toFixed(3)}–${stop.toFixed(3)} s` });
     node.style.left = percent(start);
     node.style.width = `max(3px, ${percent(stop - start)})`;
-    if (colour) node.style.background = colour;
-    else node.textContent = text;
+    node.style.background = SSM.paint(colour);
     return node;
   };
-  const row = (name, bars) => {
+  const row = (name, bars, said) => {
     const cursor = SSM.element("span", { class: "cursor" });
-    const track = SSM.element("div", { class: "track", onpointerdown: (event) => follow(event, track),
+    const track = SSM.element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => follow(event, track),
       onpointermove: (event) => event.pointerType === "mouse" && follow(event, track) }, ...bars, cursor);
     cursors.push(cursor);
     return SSM.element("div", { class: "row" }, SSM.element("span", { class: "name" }, name), track);
@@ -66,10 +65,8 @@ SSM.timeline = (container, data, player) => {
   for (const stretch of data.panels.flatMap((panel) => panel.active)) {
     groups.set(stretch.label, [...(groups.get(stretch.label) ?? []), stretch]);
   }
-  const rows = [row("phase", data.phases.map((p) => bar(p.name, p.start, p.end, data.phases.length > 60 ? "phase many" : "phase")))];
-  for (const [label, list] of groups) {
-    rows.push(row(label, list.map((s) => bar(label, s.start, s.end, "bar", data.colours[s.joint]))));
-  }
+  const rows = [...groups].map(([label, list]) => row(label, list.map((s) => bar(label, s.start, s.end, "bar", data.colours[s.joint])),
+    list.map((s) => `${s.start.toFixed(3)} to ${s.end.toFixed(3)} s`).join(", ")));
   const none = groups.size ? [] : [SSM.element("p", {}, "No limit comes within half a percent.")];
   container.replaceChildren(SSM.element("h2", {}, "Which limit is active when"), SSM.element("div", { class: "timeline" }, ...rows), ...none);
   player.listen((index) => {

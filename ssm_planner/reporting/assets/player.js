@@ -9,12 +9,13 @@ SSM.Player = class {
     this.listeners = [];
     const last = times.length - 1;
     this.button = SSM.element("button", { type: "button", class: "play", onclick: () => this.toggle() }, "▶ Play");
-    this.range = SSM.element("input", { type: "range", min: 0, max: last, step: 1, value: 0, "aria-label": "Time",
+    this.range = SSM.element("input", { type: "range", min: 0, max: last, step: 1, value: 0, autocomplete: "off", "aria-label": "Time",
       oninput: () => { this.pause(); this.set(Number(this.range.value)); } });
     this.clock = SSM.element("output", { class: "clock" });
     const speeds = [0.1, 0.25, 0.5, 1, 2].map((x) => SSM.element("option", { value: x, selected: x === 1 }, `${x} ×`));
     this.speed = SSM.element("select", { "aria-label": "Speed" }, ...speeds);
-    container.replaceChildren(this.button, this.range, this.clock, this.speed);
+    container.replaceChildren(this.button, this.range, this.speed, this.clock, ...this.#strip());
+    this.set(0);
     document.addEventListener("keydown", (event) => this.#key(event));
   }
 
@@ -30,7 +31,27 @@ SSM.Player = class {
     this.range.value = this.index;
     this.range.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds${phase ? `, ${phase.name}` : ""}`);
     this.clock.textContent = `${t.toFixed(3)} s${phase ? ` · ${phase.name}` : ""}`;
+    this.cursor.style.left = `${(100 * this.index) / (this.times.length - 1)}%`;
     for (const listener of this.listeners) listener(this.index);
+  }
+
+  // the phases beside the slider, each named as far as there is room; for a reader of screens the slider says them
+  #strip() {
+    const [first, end] = [this.times[0], this.times[this.times.length - 1] - this.times[0]];
+    this.cursor = SSM.element("span", { class: "cursor" });
+    const parts = this.phases.map((phase) => {
+      const part = SSM.element("span", { class: "phase", title: `${phase.name}: ${phase.start.toFixed(3)}–${phase.end.toFixed(3)} s` });
+      part.style.left = `${(100 * (phase.start - first)) / end}%`;
+      part.style.width = `${(100 * (phase.end - phase.start)) / end}%`;
+      return part;
+    });
+    const strip = SSM.element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => {
+      const box = strip.getBoundingClientRect();
+      this.pause();
+      this.at(first + (end * (event.clientX - box.left)) / box.width);
+    } }, ...parts, this.cursor);
+    new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitting(this.phases[i].name, part.clientWidth); })).observe(strip);
+    return this.phases.length ? [strip] : [];
   }
 
   at(time) {

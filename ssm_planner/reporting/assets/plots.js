@@ -1,4 +1,4 @@
-// Plots over time with limits, active stretches and phases; hovering moves the scrubber.
+// Plots over time with limits, active stretches and phases; hovering moves the scrubber, and every plot says its values there.
 "use strict";
 SSM.Plots = class {
   constructor(container, player, colours, phases) {
@@ -10,14 +10,19 @@ SSM.Plots = class {
       target.plot.visible = isIntersecting;
       target.plot.mark(player.index);
     }), { rootMargin: "300px" });
-    window.addEventListener("beforeprint", () => container.querySelectorAll("figure").forEach((figure) => figure.build?.()));
+    SSM.whenRedrawn(() => {
+      if (SSM.printing) container.querySelectorAll("figure").forEach((figure) => figure.build?.());
+      for (const { u, holder } of this.all) {
+        u.setSize({ width: SSM.printing ? 680 : Math.max(200, holder.clientWidth), height: SSM.height(holder) });
+      }
+    });
     player.listen((index) => this.all.forEach((plot) => plot.visible && plot.mark(index)));
   }
 
-  // panel: see html_panel.py; lines(): [{label, colour, dash, values}]; drawn when it comes near the window
+  // panel: see html/panels.py; lines(): [{label, colour, dash, values}]; drawn when it comes near the window
   add(panel, times, lines) {
     if (panel.section !== this.section) this.open(panel.section);
-    const figure = SSM.element("figure", {}, SSM.element("div", { class: "plot" }));
+    const figure = SSM.element("figure", {}, SSM.element("div", { class: "plot", role: "img" }));
     this.grid.append(figure);
     figure.build = () => {
       figure.build = null;
@@ -28,26 +33,45 @@ SSM.Plots = class {
 
   #build(figure, panel, times, lines) {
     const holder = figure.firstChild;
-    holder.before(this.#caption(panel, lines));
-    const range = this.#range(panel, lines);
+    const extremes = lines.map(({ values }) => SSM.extremes(values));
+    const range = this.#range(panel, extremes);
     const options = {
       width: Math.max(200, holder.clientWidth),
-      height: 190,
+      height: SSM.height(holder),
       padding: [14, 10, 0, 0],
+      pxAlign: 0, // lines between pixels: smooth on screens of normal density too
       legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false } },
       scales: { x: { time: false }, y: { range } },
       axes: [SSM.axis("", 34, "s"), SSM.axis("", 52)],
-      series: [{}, ...lines.map(({ colour, dash, label }) => ({ stroke: colour, width: 1.8, dash, label, points: { show: false } }))],
+      series: [{}, ...lines.map(({ colour, dash, label }) => (
+        { stroke: () => SSM.tone(colour), width: 1.8, dash, label, pxAlign: 0, points: { show: false } }))],
       hooks: {
         drawClear: [(u) => SSM.shade(u, this.phases)],
         draw: [(u) => SSM.drawLimits(u, panel, this.colours)],
         setScale: [(u, key) => key === "x" && this.#zoom(u)],
       },
     };
-    const rows = [times, ...lines.map(({ values }) => values)];
-    const u = new uPlot(options, rows, holder);
-    this.#attach(u, holder, figure);
+    const u = new uPlot(options, [times, ...lines.map(({ values }) => values)], holder);
+    const keys = lines.map((line, i) => this.#key(u, line, i, lines.length > 1 || line.keyed));
+    const reset = SSM.element("button", { type: "button", class: "tool", hidden: true,
+      onclick: () => u.setScale("x", { min: times[0], max: times[times.length - 1] }) }, "Reset zoom");
+    holder.before(this.#caption(panel, keys, reset, figure, holder));
+    holder.setAttribute("aria-label", SSM.inWords(panel, lines, extremes));
+    this.#attach(u, holder, figure, keys, reset);
+  }
+
+  // swatch, name and value of one line; pressed while the line is shown
+  #key(u, { colour, dash, label, values }, i, named) {
+    const value = SSM.element("span", { class: "value" });
+    const mark = (index) => { value.textContent = Number.isFinite(values[index]) ? SSM.short(values[index]) : "–"; };
+    if (!named) return { node: SSM.element("span", { class: "key" }, value), mark };
+    const node = SSM.element("button", { type: "button", class: "key", "aria-pressed": "true", title: `Show or hide ${label}`, onclick: () => {
+      const show = node.getAttribute("aria-pressed") === "false";
+      node.setAttribute("aria-pressed", String(show));
+      u.setSeries(i + 1, { show });
+    } }, SSM.swatch(colour, dash), label, value);
+    return { node, mark };
   }
 
   open(section) {
@@ -63,13 +87,14 @@ SSM.Plots = class {
     this.container.append(...words.map((text) => SSM.element("p", { class: "note" }, text)));
   }
 
-  #attach(u, holder, figure) {
+  #attach(u, holder, figure, keys, reset) {
     const line = SSM.element("div", { class: "instant" });
     u.over.append(line);
-    const plot = { u, visible: true, mark: (index) => {
+    const plot = { u, holder, reset, visible: true, mark: (index) => {
       const x = u.valToPos(this.player.times[index], "x");
       line.style.transform = `translateX(${x}px)`;
       line.style.display = x < -1 || x > u.over.clientWidth + 1 ? "none" : "block";
+      for (const key of keys) key.mark(index);
     } };
     const follow = (event) => {
       if (event.buttons && event.pointerType === "mouse") return;
@@ -79,7 +104,8 @@ SSM.Plots = class {
     u.over.addEventListener("pointermove", follow);
     u.over.addEventListener("pointerdown", (event) => event.pointerType !== "mouse" && follow(event));
     holder.resize = () => {
-      if (holder.clientWidth && holder.clientWidth !== u.width) u.setSize({ width: holder.clientWidth, height: 190 });
+      const height = SSM.height(holder);
+      if (!SSM.printing && holder.clientWidth && (holder.clientWidth !== u.width || height !== u.height)) u.setSize({ width: holder.clientWidth, height });
       plot.mark(this.player.index);
     };
     this.sizes.observe(holder);
@@ -93,22 +119,19 @@ SSM.Plots = class {
   // all plots show the same stretch of time
   #zoom(u) {
     const { min, max } = u.scales.x;
+    const { times } = this.player;
     for (const plot of this.all) {
       const other = plot.u.scales.x;
       if (plot.u !== u && (Math.abs(other.min - min) > 1e-9 || Math.abs(other.max - max) > 1e-9)) plot.u.setScale("x", { min, max });
+      plot.reset.hidden = min <= times[0] + 1e-9 && max >= times[times.length - 1] - 1e-9;
     }
     for (const plot of this.all) plot.mark(this.player.index);
   }
 
   // the data, and those limits that do not press it flat
-  #range(panel, lines) {
-    let [low, high] = [Infinity, -Infinity];
-    for (const { values } of lines) {
-      for (const value of values) {
-        if (value < low) low = value;
-        if (value > high) high = value;
-      }
-    }
+  #range(panel, extremes) {
+    let low = Math.min(...extremes.map(([least]) => least));
+    let high = Math.max(...extremes.map(([, most]) => most));
     if (!(low <= high)) [low, high] = [-1, 1];
     // what hardly moves is drawn as what it is, not as noise
     const largest = Math.max(0, ...panel.limits.flatMap((limit) => [limit.low, limit.high]).map((end) => Math.abs(end ?? 0)));
@@ -122,42 +145,74 @@ SSM.Plots = class {
         else [bottom, top] = [Math.min(bottom, end), Math.max(top, end)];
       }
     }
-    this.#beyond(panel);
     const pad = 0.08 * (top - bottom) + (high - low < size ? size / 2 : 0);
     return [bottom - pad, top + pad];
   }
 
-  #caption(panel, lines) {
-    const keys = lines.length > 1 || lines[0].keyed
-      ? lines.map(({ label, colour, dash }) => SSM.element("span", { class: "key" }, SSM.swatch(colour, dash), label)) : [];
-    const drawn = panel.limits.length > 0 ? [SSM.element("span", { class: "key" }, SSM.swatch("#5b6470", [4, 3], 1.5), "limit")] : [];
-    panel.note = SSM.element("span", { class: "note" }, panel.missing.join("; "));
-    return SSM.element("figcaption", {}, SSM.element("strong", {}, `${panel.title} (${panel.unit})`), ...keys, ...drawn, panel.note);
-  }
-
-  #beyond(panel) {
-    const words = [];
-    for (const limit of panel.limits) {
-      const ends = panel.beyond.filter(([which]) => which === limit).map(([, end]) => end);
-      const other = [limit.low, limit.high].filter((end) => end !== null && !ends.includes(end));
-      if (!ends.length || (other.length && other[0] === -ends[0])) continue;
-      const both = ends.length === 2 && ends[0] === -ends[1];
-      const name = limit.name === "nominal torque" ? "nominal " : panel.series.length > 1 ? `${limit.of} ` : "";
-      words.push(name + (both ? `±${SSM.short(ends[1])}` : ends.map(SSM.short).join(" and ")));
-    }
-    const text = words.length ? `limits beyond the axis: ${words.join(", ")} ${panel.unit}` : "";
-    panel.note.textContent = [...panel.missing, text].filter(Boolean).join("; ");
+  #caption(panel, keys, reset, figure, holder) {
+    const inside = panel.limits.length > 0 && panel.beyond.length < panel.limits.flatMap(({ low, high }) => [low, high]).filter((end) => end !== null).length;
+    const drawn = inside ? [SSM.element("span", { class: "key" }, SSM.swatch("#5b6470", [4, 3], 1.5), panel.active.length ? "limit, hatched where active" : "limit")] : [];
+    const larger = SSM.element("button", { type: "button", class: "tool", "aria-pressed": "false", "aria-label": `Enlarge ${panel.title}`, onclick: () => {
+      larger.setAttribute("aria-pressed", String(figure.classList.toggle("large")));
+      holder.resize();
+    } }, "⤢");
+    const note = [...panel.missing, SSM.beyond(panel)].filter(Boolean).join("; ");
+    return SSM.element("figcaption", {}, SSM.element("strong", {}, panel.unit ? `${panel.title} (${panel.unit})` : panel.title), ...keys.map(({ node }) => node),
+      ...drawn, SSM.element("span", { class: "note" }, note), SSM.element("span", { class: "tools" }, reset, larger));
   }
 };
 
-SSM.short = (value) => String(Number(value.toPrecision(4))).replace("-", "−");
+// once for everything drawn on a canvas: another colour scheme, and paper
+SSM.whenRedrawn = (redraw) => {
+  SSM.scheme.addEventListener("change", redraw);
+  for (const [name, printing] of [["beforeprint", true], ["afterprint", false]]) {
+    window.addEventListener(name, () => { SSM.printing = printing; redraw(); });
+  }
+};
+
+SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
+
+SSM.extremes = (values) => {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    if (value === null) continue;
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return [low, high];
+};
+
+// a plot for those who do not see it
+SSM.inWords = (panel, lines, extremes) => {
+  const { unit } = panel;
+  const drawn = lines.map(({ label }, i) => `${label} between ${SSM.short(extremes[i][0])} and ${SSM.short(extremes[i][1])} ${unit}`);
+  const limits = panel.limits.map(({ label, low, high }) => `${label}: ${[low, high].filter((end) => end !== null).map(SSM.short).join(" to ")} ${unit}`);
+  const active = panel.active.map(({ label, start, end }) => `${label} from ${start.toFixed(3)} to ${end.toFixed(3)} s`);
+  return `${panel.title} over time. ${drawn.join("; ")}.${limits.length ? ` Limits: ${limits.join("; ")}.` : ""}` +
+    (active.length ? ` Active: ${active.join("; ")}.` : "");
+};
+
+SSM.beyond = (panel) => {
+  const words = [];
+  for (const limit of panel.limits) {
+    const ends = panel.beyond.filter(([which]) => which === limit).map(([, end]) => end);
+    const other = [limit.low, limit.high].filter((end) => end !== null && !ends.includes(end));
+    if (!ends.length || (other.length && other[0] === -ends[0])) continue;
+    const both = ends.length === 2 && ends[0] === -ends[1];
+    const name = limit.name === "nominal torque" ? "nominal " : panel.series.length > 1 ? `${limit.of} ` : "";
+    words.push(name + (both ? `±${SSM.short(ends[1])}` : ends.map(SSM.short).join(" and ")));
+  }
+  return words.length ? `limits beyond the axis: ${words.join(", ")} ${panel.unit}` : "";
+};
+
+SSM.short = (value) => (Math.abs(value) < 1e-9 ? "0" : String(Number(value.toPrecision(4))).replace("-", "−"));
 
 SSM.axis = (label, size, unit = "") => ({
   size,
-  stroke: "#333b45",
+  stroke: () => SSM.ink("text"),
   font: "12px system-ui, sans-serif",
-  grid: { stroke: "#e3e7ec", width: 1 },
-  ticks: { stroke: "#c3cad3", width: 1, size: 4 },
+  grid: { stroke: () => SSM.ink("grid"), width: 1 },
+  ticks: { stroke: () => SSM.ink("tick"), width: 1, size: 4 },
   label: label || undefined,
   labelSize: label ? 18 : 0,
   labelFont: "12px system-ui, sans-serif",
@@ -175,15 +230,15 @@ SSM.shade = (u, phases) => {
     const from = Math.max(left, u.valToPos(phase.start, "x", true));
     const to = Math.min(left + width, u.valToPos(phase.end, "x", true));
     if (to <= from) return;
-    ctx.fillStyle = i % 2 ? "#eef1f5" : "#ffffff";
+    ctx.fillStyle = SSM.ink(i % 2 ? "stripe" : "paper");
     ctx.fillRect(from, top, to - from, height);
-    ctx.fillStyle = "#4a525c";
-    if (ctx.measureText(phase.name).width < to - from) ctx.fillText(phase.name, (from + to) / 2, top - 4 * ratio);
+    ctx.fillStyle = SSM.ink("text");
+    ctx.fillText(SSM.fitting(phase.name, (to - from) / ratio), (from + to) / 2, top - 4 * ratio);
   });
   ctx.restore();
 };
 
-// limits dashed; where one is active a thick stroke on it, with its name
+// limits dashed; where one is active, hatching that stands on it, on the side that it forbids
 SSM.drawLimits = (u, panel, colours) => {
   const { ctx } = u;
   const { left, top, width, height } = u.bbox;
@@ -192,7 +247,7 @@ SSM.drawLimits = (u, panel, colours) => {
   ctx.beginPath();
   ctx.rect(left, top, width, height);
   ctx.clip();
-  ctx.strokeStyle = "#5b6470";
+  ctx.strokeStyle = SSM.ink("limit");
   ctx.lineWidth = 1.2 * ratio;
   for (const limit of panel.limits) {
     ctx.setLineDash(limit.name === "nominal torque" ? [1.5 * ratio, 3 * ratio] : [5 * ratio, 4 * ratio]);
@@ -206,34 +261,23 @@ SSM.drawLimits = (u, panel, colours) => {
     }
   }
   ctx.setLineDash([]);
-  ctx.font = `600 ${10.5 * ratio}px system-ui, sans-serif`;
-  ctx.lineCap = "butt";
-  ctx.textAlign = "left";
-  const rows = new Map();
+  ctx.lineWidth = 1.8 * ratio;
+  // several joints at one limit: each has its turn of the strokes, in its colour
+  const joints = [...new Set(panel.active.map(({ joint }) => joint))];
+  const [pitch, size] = [5 * ratio, 7 * ratio];
   for (const stretch of panel.active) {
-    const level = u.valToPos(stretch.value, "y", true);
-    const key = `${Math.round(level)}`;
-    if (!rows.has(key)) rows.set(key, []);
-    const row = rows.get(key);
-    if (!row.includes(stretch.label)) row.push(stretch.label);
-    const y = level + stretch.side * (3 + 13 * row.indexOf(stretch.label)) * ratio;
+    const y = u.valToPos(stretch.value, "y", true);
     const from = u.valToPos(stretch.start, "x", true);
     const to = Math.max(u.valToPos(stretch.end, "x", true), from + 3 * ratio);
-    ctx.strokeStyle = colours[stretch.joint];
-    ctx.lineWidth = 4 * ratio;
+    ctx.strokeStyle = SSM.tone(colours[stretch.joint]);
     ctx.beginPath();
     ctx.moveTo(from, y);
     ctx.lineTo(to, y);
+    for (let x = from + pitch * joints.indexOf(stretch.joint); x <= to; x += pitch * joints.length) {
+      ctx.moveTo(x, y);
+      ctx.lineTo(x + size / 2, y - stretch.side * size);
+    }
     ctx.stroke();
-    const room = Math.min(to, left + width) - Math.max(from, left);
-    if (ctx.measureText(stretch.label).width + 6 * ratio > room) continue;
-    ctx.lineWidth = 3 * ratio;
-    ctx.strokeStyle = "rgba(255, 255, 255, 0.9)";
-    ctx.fillStyle = colours[stretch.joint];
-    ctx.textBaseline = stretch.side > 0 ? "top" : "bottom";
-    const place = [Math.max(from, left) + 3 * ratio, y + stretch.side * 3 * ratio];
-    ctx.strokeText(stretch.label, ...place);
-    ctx.fillText(stretch.label, ...place);
   }
   ctx.restore();
 };

@@ -15,13 +15,13 @@
   }
   SSM.maps(document.getElementById("plots"), data, channels, player);
   for (const [section, notes] of Object.entries(data.notes)) plots.note(section, notes);
-  if (window.innerWidth < 860) document.querySelector("details.unknowns")?.removeAttribute("open");
   document.querySelectorAll("table.sortable").forEach(SSM.sortable);
   SSM.moments(player);
   // the page is readable before the 3D view starts
   requestAnimationFrame(() => setTimeout(() => {
     const path = Float32Array.from({ length: 3 * times.length }, (_, i) => channels[`tip${i % 3}`][Math.floor(i / 3)]);
-    const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path }]);
+    const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path, stops: data.stops,
+      begin: [0, 1, 2, 3].map((i) => channels[`q${i}`][0]) }]);
     player.listen((index) => scene.pose(0, [0, 1, 2, 3].map((i) => channels[`q${i}`][index])));
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
   }));

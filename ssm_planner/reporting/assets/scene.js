@@ -8,6 +8,8 @@ SSM.Scene = class {
     this.waiting = false;
     this.frames = { slow: 0, lowered: false, last: 0 };
     this.labels = labels;
+    this.hidden = new Set(["clearance"]);
+    this.texts = [];
     this.views = { ...SSM.views };
     this.renderer = null;
     if (!document.createElement("canvas").getContext("webgl2")) {
@@ -16,13 +18,17 @@ SSM.Scene = class {
       return;
     }
     this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: "low-power" });
-    this.renderer.setPixelRatio(1);
-    this.renderer.setClearColor(0xf7f8fa);
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     this.canvas = this.renderer.domElement;
-    this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", "The mechanism in 3D: drag to turn, wheel or pinch to zoom");
+    for (const [name, value] of [["role", "application"], ["tabindex", 0], ["aria-roledescription", "3D view"],
+      ["aria-label", "The mechanism in 3D: drag or arrow keys to turn, wheel, pinch or plus and minus to zoom, 0 for the whole"]]) {
+      this.canvas.setAttribute(name, value);
+    }
+    this.canvas.addEventListener("keydown", (event) => this.#key(event));
     this.note = SSM.element("p", { class: "scene-note", hidden: true });
-    container.replaceChildren(this.canvas, this.note, this.#views());
+    this.overlay = SSM.element("div", { class: "labels", "aria-hidden": "true" });
+    this.legend = SSM.element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 400 }, SSM.element("summary", {}, "Legend"));
+    container.replaceChildren(this.canvas, this.overlay, this.note, this.#views(), this.legend);
     this.world = new THREE.Scene();
     this.world.add(new THREE.HemisphereLight(0xffffff, 0x8d97a5, 2.2));
     const sun = new THREE.DirectionalLight(0xffffff, 1.6);
@@ -38,22 +44,45 @@ SSM.Scene = class {
     this.canvas.addEventListener("webglcontextlost", () => this.#say("The browser has stopped the 3D view; reload the page to get it back."));
     for (const robot of robots) this.add(robot);
     this.look("whole");
+    SSM.whenRedrawn(() => this.#redraw());
+    this.#redraw();
     new ResizeObserver(() => this.#fit()).observe(container);
     this.#fit();
   }
 
-  add({ scene, colours, path = null, ghost = false }) {
+  // stops: [{position, spot}]; begin: joints at the start, rad and m, drawn faintly
+  add({ scene, colours, path = null, ghost = false, stops = [], begin = null }) {
     if (!this.renderer) return;
     const robot = SSM.mechanism(scene, colours, ghost, this.labels && !ghost);
-    if (path) robot.base.add(SSM.tipPath(path, ghost ? colours[1] : "#7a2fa0", ghost));
+    if (path) robot.put("tip trace", robot.base, SSM.tipPath(path, ghost ? colours[1] : "#9a4fc4", ghost));
+    if (stops.length) robot.put(stops.some(({ spot }) => spot) ? "spots" : "stops", robot.base, ...SSM.stops(stops));
     this.world.add(robot.base);
     robot.eye = Boolean(scene.eye) && !this.robots.some((other) => other.eye);
-    if (robot.eye) robot.base.add(SSM.eye(scene.eye));
+    if (robot.eye) {
+      const { group, places, edges } = SSM.eye(scene.eye);
+      robot.put("eye", robot.base, group);
+      if (edges.length) robot.parts.clearance = edges;
+      if (this.labels) for (const [text, position, colour] of places) robot.say("eye", robot.base, position, text, colour);
+    }
+    if (begin) {
+      const start = SSM.mechanism({ ...scene, bands: [] }, ["#8b949e", "#8b949e", "#8b949e", "#8b949e"], true, false);
+      start.base.traverse(({ material }) => material && Object.assign(material, { transparent: true, opacity: 0.22, depthWrite: false }));
+      start.base.traverse(({ material }) => material?.color.set("#77828e"));
+      SSM.turn(start, begin);
+      robot.put("start", robot.base, start.base);
+    }
     this.robots.push(robot);
+    for (const text of ghost ? [] : robot.texts) {
+      const node = SSM.element("span", {}, text.text);
+      node.style.borderColor = SSM.paint(text.colour);
+      this.overlay.append(node);
+      this.texts.push({ ...text, node, size: [node.offsetWidth, node.offsetHeight] });
+    }
+    this.#legend();
     if (robot.eye && !this.views.eye) {
       const [x, y, z] = scene.eye.centre;
       this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
-      this.canvas.parentElement.querySelector(".views").append(this.#view("eye"));
+      this.container.querySelector(".views").append(this.#view("eye"));
     }
   }
 
@@ -62,19 +91,19 @@ SSM.Scene = class {
       this.world.remove(robot.base);
       robot.base.traverse((part) => {
         part.geometry?.dispose();
-        part.material?.map?.dispose();
         part.material?.dispose();
       });
     }
     this.robots = [];
+    this.texts = [];
+    this.overlay?.replaceChildren();
   }
 
   // joints of the robot with this number, rad and m
   pose(number, q) {
     const robot = this.robots[number];
     if (!robot) return;
-    robot.turns.forEach((turn, i) => turn.quaternion.setFromAxisAngle(robot.axes[i], q[i]));
-    robot.slide.position.copy(robot.axes[2]).multiplyScalar(q[3]);
+    SSM.turn(robot, q);
     this.render();
   }
 
@@ -99,9 +128,35 @@ SSM.Scene = class {
     this.waiting = true;
     requestAnimationFrame((now) => {
       this.waiting = false;
-      this.renderer.render(this.world, this.camera);
+      this.#draw();
       this.#watch(now);
     });
+  }
+
+  #draw() {
+    this.renderer.render(this.world, this.camera);
+    this.#place();
+  }
+
+  // labels beside their places, where no other label stands yet
+  #place() {
+    const { clientWidth: width, clientHeight: height } = this.container;
+    const point = new THREE.Vector3();
+    const taken = [];
+    for (const { anchor, node, size, name } of this.texts) {
+      point.setFromMatrixPosition(anchor.matrixWorld).project(this.camera);
+      const [x, y] = [((point.x + 1) * width) / 2, ((1 - point.y) * height) / 2];
+      const seen = !this.hidden.has(name) && point.z < 1 && x > 0 && x < width && y > 0 && y < height;
+      const [w, h] = size;
+      const free = ([left, top]) => left >= 2 && left + w <= width - 2 && top >= 2 && top + h <= height - 2 &&
+        taken.every(([a, b, c, d]) => left + w < a || left > c || top + h < b || top > d);
+      const choices = [0, 1, 2, 3].flatMap((k) => [[x + 7, y - h - 2 - k * h], [x - w - 7, y - h - 2 - k * h], [x + 7, y + 3 + k * h], [x - w - 7, y + 3 + k * h]]);
+      const chosen = seen && choices.find(free);
+      node.style.visibility = chosen ? "visible" : "hidden";
+      if (!chosen) continue;
+      node.style.transform = `translate(${chosen[0]}px, ${chosen[1]}px)`;
+      taken.push([chosen[0], chosen[1], chosen[0] + w, chosen[1] + h]);
+    }
   }
 
   // where frames follow each other too slowly to look smooth, fewer pixels are drawn, and the page says so
@@ -122,6 +177,61 @@ SSM.Scene = class {
     this.note.hidden = false;
   }
 
+  // the colours of the scheme; on paper a copy, since what WebGL draws is gone when the page is printed
+  #redraw() {
+    this.renderer.setClearColor(SSM.ink("scene"));
+    this.#draw();
+    this.container.querySelector(".paper")?.remove();
+    if (!SSM.printing) return;
+    const { width, height } = this.canvas;
+    const copy = SSM.element("canvas", { class: "paper", width, height, role: "img", "aria-label": "The mechanism" });
+    copy.getContext("2d").drawImage(this.canvas, 0, 0);
+    this.container.append(copy);
+  }
+
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const step = Math.PI / 24;
+    const turn = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
+    const zoom = { "+": 0.85, "=": 0.85, "-": 1 / 0.85 }[event.key];
+    if (event.key === "0") this.look("whole");
+    else if (turn || zoom) {
+      const away = this.camera.position.clone().sub(this.controls.target);
+      const length = away.length() * (zoom ?? 1);
+      const azimuth = Math.atan2(away.y, away.x) + (turn?.[0] ?? 0);
+      const height = Math.max(-1.5, Math.min(1.5, Math.asin(away.z / away.length()) + (turn?.[1] ?? 0)));
+      away.set(Math.cos(height) * Math.cos(azimuth), Math.cos(height) * Math.sin(azimuth), Math.sin(height)).multiplyScalar(length);
+      this.camera.position.copy(this.controls.target).add(away);
+      this.controls.update();
+      this.render();
+    } else return;
+    event.preventDefault();
+    event.stopPropagation();
+  }
+
+  #legend() {
+    const names = [...new Set(this.robots.flatMap(({ parts }) => Object.keys(parts)))];
+    this.#show();
+    if (names.join() === this.named) return;
+    this.named = names.join();
+    const entry = (name) => {
+      const box = SSM.element("input", { type: "checkbox", checked: !this.hidden.has(name), onchange: () => {
+        if (box.checked) this.hidden.delete(name);
+        else this.hidden.add(name);
+        this.#show();
+        this.render();
+      } });
+      return SSM.element("label", {}, box, name);
+    };
+    this.legend.replaceChildren(this.legend.firstChild, ...names.map(entry));
+  }
+
+  #show() {
+    for (const { parts } of this.robots) {
+      for (const [name, objects] of Object.entries(parts)) objects.forEach((each) => { each.visible = !this.hidden.has(name); });
+    }
+  }
+
   #views() {
     return SSM.element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(this.views).map((name) => this.#view(name)));
   }
@@ -132,12 +242,19 @@ SSM.Scene = class {
 
   #fit() {
     const { clientWidth, clientHeight } = this.container;
-    if (!clientWidth || !clientHeight) return;
+    if (!clientWidth || !clientHeight || SSM.printing) return;
     this.renderer.setSize(clientWidth, clientHeight);
     this.camera.aspect = clientWidth / clientHeight;
+    // as wide a field in an upright frame as in a square one
+    this.camera.fov = this.camera.aspect < 1 ? (2 * Math.atan(Math.tan((32 * Math.PI) / 360) / this.camera.aspect) * 180) / Math.PI : 32;
     this.camera.updateProjectionMatrix();
     this.render();
   }
+};
+
+SSM.turn = ({ turns, slide, axes }, q) => {
+  turns.forEach((turn, i) => turn.quaternion.setFromAxisAngle(axes[i], q[i]));
+  slide.position.copy(axes[2]).multiplyScalar(q[3]);
 };
 
 SSM.views = {

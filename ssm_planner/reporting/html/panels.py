@@ -54,7 +54,8 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     fields = ("q", "", JointPosition), ("qd", "/s", JointVelocity), ("qdd", "/s²", JointAcceleration)
     for field, per, limited in (*fields, ("qddd", "/s³", JointJerk)):
         for kind, which in kinds:
-            if which:
+            # without a limit on jerk the acceleration jumps, and its derivative would be noise of the solver
+            if which and (limited is not JointJerk or any(joints[i].jerk is not None for i in which)):
                 unit = ("rad" if kind == "revolute" else "m") + per
                 panels.append(_joint_panel([(i, joints[i]) for i in which], field, unit, limited))
     panels += [panel for panel in tool if panel not in panels]
@@ -109,7 +110,8 @@ def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
         values, low, high = channels[limit["channel"]], limit["low"], limit["high"]
         for start, end, side in active_stretches(channels["t"], values, low, high, limit["size"]):
             stretch = {"start": start, "end": end, "side": side, "value": high if side > 0 else low}
-            panel["active"].append({"label": limit["label"], "joint": limit["joint"], **stretch})
+            names = {key: limit[key] for key in ("label", "name", "joint")}
+            panel["active"].append({**names, **stretch})
 
 
 def in_display_units(panel: Panel) -> None:
@@ -301,6 +303,6 @@ def _eye_panels(eye: Eye) -> list[Panel]:
         f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus the distance to its edge"
     )
     for limit in lens:
-        panels.append(new_panel("Tool tip", "Shaft to lens", "lens sizes", [("lens", "shaft", 3)]))
+        panels.append(new_panel("Tool tip", "Shaft to lens", "semi-axes from its centre", [("lens", "shaft", 3)]))
         panels[1]["limits"] = [limit_line(limit, 3, "lens")]
     return panels

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.display import NOTHING, fixed, number, percent, words
-from ssm_planner.plans import Plan
+from ssm_planner.plans import PhaseSummary, Plan
+from ssm_planner.problem.limits import (
+    JUMPS,
+    TASK,
+    JointAcceleration,
+    JointJerk,
+    JointVelocity,
+    LensClearance,
+    MotorSpeed,
+    MotorTorque,
+    RetinaClearance,
+    SelfLocking,
+)
 from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import render, write_page
-from ssm_planner.reporting.html.panels import TEMPERATURE, limit_rows, motor_map, panels_of, without_temperature
+from ssm_planner.reporting.html.panels import TEMPERATURE, Panel, limit_rows, motor_map, panels_of, without_temperature
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import (
     ANSWERS,
@@ -29,10 +43,22 @@ from ssm_planner.reporting.text import (
     phases_table,
     range_lines,
 )
+from ssm_planner.typing import Array
 from ssm_planner.units import shown
+from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 SHOWN_STOPS = 12
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
+TIGHTEST = 10
+"""Limits that the certificate shows unfolded."""
+MOST_PARTS = 5
+"""Of a sentence about the motion."""
+STILL = 1e-6
+"""rad or m below which a coordinate stays."""
+NOTABLE = 0.15
+"""Share of a motion's duration from which a limit is said to limit it."""
+FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
+JOINT_LIMITS = tuple(kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque))
 Mark = tuple[str, str, str]
 """("good", "bad" or "open", a word, its reason)."""
 
@@ -44,18 +70,21 @@ def write_report(plan: Plan, out: Path) -> Path:
 
 def report_page(plan: Plan) -> str:
     """The report of a plan as an HTML document."""
-    limits = () if plan.certificate is None else plan.certificate.limits
+    data = report_data(plan)
+    marks = verdict(plan)
     return render(
         "report.html",
-        report_data(plan),
+        data,
         title=f"{plan.problem.name} – plan report",
         name=plan.problem.name,
         robot=plan.robot.name,
-        marks=verdict(plan),
+        sentence=sentence(plan, data["panels"]),
+        marks=[mark for mark in marks if mark[0] != "open"],
+        open_marks=[mark for mark in marks if mark[0] == "open"],
         figures=_figures(plan),
         notes=plan.notes,
         certificate=plan.certificate,
-        limits=[(limit, limit_cells(limit, "°")) for limit in sorted(limits, key=lambda limit: limit.margin)],
+        tiers=_tiers(plan.certificate),
         phases=phases_table(plan),
         motors=motors_table(plan.requirements),
         stops=_stops(plan),
@@ -76,6 +105,7 @@ def report_data(plan: Plan) -> dict[str, Any]:
     return {
         "duration": plan.motion.duration,
         "colours": [*COLOURS, FIFTH],
+        "stops": _tip_stops(plan, channels),
         "phases": [{"name": p.name, "start": p.start - start, "end": p.end - start} for p in plan.motion.phases],
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
         "panels": panels_of(plan, channels),
@@ -84,6 +114,115 @@ def report_data(plan: Plan) -> dict[str, Any]:
         "scene": scene_of(plan.robot, plan.limits),
         "channels": encoded(channels),
     }
+
+
+def sentence(plan: Plan, panels: list[Panel]) -> str:
+    """What the motion does, in which time, and what limits it."""
+    groups: dict[str, list[PhaseSummary]] = {}
+    for phase in plan.phases:
+        groups.setdefault(phase.name.rpartition(", ")[0] or f"{phase.name} {len(groups)}", []).append(phase)
+    parts: list[str] = []
+    for name, phases in groups.items():
+        if len(phases) > 1:
+            spots = sum(_is_spot(phase) for phase in phases)
+            parts.append(f"visits {spots} spots ({name})" if spots else f"{name} in {len(phases)} phases")
+        else:
+            parts += _changes(phases[0])
+    few = parts if len(parts) <= MOST_PARTS else [f"makes {len(plan.phases)} phases"]
+    text = f"{', '.join(few) or 'stands still'} in {_seconds(plan.duration, 2)}"
+    limited = _limited_by(plan, panels)
+    return text[0].upper() + text[1:] + (f"; limited by {limited}" if limited else "") + "."
+
+
+def _changes(phase: PhaseSummary) -> Iterator[str]:
+    """The task coordinates that a phase changes, in words."""
+    for name, begin, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
+        if name == "depth" and abs(end - begin) > STILL:
+            yield f"{'inserts' if end > begin else 'withdraws'} {number(1e3 * abs(end - begin), 3)} mm"
+        elif name != "depth" and abs(end - begin) > STILL:
+            first, last = (number(math.degrees(angle), 4) for angle in (begin, end))
+            yield f"{name}s {first}° → {last}°"
+
+
+def _limited_by(plan: Plan, panels: list[Panel]) -> str:
+    """The limits on speeds and accelerations that are active for a good part of the motion, longest first."""
+    share: dict[str, dict[int, float]] = {}
+    for stretch in (each for panel in panels for each in panel["active"]):
+        if not stretch["name"].endswith(("range", "position", "clearance")):
+            of = share.setdefault(stretch["name"], {})
+            of[stretch["joint"]] = of.get(stretch["joint"], 0.0) + stretch["end"] - stretch["start"]
+    longest = sorted(share, key=lambda name: -max(share[name].values()))
+    said = [name for name in longest if max(share[name].values()) > NOTABLE * plan.motion.duration][:2]
+    return " and ".join(_of_joints(name, sorted(share[name])) for name in said)
+
+
+def _of_joints(name: str, joints: list[int]) -> str:
+    """A limit with the numbers of its joints; those of the tool say themselves of what."""
+    word = {"velocity": "speed"}.get(name, name)
+    if name not in JOINT_LIMITS:
+        return f"the {word}"
+    numbers = [str(i + 1) for i in joints]
+    which = " and ".join(filter(None, (", ".join(numbers[:-1]), numbers[-1])))
+    return f"the {word} of joint{'s' if len(joints) > 1 else ''} {which}"
+
+
+def _is_spot(phase: PhaseSummary) -> bool:
+    """The tool stands at a spot of a scan, whose phases are named after it."""
+    return phase.task_start == phase.task_end and ", " in phase.name
+
+
+def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """Where the tip is at the end of every phase, m, and whether it is a spot of a scan."""
+    spots = {phase.name for phase in plan.phases if _is_spot(phase)}
+    t, start = channels["t"], float(plan.motion.breaks[0])
+    tip = np.column_stack([channels[f"tip{i}"] for i in range(3)])
+    found: dict[tuple[float, ...], bool] = {}
+    for phase in plan.motion.phases:
+        place = tuple(np.round(tip[min(int(np.searchsorted(t, phase.end - start)), len(t) - 1)], 5).tolist())
+        found[place] = found.get(place, False) or phase.name in spots
+    return [{"position": list(place), "spot": spot} for place, spot in found.items()]
+
+
+@dataclass(frozen=True)
+class LimitRow:
+    """One limit of the certificate as the page shows it."""
+
+    check: LimitCheck
+    name: str
+    joint: str
+    worst: str
+    allowed: str
+    unit: str
+
+    @property
+    def margin(self) -> float:
+        """Without the rounding that a kept limit may be exceeded by."""
+        return max(self.check.margin, 0.0) if self.check.passed else self.check.margin
+
+    @property
+    def bar(self) -> int:
+        """% of the margin's bar that is full."""
+        return round(100 * min(max(self.margin, 0.0), 1.0))
+
+
+def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
+    """The certificate's limits, tightest first: the ten that matter most and all that are violated, others, continuity."""
+    limits = () if certificate is None else certificate.limits
+    rows = []
+    for check in sorted(limits, key=lambda limit: limit.margin):
+        name, joint, worst, allowed, unit, _ = limit_cells(check, "°")
+        floor = name in FLOORS or (name.endswith(("range", "position")) and check.worst > check.limit)
+        name = {SelfLocking.name: "friction that self-locking needs"}.get(name, name)
+        allowed = f"{'≥' if floor else '≤'} {allowed}"
+        rows.append(LimitRow(check, name=name, joint=joint, worst=worst, allowed=allowed, unit=unit))
+    numerical = [row for row in rows if row.check.name in JUMPS and row.check.passed]
+    first = [row for row in rows if row not in numerical]
+    shown = max(TIGHTEST, sum(not row.check.passed for row in first))
+    return [
+        ("tightest", first[:shown]),
+        ("Other limits", first[shown:]),
+        ("Numerical continuity: jumps between polynomials, rest at both ends", numerical),
+    ]
 
 
 def verdict(plan: Plan) -> list[Mark]:
@@ -112,7 +251,7 @@ def _certified(plan: Plan) -> Mark:
     return (
         "good",
         "Certified",
-        f"{len(certificate.limits)} limits of the plan's own robot and task kept at {certificate.instants:,} instants",
+        f"{len(certificate.limits)} limits kept",
     )
 
 
@@ -134,8 +273,8 @@ def _range(plan: Plan) -> str:
     return range_lines(plan)[0].removeprefix("range").strip()
 
 
-def _seconds(value: float | None) -> str:
-    return NOTHING if value is None else f"{fixed(value, 4)} s"
+def _seconds(value: float | None, decimals: int = 4) -> str:
+    return NOTHING if value is None else f"{fixed(value, decimals)} s"
 
 
 def _stops(plan: Plan) -> dict[str, Any] | None:
