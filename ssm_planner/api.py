@@ -17,7 +17,7 @@ from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.duty import DutyCycle
+from ssm_planner.sizing.duty import DutyCycle, pause_of
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import Sizing
 from ssm_planner.sizing.size import size as size_duty
@@ -98,7 +98,7 @@ def size(
 
     motors: candidates by joint name, motor files or what they hold; joints not named there are judged with their own.
     payload: point mass at the tip, kg. conditions: fields of Conditions, SI: ambient, supply_voltage, current_limit, pause,
-    confidence, draws, spread. Raises TrajectoryError or ProblemError.
+    confidence, draws, spread; the pause is that of the plan's duty unless given. Raises TrajectoryError or ProblemError.
     """
     motion = plan if isinstance(plan, Plan) else load_plan(plan)
     candidates = {
@@ -106,7 +106,7 @@ def size(
         for joint, listed in (motors or {}).items()
     }
     duty = DutyCycle.of_trajectory(motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan))
-    return size_duty(duty, candidates, Conditions(**conditions), payload)
+    return size_duty(duty, candidates, Conditions(**{"pause": pause_of(motion.problem), **conditions}), payload)
 
 
 def compare(

@@ -25,6 +25,7 @@ from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import plain, problem_from_plain
 from ssm_planner.problem.value import built
 from ssm_planner.publishing import check_generation, file_name
+from ssm_planner.sizing.duty import pause_of
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.stopping import Stops, controlled_stops
@@ -192,8 +193,8 @@ class Plan:
 
     @cached_property
     def sizing(self) -> Sizing | None:
-        """The robot's own motors and gears judged by the motion repeated without pause at 25 °C."""
-        return None if self.trajectory is None else size_motion(self.trajectory, self.robot)
+        """The robot's own motors and gears judged by the motion at 25 °C, repeated as the problem's duty says."""
+        return None if self.trajectory is None else size_motion(self.trajectory, self.robot, pause_of(self.problem))
 
     @cached_property
     def stops(self) -> Stops | None:

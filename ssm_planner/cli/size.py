@@ -41,7 +41,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--supply", type=quantity_argument("voltage"), help="controller's voltage (default: nominal)")
     parser.add_argument("--current-limit", type=quantity_argument("current"), help="controller's largest current")
     parser.add_argument(
-        "--pause", type=quantity_argument("time"), default=0.0, help="rest after each motion (default 0)"
+        "--pause", type=quantity_argument("time"), help="rest after each motion (default: the plan's duty, else 0)"
     )
     parser.add_argument("--payload", type=quantity_argument("mass"), default=0.0, help="point mass at the tool tip")
     parser.add_argument("--confidence", type=float, default=0.99, help="for which adequate is claimed (default 0.99)")
@@ -59,7 +59,8 @@ def run_size(options: argparse.Namespace) -> int:
     from ssm_planner.reporting.text import sizing_lines, what_if_lines
     from ssm_planner.sizing.size import size
 
-    duty, conditions = read_duty(options.plan, options.robot), _conditions(options)
+    duty = read_duty(options.plan, options.robot)
+    conditions = _conditions(options, duty)
     candidates = read_candidates(options.motor, duty)
     progress("judging motors")
     sizing = size(duty, candidates, conditions, options.payload)
@@ -91,7 +92,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
 
     Raises TrajectoryError or ProblemError.
     """
-    from ssm_planner.sizing.duty import DutyCycle
+    from ssm_planner.sizing.duty import DutyCycle, pause_of
 
     if robot_file is not None:
         from ssm_planner.formats.read import read_trajectory
@@ -112,7 +113,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     from ssm_planner.plans import load_plan
 
     found = load_plan(path)
-    duty = DutyCycle.of_trajectory(found.motion, found.robot, str(path))
+    duty = replace(DutyCycle.of_trajectory(found.motion, found.robot, str(path)), pause=pause_of(found.problem))
     return duty if found.doubt is None else replace(duty, notes=(*duty.notes, f"not certified: {found.doubt}"))
 
 
@@ -148,14 +149,14 @@ def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
     return chosen
 
 
-def _conditions(options: argparse.Namespace) -> Conditions:
+def _conditions(options: argparse.Namespace, duty: DutyCycle) -> Conditions:
     from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, Conditions
 
     return Conditions(
         ambient=REFERENCE_TEMPERATURE if options.ambient is None else options.ambient,
         supply_voltage=options.supply,
         current_limit=options.current_limit,
-        pause=options.pause,
+        pause=duty.pause if options.pause is None else options.pause,
         confidence=options.confidence,
         draws=options.draws,
         spread=options.spread,

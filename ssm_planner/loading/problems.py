@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -52,6 +53,8 @@ JointValues = Annotated[tuple[float, float, float, float], vector("angle", "angl
 LONGEST_MOTION = 10_000
 MOST_POINTS = 200
 """Points that one motion passes without stopping."""
+ONCE = "once"
+"""The duty of a motion that does not repeat."""
 PATTERNS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
 """What each pattern of a scan has beside the common keys."""
 SQUARE = math.radians(0.5)
@@ -191,6 +194,16 @@ _WITHIN = {
 }
 LimitsModel = model_from({**RANGES, **_SPEEDS, **_RATES, **_WITHIN})
 RatesModel = model_from({name: optional(_rate(name), f"Of the {name}.") for name in TASK})
+_PAUSE = quantity("time", Bound(at_least=0.0))
+_DUTY = Annotated[
+    Any,
+    replace(
+        _PAUSE,
+        read=lambda value: ONCE if value == ONCE else _PAUSE.read(value),
+        json_schema={"anyOf": [_PAUSE.json_schema, {"const": ONCE}]},
+        allowed=f"a pause before it repeats, or {ONCE}",
+    ),
+]
 _MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
 ProblemModel = model_of(
     Problem,
@@ -203,6 +216,7 @@ ProblemModel = model_of(
         "eye": optional(_part(EyeModel)),
         "start_rate": (_part(RatesModel), RatesModel()),
         "end_rate": (_part(RatesModel), RatesModel()),
+        "duty": (_DUTY, 0.0),
     },
     without=("friction", "payload"),
 )
@@ -229,6 +243,7 @@ def problem_from(section: Section) -> Problem:
             payload=model.limits.payload,
             objective=model.objective,
             duration=model.duration,
+            duty=None if model.duty == ONCE else model.duty,
             planner=model.planner,
             start_rate={name: rate for name, rate in _given(model.start_rate).items() if rate},
             end_rate={name: rate for name, rate in _given(model.end_rate).items() if rate},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,18 +15,24 @@ from ssm_planner.pipeline.relaxation import search
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, MotorTorque, SelfLocking
+from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 ATTEMPTS = 4
-MOST_HEAT = 0.25
-"""Excess of a continuous torque beyond which smaller accelerations would hardly cure it, and take for ever."""
-HELPS = 0.5
-"""Share of that excess that may remain after a tightening for another one to be tried."""
+MULTIPLIERS = (0.5, 0.8, 0.95)
+"""Of the continuous torque, tried one after the other until the motors keep it."""
+HELPS = 0.05
+"""Share of its excess that a larger multiplier has to take away for the next one to be tried."""
+RESERVE, STEPS = 2e-3, 6
+"""Share of the heat allowed that the fastest motion may leave, and trials to find it."""
+BARELY = 1e-6
+"""Share by which a rest is longer than what cools, for rounding."""
 
 Progress = Callable[[str], None]
 Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
@@ -88,76 +94,158 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
 
 
 def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:
-    """Plan and check, tightening what is exceeded; the reason why there is no certified motion where there is none."""
-    strict: Strictness | None = Strictness(problem)
-    first: Outcome | None = None
-    attempt = 1
-    while True:
-        assert strict is not None
-        planned = plan_motion(replace(strict.problem, robot=problem.robot), strict.problem.robot, progress)
+    """Plan, check, and where a motor gets too hot trade time for heat; the reason where there is no certified motion."""
+    outcome = _tightened(problem, progress, found)
+    if not _excess(outcome):
+        return outcome
+    progress("slowing down, for a motor gets too hot")
+    return _Cooling(problem, progress, found, outcome).best() or outcome
+
+
+def _tightened(
+    problem: Problem, progress: Progress, found: Callable[[Trajectory], None], cooling: Array | None = None
+) -> Outcome:
+    """Plan and check, tightening what is exceeded."""
+    strict = problem
+    for attempt in range(1, ATTEMPTS + 1):
+        planned = plan_motion(replace(strict, robot=problem.robot), strict.robot, progress, cooling)
         if planned.trajectory is None:
-            return _blamed(first, (planned, None, planned.reason))
+            return planned, None, planned.reason
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
-        strict = strict.more(certificate)
-        outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
-        if certificate.passed:
-            return outcome
-        if attempt == ATTEMPTS or strict is None:
-            return _blamed(first, outcome)
-        first = first or outcome
-        attempt += 1
+        stricter = None if certificate.passed or attempt == ATTEMPTS else tightened(strict, certificate)
+        if stricter is None:
+            break
+        strict = stricter
+    return planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
 
 
-@dataclass(frozen=True, eq=False)
-class Strictness:
-    """A problem with stricter limits for the planner where the check found one exceeded between the planner's points."""
+def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
+    """The problem with stricter limits, by what the check found exceeded between the planner's points.
+
+    None where nothing that is exceeded can be tightened.
+    """
+    strict = problem
+    for found in certificate.violations:
+        limit = next((each for each in strict.all_limits if each.key == (found.name, found.joint)), None)
+        stricter = None if limit is None else limit.tightened(found.worst, found.limit)
+        if stricter is not None:
+            try:
+                strict = stricter.on(strict)
+            except ProblemError:  # a point, or the port of the eye, lies between the two bounds
+                return None
+    return None if strict is problem else strict
+
+
+def _excess(outcome: Outcome) -> dict[str, float]:
+    """(RMS/limit)² − 1 of the motors whose continuous torque is exceeded, by joint; empty where something else is, too."""
+    certificate = outcome[1]
+    if certificate is None:
+        return {}
+    if any(each.name != ContinuousTorque.name for each in certificate.violations):
+        return {}
+    # of several cases of friction and payload the last and worst counts
+    worst = sorted(certificate.violations, key=lambda each: -each.margin)
+    return {str(each.joint): (each.worst / each.limit) ** 2 - 1 for each in worst}
+
+
+@dataclass(eq=False)
+class _Cooling:
+    """The search for the fastest motion in which no motor gets too hot: min T subject to E_i ≤ n_i² (T + pause).
+
+    E_i is ∫ τ_i² dt over all phases, n_i the nominal torque. With a multiplier λ in [0, 1) of the constraint every phase by
+    itself minimises T + λ/(1 − λ) Σ E_i/n_i² (Lagrangian relaxation; the phases share λ alone), and λ is found by the check's
+    RMS torques: at λ = 1 time is worth nothing, so nothing is gained beyond, but motors cool in phases in which they stand.
+    """
 
     problem: Problem
-    heat: Mapping[str | None, float] = field(default_factory=dict)
-    """Margin of the continuous torque before the last tightening, by joint."""
+    progress: Progress
+    found: Callable[[Trajectory], None]
+    first: Outcome
+    """Without cooling."""
+    hot: set[str] = field(default_factory=set)
 
-    def more(self, certificate: Certificate) -> Strictness | None:
-        """Stricter by what is exceeded; None where nothing that is exceeded can be tightened."""
-        problem, held, heat = self.problem, False, dict(self.heat)
-        for found in certificate.violations:
-            limits = {limit.key: limit for limit in problem.all_limits}
-            limit = limits.get((found.name, found.joint))
-            stricter: Limit | None
-            if isinstance(limit, ContinuousTorque) and found.margin > -MOST_HEAT:
-                # a smaller peak helps only where acceleration makes the heat; against friction and weight nothing does
-                if found.margin < HELPS * heat.get(found.joint, -np.inf):
-                    return None
-                heat[found.joint] = found.margin
-                peak = limits[MotorTorque.name, found.joint]
-                assert isinstance(peak, MotorTorque)
-                largest = min(peak.largest, _peak(certificate, peak))
-                stricter = replace(peak, largest=largest).tightened(found.worst, found.limit)
+    def best(self) -> Outcome | None:
+        """The fastest certified motion; None where none was found."""
+        excess = _excess(self.first)
+        self.hot |= set(excess)
+        low, over = 0.0, max(excess.values())
+        last = self.first
+        timed = self.problem.duration is not None or all(entry.duration is not None for entry in self.problem.motion)
+        for multiplier in MULTIPLIERS[:1] if timed else MULTIPLIERS:
+            outcome = self._with(multiplier)
+            if outcome[2] is None:
+                return outcome if timed else self._between((low, over), multiplier, outcome)
+            excess = _excess(outcome)
+            if not excess:
+                break
+            last, least = outcome, max(excess.values())
+            self.hot |= set(excess)
+            if least > (1 - HELPS) * over and low > 0:
+                break
+            low, over = multiplier, least
+        return self._resting(last)
+
+    def _with(self, multiplier: float) -> Outcome:
+        weight = multiplier / (1 - multiplier)
+        cooling = np.array([weight if joint.name in self.hot else 0.0 for joint in self.problem.robot.joints])
+        return _tightened(self.problem, self.progress, self.found, cooling)
+
+    def _between(self, low: tuple[float, float], high: float, best: Outcome) -> Outcome:
+        """The least multiplier with which the motion passes, by false position; low: one that does not do, and its excess."""
+        left, over = low
+        under = self._reserve(best)
+        for _ in range(STEPS):
+            if under < RESERVE:
+                break
+            share = float(np.clip(over / (over + under), 0.1, 0.9))
+            middle = left + share * (high - left)
+            outcome = self._with(middle)
+            if outcome[2] is None:
+                high, best, under = middle, outcome, self._reserve(outcome)
+                over /= 2  # Illinois
             else:
-                stricter = None if limit is None else limit.tightened(found.worst, found.limit)
-            if stricter is not None:
-                try:
-                    problem, held = stricter.on(problem), True
-                except ProblemError:  # a point, or the port of the eye, lies between the two bounds
-                    return None
-        return Strictness(problem, heat) if held else None
+                left, over = middle, max(_excess(outcome).values(), default=over)
+        return best
+
+    def _reserve(self, outcome: Outcome) -> float:
+        """1 − (RMS/limit)² of the hottest of the motors."""
+        limits = () if outcome[1] is None else outcome[1].limits
+        mine = (each for each in limits if each.name == ContinuousTorque.name and each.joint in self.hot)
+        return 1 - max(((each.worst / each.limit) ** 2 for each in mine), default=0.0)
+
+    def _resting(self, outcome: Outcome) -> Outcome | None:
+        """The same motion, slower where the hot motors stand, so that they cool by the end; None where they never do."""
+        planned, excess, problem = outcome[0], _excess(outcome), self.problem
+        if problem.duration is not None or len(planned.phases) != len(problem.motion) or planned.trajectory is None:
+            return None
+        hot = [i for i, joint in enumerate(problem.robot.joints) if joint.name in self.hot]
+        standing = [
+            entry.duration is None and not isinstance(entry, Scan) and not phase.motion.coefficients[:, 1:, hot].any()
+            for entry, phase in zip(problem.motion, planned.phases, strict=True)
+        ]
+        least = sum(phase.duration for phase, stands in zip(planned.phases, standing, strict=True) if stands)
+        if not least:
+            return None
+        more = max(excess.values()) * (1 + BARELY) * (planned.trajectory.duration + (problem.duty or 0.0))
+        durations = [
+            phase.duration * (1 + more / least) if stands else None
+            for phase, stands in zip(planned.phases, standing, strict=True)
+        ]
+        motion = tuple(map(_lasting, problem.motion, durations))
+        found = replace(self, problem=replace(problem, motion=motion))._with(MULTIPLIERS[-1])
+        if found[2] is not None:
+            return None
+        # the durations are ours, so bounds and cross-checks are those of the fastest motion
+        phases = tuple(
+            replace(new, lower_bound=old.lower_bound) for new, old in zip(found[0].phases, planned.phases, strict=True)
+        )
+        return replace(found[0], phases=phases), found[1], None
 
 
-def _peak(certificate: Certificate, limit: MotorTorque) -> float:
-    """The largest value that was found of a motor torque."""
-    return max((found.worst for found in certificate.limits if (found.name, found.joint) == limit.key), default=np.inf)
-
-
-def _blamed(first: Outcome | None, last: Outcome) -> Outcome:
-    """Of an attempt under the problem's own limits and one under stricter ones, that whose reason is to be given.
-
-    Where a motor gets too hot over the whole motion, smaller peaks may not help, and what stands in the way of a motion
-    with these is no limit of the problem.
-    """
-    if first is not None and first[2] is not None and isinstance(first[2].limit, ContinuousTorque):
-        return first
-    return last
+def _lasting(entry: Motion, duration: float | None) -> Motion:
+    return entry if duration is None or isinstance(entry, Scan) else replace(entry, duration=duration)
 
 
 def _duration_or_reason(problem: Problem) -> float | Reason:

@@ -33,6 +33,7 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
+from ssm_planner.typing import Array
 
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
@@ -78,18 +79,22 @@ class PlannerResult:
 
 
 def plan_motion(
-    problem: Problem, strict: Robot | None = None, progress: Callable[[str], None] = lambda _: None
+    problem: Problem,
+    strict: Robot | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    cooling: Array | None = None,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
-    strict: the problem's robot with stricter limits, which the motion is to keep; None: its own.
+    strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
+    spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     problem = unchecked(problem, robot=robot)
     planner = _PhasePlanner(
-        problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
+        problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest), cooling
     )
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and problem.duration is not None:
@@ -158,6 +163,7 @@ class _PhasePlanner:
     problem: Problem
     mechanism: Mechanism
     strict: Robot
+    cooling: Array | None = None
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -214,6 +220,7 @@ class _PhasePlanner:
             guess,
             limits=problem.task_limits,
             strict=self.strict,
+            cooling=self.cooling,
             objective=problem.objective,
             duration=asked,
             speeds=speeds,
@@ -223,7 +230,9 @@ class _PhasePlanner:
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
         free = self._free_by_optimal_control(phase)
-        if not isinstance(free, Reason) and free.duration <= (1 + SHORTER) * free.lower_bound:
+        if not isinstance(free, Reason) and (
+            self.cooling is not None or free.duration <= (1 + SHORTER) * free.lower_bound
+        ):
             return free
         straight = straight_instead(self.problem, self.mechanism, phase)
         if straight is None or straight.path is None:
@@ -251,6 +260,7 @@ class _PhasePlanner:
             self.mechanism,
             phase.points,
             strict=self.strict,
+            cooling=self.cooling,
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
         )

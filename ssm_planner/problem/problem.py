@@ -135,6 +135,8 @@ class TaskLimits(Limited):
     """Share of what is known of the drives' friction within which motor torques hold; None: friction as stated."""
     payload: Range | None = None
     """Point masses at the tip, kg, with all of which they hold; None: none."""
+    duty: float | None = 0.0
+    """Pause before the motion repeats, s; None: it is done once."""
 
     def within(self, robot: Robot) -> TaskLimits:
         """With the ranges of a robot: of two for a coordinate what both allow, or the robot's where that is nothing."""
@@ -193,6 +195,9 @@ class Problem(Value, Limited):
     """Rates of task coordinates at the very end, likewise."""
     duration: Annotated[Positive, Quantity("time")] | None = None
     """Of everything together where it is asked for, s."""
+    duty: Annotated[NotNegative, Quantity("time")] | None = 0.0
+    """Pause before the motion repeats, in which motors cool, s; None: it is done once, and what motors may do for all time
+    is no limit."""
     planner: Planner = "optimal"
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
     friction: Positive | None = None
@@ -213,7 +218,13 @@ class Problem(Value, Limited):
     def task_limits(self) -> TaskLimits:
         """Limits on where the tool is and how fast it goes."""
         return TaskLimits(
-            self.limits, self.eye, self.start_rate, self.end_rate, friction=self.friction, payload=self.payload
+            self.limits,
+            self.eye,
+            self.start_rate,
+            self.end_rate,
+            friction=self.friction,
+            payload=self.payload,
+            duty=self.duty,
         )
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motion import Motorisation, Stroke
+from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory
@@ -62,6 +63,15 @@ def _way(start: Array, joint: int, times: Array, acceleration: float) -> Array:
     return coefficients
 
 
+ONCE = 1e6
+"""Pause, s, after which motors are as cold as their surroundings: of a motion that is done once."""
+
+
+def pause_of(problem: Problem) -> float:
+    """The pause that a problem's duty leaves its motors, s."""
+    return ONCE if problem.duty is None else problem.duty
+
+
 @dataclass(frozen=True, eq=False)
 class DutyCycle:
     """Motions of one robot, each for one joint (by name) or for all that have a drive (None)."""
@@ -71,6 +81,8 @@ class DutyCycle:
     runs: tuple[tuple[Trajectory, str | None], ...]
     notes: tuple[str, ...] = ()
     """What the reader of the answer has to know of the motion."""
+    pause: float = 0.0
+    """Before the motion repeats, where what it was read from says so, s."""
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> DutyCycle:

@@ -142,9 +142,9 @@ def size(
     return Sizing(tuple(_joint(load, given.get(load.joint), conditions) for load in loads), conditions)
 
 
-def size_motion(trajectory: Trajectory, robot: Robot) -> Sizing:
-    """Judge the robot's own motors by a motion repeated without pause at 25 °C; joints without a drive are not looked at."""
-    conditions = Conditions()
+def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Sizing:
+    """Judge the robot's own motors by a motion repeated after a pause (s) at 25 °C; joints without a drive are left out."""
+    conditions = Conditions(pause=pause)
     return Sizing(tuple(_joint(load, None, conditions) for load in joint_loads(trajectory, robot)), conditions)
 
 

@@ -141,7 +141,9 @@ def broken_seal(certificate: Certificate, trajectory: Trajectory, robot: Robot, 
 
 
 def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> str:
-    rates = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
+    rates: dict[str, Any] = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
+    if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
+        rates["duty"] = limits.duty
     found = {**certificate.to_dict(), "sha256": None}
     stated = {"robot": _without_files(plain(robot)), "limits": {**plain(limits), **rates}, "found": found}
     digest = hashlib.sha256(json.dumps(stated, sort_keys=True).encode())

@@ -62,7 +62,12 @@ def check(
         for joint in robot.joints
         if joint.drive is None or joint.motor is None
     ]
-    found += sampled.rms.checks(robot, trajectory)
+    if limits.duty is None:
+        unchecked.append(
+            "continuous torque: the motion is done once, and what motors may do for all time is no limit then"
+        )
+    else:
+        found += sampled.rms.checks(robot, trajectory, limits.duty)
     if resolution is not None:
         found, more = linear_limits(trajectory, robot, limits, resolution, dict(zip(judged, found, strict=True)))
         unchecked += more

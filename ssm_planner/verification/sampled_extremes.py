@@ -238,12 +238,15 @@ class RmsTorques:
         """n short pieces with values (n, k) at their middle and durations (n,)."""
         self.integrals += duration @ values[:, self.columns] ** 2
 
-    def checks(self, robot: Robot, trajectory: Trajectory) -> list[LimitCheck]:
-        """RMS torque against what the motor may give for all time, motor by motor; of the whole motion, so at its end."""
+    def checks(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
+        """RMS torque against what the motor may give for all time, motor by motor; of the whole motion, so at its end.
+
+        pause: before the motion repeats, s.
+        """
         checks = []
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
             limit = robot.joints[i].limit(ContinuousTorque)
-            rms, end = float(np.sqrt(integral / trajectory.duration)), float(trajectory.breaks[-1])
+            rms, end = float(np.sqrt(integral / (trajectory.duration + pause))), float(trajectory.breaks[-1])
             checks.append(replace(LimitCheck.of(limit, rms, end), case=None if case is None else case.words))
         return checks
 

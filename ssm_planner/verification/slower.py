@@ -78,9 +78,17 @@ def check_speeds(motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: 
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None and joint.motor is not None]
     names = [(kind, i) for kind in (MotorTorque.name, ContinuousTorque.name) for i in driven]
     factors = np.geomspace(slowest, 1.0, FACTORS)
-    found = _torques(motion, robot, factors)
+    pause = limits.duty or 0.0
+    found = _torques(motion, robot, factors, pause)
     speeds = [
-        _worst(motion, robot, factors, found[kind == ContinuousTorque.name][:, i], (kind == ContinuousTorque.name, i))
+        _worst(
+            motion,
+            robot,
+            factors,
+            found[kind == ContinuousTorque.name][:, i],
+            (kind == ContinuousTorque.name, i),
+            pause,
+        )
         for kind, i in names
     ]
     looked = sorted({slowest, 1.0, *speeds})
@@ -93,18 +101,20 @@ def check_speeds(motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: 
     return SpeedRange(slowest, tuple(worst), tuple(certificates.items()))
 
 
-def _worst(motion: Trajectory, robot: Robot, factors: Array, values: Array, at: tuple[bool, int]) -> float:
+def _worst(
+    motion: Trajectory, robot: Robot, factors: Array, values: Array, at: tuple[bool, int], pause: float
+) -> float:
     """The factor of the largest value: the best of the grid (m,), then ever closer around it."""
     for _ in range(REFINED):
         k = int(np.argmax(values))
         low, high = factors[max(k - 1, 0)], factors[min(k + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 13)
-        values = _torques(motion, robot, factors)[int(at[0])][:, at[1]]
+        values = _torques(motion, robot, factors, pause)[int(at[0])][:, at[1]]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))
 
 
-def _torques(motion: Trajectory, robot: Robot, factors: Array) -> tuple[Array, Array]:
-    """(largest |motor torque|, its root mean square) of every joint at each of the factors (m,): (m, 4) each."""
+def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> tuple[Array, Array]:
+    """(largest |motor torque|, its RMS over motion and pause) of every joint at each of the factors (m,): (m, 4) each."""
     ends = np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1)
     parts = [
         (motion.sample(ends), 1),
@@ -125,4 +135,4 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array) -> tuple[Array, A
         peak = np.fmax(peak, np.nanmax(np.abs(np.nan_to_num(torque)), axis=1))
         if samples is parts[0][0]:
             rms = np.sqrt(np.mean(np.nan_to_num(torque) ** 2, axis=1))
-    return peak, rms
+    return peak, rms * np.sqrt(motion.duration / (motion.duration + factors * pause))[:, None]

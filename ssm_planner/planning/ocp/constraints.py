@@ -24,18 +24,20 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 UNLIMITED = 1e9
-LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "speeds": len(JACOBIANS)}
-"""Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool."""
+LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "cooling": 4, "speeds": len(JACOBIANS)}
+"""Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool. cooling: what a
+second of every motor at its nominal torque costs, in seconds."""
 
 
-def joint_limits(robot: Robot) -> dict[str, Array]:
-    """Velocity, acceleration, jerk and motor-torque limits of the joints by their names in LIMITS, (4,) each."""
+def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]:
+    """Velocity, acceleration, jerk and motor-torque limits of the joints by their names in LIMITS, and cooling, (4,) each."""
     joints = robot.joints
     limits = {
         "velocity": np.array([joint.velocity for joint in joints]),
         "acceleration": np.array([joint.acceleration for joint in joints]),
         "jerk": np.array([UNLIMITED if joint.jerk is None else joint.jerk for joint in joints]),
         "torque": np.full(4, UNLIMITED),
+        "cooling": np.zeros(4) if cooling is None else cooling,
     }
     for i, drive, motor in motorised(joints):
         limits["velocity"][i] = min(limits["velocity"][i], motor.max_speed / drive.ratio)
@@ -153,6 +155,12 @@ def torque_names(robot: Robot, i: int) -> set[RowName]:
 def heat(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Σ (τ_motor / τ_nominal)²: what warms the windings."""
     return ca.sumsqr(_torques(at, joints))
+
+
+def cooling(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Σ cooling (τ_motor / τ_nominal)²: heat of the motors, each weighted by what it costs."""
+    weights = ca.vertcat(ca.SX(0, 1), *(at.limits.cooling[i] for i, *_ in motorised(joints)))
+    return ca.dot(weights, _torques(at, joints) ** 2)
 
 
 def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
-from ssm_planner.planning.ocp.constraints import Instant, PathConstraint, RowName, effort, heat, torque_rows
+from ssm_planner.planning.ocp.constraints import Instant, PathConstraint, RowName, cooling, effort, heat, torque_rows
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 
@@ -29,7 +29,8 @@ SIMPSON = (1 / 6, 4 / 6, 1 / 6)
 """w_c: weights of these points in integrals."""
 DENSE = tuple(k / 8 for k in range(9))
 """Shares at which the planner looks for constraints violated between the collocation points."""
-Aim = Literal["time", "heat", "effort"]
+Aim = Literal["time", "heat", "effort", "cooling"]
+"""What the cost is: nothing beside time; heat of all motors; effort; heat of some motors, weighted, beside time."""
 
 
 X = TypeVar("X", ca.SX, ca.MX)
@@ -121,13 +122,13 @@ class ElementModel(ABC):
 
     @cached_property
     def cost(self) -> ca.Function | None:
-        """(x, *p) → ℓ: heat or effort, where that is the aim."""
+        """(x, *p) → ℓ, where the aim is not time alone."""
         if self.aim == "time":
             return None
         x, *p = self._symbols(self.state_size)
         at, joints = self.instant(x, *p), self.robot.joints
-        if self.aim == "heat":
-            return ca.Function("cost", [x, *p], [heat(at, joints)])
+        if self.aim != "effort":
+            return ca.Function("cost", [x, *p], [(heat if self.aim == "heat" else cooling)(at, joints)])
         endlessly_slow = ca.vertcat(x[: self.positions], ca.SX.zeros(self.state_size - self.positions))
         return ca.Function("cost", [x, *p], [effort(at, self.instant(endlessly_slow, *p), joints)])
 

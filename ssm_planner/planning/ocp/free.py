@@ -60,16 +60,17 @@ def solve_free(
     points: Array,
     *,
     strict: Robot | None = None,
+    cooling: Array | None = None,
     duration: float | None = None,
     speeds: tuple[Array, Array] | None = None,
     count: int = ELEMENTS,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
-    strict: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
+    strict, cooling: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     """
     robot = problem.robot
-    limits = joint_limits(strict or robot)
+    limits = joint_limits(strict or robot, cooling)
     if "depth" in problem.rates:  # the rate of joint 4 alone
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     way = np.diff(points, axis=0)

@@ -147,9 +147,9 @@ class NlpData:
     weights: tuple[float, float] = (1.0, 0.0)
     """Of time and of the cost."""
 
-    def least_cost(self, duration: tuple[float, float]) -> NlpData:
-        """The same, for the least cost within these bounds of the duration."""
-        return replace(self, duration=duration, weights=(0.0, 1.0))
+    def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> NlpData:
+        """The same, for the least cost, and `time` times the duration, within these bounds of the duration."""
+        return replace(self, duration=duration, weights=(time, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,22 +174,28 @@ def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: 
     """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
+    With a cooling in joint_limits the heat of the motors so weighted is traded for time, in place of heat and effort.
     """
     hopeless = np.inf if duration is None else HOPELESS * duration
     first = _Refinement.begin(problem, guess)
     fastest = _given_back(_refine(first, "time", hopeless=hopeless))
     total = float(fastest.solution.times.sum())
-    if not fastest.solution.solved or (duration is None and objective == "time") or (duration or np.inf) < total:
+    cooled = bool(problem.joint_limits["cooling"].any())
+    enough = duration is None and objective == "time" and not cooled
+    if not fastest.solution.solved or enough or (duration or np.inf) < total:
         return fastest.solution
     reached = Guess(fastest.solution.elements, fastest.solution.times)
     if duration is None:
         begin = fastest.state.restarted(reached)
-        best = _refine(begin, "heat", duration=(0.0, (1 + LONGER) * total))
+        if cooled:
+            best = _refine(begin, "cooling", duration=(0.0, np.inf))
+        else:
+            best = _refine(begin, "heat", duration=(0.0, (1 + LONGER) * total))
         if not (best.solution.solved and best.feasible):
             return fastest.solution
     else:
         begin = _Refinement.begin(fastest.state.problem, reached.stretched(duration / total))
-        best = _refine(begin, "effort", duration=(duration, duration))
+        best = _refine(begin, "cooling" if cooled else "effort", duration=(duration, duration))
         if not best.solution.solved:  # then any motion that takes as long
             best = _refine(begin, "time", duration=(duration, duration))
     return replace(best.solution, iterations=fastest.solution.iterations + best.solution.iterations)
@@ -228,7 +234,9 @@ class _Refinement:
         program = Transcription.of(self.problem.structure, self.problem.element(self.active, aim))
         is_active = [name in self.active for name in self.problem.row_names]
         data = self.problem.data(self.elements, self.backoff[:, is_active])
-        return program.solve(data if duration is None else data.least_cost(duration), self.start)
+        if duration is not None:
+            data = data.least_cost(duration, time=float(aim == "cooling"))
+        return program.solve(data, self.start)
 
     def activated(self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool) -> _Refinement:
         """With the missed rows active too, from the solution or, where it went astray, from the guess."""

@@ -41,6 +41,7 @@ def solve_straight(
     *,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     strict: Robot | None = None,
+    cooling: Array | None = None,
     objective: Objective = "time",
     duration: float | None = None,
     speeds: tuple[float, float] = (0.0, 0.0),
@@ -49,6 +50,7 @@ def solve_straight(
     """Motion along the path, from TOPP-RA's motion as guess.
 
     strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
+    cooling: as in constraints.LIMITS.
     duration: asked for, s; speeds: ṡ at both ends, 1/s.
     """
     jerk = limits_jerk(robot)
@@ -68,7 +70,7 @@ def solve_straight(
         ),
         fractions=mesh.fractions,
         times=mesh.times,
-        joint_limits=joint_limits(strict or robot),
+        joint_limits=joint_limits(strict or robot, cooling),
         time_scale=scale,
         directions=signs,
         robot=robot,

@@ -24,8 +24,8 @@ SMOOTHING = 3e-6
 """Weight of 3 ∫ (ü/limit)² dt of joints: decides how those move that do not bind."""
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
-ITERATIONS, HEAT_ITERATIONS = 300, 80
-"""At most; the least heat is given up sooner, for the fastest motion is at hand."""
+ITERATIONS, HEAT_ITERATIONS, COOLING_ITERATIONS = 300, 80, 150
+"""At most; the least heat, and less of it, are given up sooner, for the fastest motion is at hand."""
 IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
@@ -146,7 +146,9 @@ class Transcription:
             z=z,
             element_parameters=element_parameters,
             functions=functions,
-            iterations=HEAT_ITERATIONS if element.aim == "heat" else max(ITERATIONS, 2 * n),
+            iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
+                element.aim, max(ITERATIONS, 2 * n)
+            ),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, cold=cold, warm=warm, parameters=layout, sizes=sizes)

@@ -16,6 +16,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, SpeedLimit, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import JOINTS
+from ssm_planner.sizing.duty import pause_of
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions, missing
 from ssm_planner.sizing.requirements import torque_split
@@ -50,7 +51,7 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
         i = JOINTS.index(load.joint)
         for name, values in (("w", load.speed()), ("tau", load.torque())):
             channels[f"{name}{i}"] = np.interp(t, load.t - load.t[0], values)
-    return channels | _split_channels(loads, t) | _temperature_channels(loads, t)
+    return channels | _split_channels(loads, t) | _temperature_channels(loads, t, pause_of(plan.problem))
 
 
 def encoded(channels: dict[str, Array]) -> dict[str, str]:
@@ -91,13 +92,13 @@ def _split_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
     }
 
 
-def _temperature_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
+def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> dict[str, Array]:
     """Winding and housing, °C, of the motors whose file has the figures, once the repeated motion is in its steady state."""
     channels = {}
     for load in loads:
         if load.motor is None or missing(load.motor, *FIGURES):
             continue
-        cycle = Cycle.from_torque(load.t, load.torque())
+        cycle = Cycle.from_torque(load.t, load.torque(), pause)
         found = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
         if found.steady:
             for name, values in (("winding", found.winding), ("housing", found.housing)):

@@ -41,7 +41,7 @@ NEAR = 0.005
 GAP = 0.01
 """Stretches nearer to each other than this, s, are one."""
 GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
-TEMPERATURE = "Temperature, the motion repeated without pause in surroundings of 25\N{NO-BREAK SPACE}°C"
+TEMPERATURE = "Temperature in the steady state of the repeated motion, in surroundings of 25\N{NO-BREAK SPACE}°C"
 POINTS = 81
 
 

@@ -89,12 +89,20 @@ def report_page(plan: Plan) -> str:
         motors=motors_table(plan.requirements),
         stops=_stops(plan),
         sizing=_sizing(plan),
+        repeated=repeated(plan.problem.duty),
         motion=_motion(plan),
         task_limits=Table(("limit", "from", "to", "unit"), limit_rows(plan.limits), (1, 2), "Limits of the task"),
         joints=Table(JOINT_COLUMNS, [_joint_row(joint) for joint in plan.robot.joints], (2, 3, 4, 5), "Joints"),
         sources=[(joint.name, table) for joint in plan.robot.joints if (table := _sources(joint)).rows],
         provenance=_provenance(plan),
     )
+
+
+def repeated(duty: float | None) -> str:
+    """How often the motion is done, in words."""
+    if duty is None:
+        return "The motion done once, from cold,"
+    return f"The motion repeated {f'after a pause of {duty:.6g} s' if duty else 'without pause'}"
 
 
 def report_data(plan: Plan) -> dict[str, Any]:
