@@ -50,7 +50,7 @@ def solve_straight(
     """Motion along the path, from TOPP-RA's motion as guess.
 
     strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
-    cooling: as in constraints.LIMITS.
+    cooling: as in constraints.LIMITS, (4,).
     duration: asked for, s; speeds: ṡ at both ends, 1/s.
     """
     jerk = limits_jerk(robot)
