@@ -87,7 +87,7 @@ def check_speeds(motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: 
             factors,
             found[kind == ContinuousTorque.name][:, i],
             (kind == ContinuousTorque.name, i),
-            pause,
+            pause=pause,
         )
         for kind, i in names
     ]

@@ -14,7 +14,7 @@ from ssm_planner.problem.problem import Problem
 
 
 def _without(problem: Problem, *parts: str) -> Problem:
-    joints = tuple(replace(joint, **dict.fromkeys(parts)) for joint in problem.robot.joints)
+    joints = tuple(replace(joint, **dict.fromkeys(parts), alternatives=()) for joint in problem.robot.joints)
     short = (Straight(tilt=-1.6, name="tilt"),)
     return replace(problem, robot=replace(problem.robot, joints=joints), motion=short, objective="time")
 
