@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,15 @@ if TYPE_CHECKING:
 
 NOTHING = "–"
 """In the place of a value that is not known or does not exist."""
+
+
+PRINTED = 100
+"""Columns of text that goes to no terminal."""
+
+
+def columns() -> int:
+    """Width of the terminal, or what COLUMNS says."""
+    return max(40, shutil.get_terminal_size((PRINTED, 24)).columns)
 
 
 def minus(text: str) -> str:

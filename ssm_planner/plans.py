@@ -273,19 +273,22 @@ class Plan:
             "limits": [] if self.certificate is None else [limit.to_dict() for limit in self.certificate.limits],
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
+            "phases": [plain(asdict(phase)) for phase in self.phases],
         }
 
     def to_dict(self) -> dict[str, Any]:
         """What plan.json holds: JSON types, SI units, radians. The same plan gives the same text whenever it is made."""
+        summary = self.summary()
+        phases = summary.pop("phases")
         return {
             "format": FORMAT,
             "version": VERSION,
             "units": UNITS,
             "software": dict(self.software),
-            **self.summary(),
+            **summary,
             "solve_time": None,
             "problem": plain(self.problem),
-            "phases": [plain(asdict(phase)) for phase in self.phases],
+            "phases": phases,
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "stops": None if self.stops is None else self.stops.to_dict(),
             "trajectory": None if self.trajectory is None else self.trajectory.to_dict(),

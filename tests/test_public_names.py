@@ -57,6 +57,15 @@ def test_these_names_and_no_others() -> None:
         ssm_planner.nonsense  # noqa: B018
 
 
+def test_the_version_is_the_packages() -> None:
+    stated = re.search(r'^version = "(.+)"', (ROOT / "pyproject.toml").read_text(), re.M)
+    cited = re.search(r"^version: (.+)", (ROOT / "CITATION.cff").read_text(), re.M)
+    assert stated is not None
+    assert cited is not None
+    assert ssm_planner.__version__ == stated[1] == cited[1]
+    assert f"## {stated[1]}" in (ROOT / "CHANGELOG.md").read_text()
+
+
 def test_type_checkers_find_the_names_where_the_program_does() -> None:
     tree = ast.parse(Path(ssm_planner.__file__).read_text(encoding="utf-8"))
     stated = {

@@ -58,12 +58,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
+            if not words and "_ARGCOMPLETE" not in os.environ:
+                _parser(words).print_help(sys.stderr)
+                return BAD_INPUT
             options = _parser(words).parse_args(words)
             status = int(options.run(options))
             sys.stdout.flush()
         return status if signals.arrived is None else _interrupted(signals)
     except SsmPlannerError as error:
-        return _refused(str(error))
+        return _refused(error, "--json" in words)
     except BrokenPipeError:  # the reader of a pipe has seen enough
         _discard_output()
         return CLOSED_PIPE
@@ -71,15 +74,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if error.filename is not None or error.errno not in STREAM_FAULTS:
             return _fault(error)
         _discard_output()
-        return _refused(f"standard output: cannot be written: {error.strerror}")
+        return _refused(SsmPlannerError(f"standard output: cannot be written: {error.strerror}"))
     except KeyboardInterrupt:
         return _interrupted(signals)
     except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line and a status of its own
         return _interrupted(signals) if signals.arrived is not None else _fault(error)
 
 
-def _refused(reason: str) -> int:
-    print(f"ssm-planner: {reason}", file=sys.stderr)
+def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
+    """Say what is wrong, with --json on stdout too; the exit status."""
+    print(f"ssm-planner: {error}", file=sys.stderr)
+    if as_json:
+        import json
+
+        parts = {name: getattr(error, name, None) for name in ("file", "line", "key", "value", "allowed")}
+        parts["value"] = None if parts["value"] is None else str(parts["value"])
+        print(json.dumps({"error": {"message": str(error), **parts}}, indent=1))
     return BAD_INPUT
 
 
@@ -155,20 +165,30 @@ def _prepare_streams() -> None:
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    from ssm_planner.cli.terminal import Parser, UsageError, suggestion
+
+    named = next((word for word in words if not word.startswith("-")), None)
+    if named is not None and named not in COMMANDS and not {"-h", "--help", "--version"} & set(words):
+        raise UsageError(f"no command {named!r}{suggestion(named, COMMANDS)} (allowed: {', '.join(COMMANDS)})")
+    parser = Parser(
         prog="ssm-planner",
         description="Plan, verify and export motions of serial spherical mechanisms with self-locking drives.",
         epilog="Exit status: 0 done and every check passed; 1 infeasible, or a check failed; 2 bad input; "
         "3 a fault of this program; 130 interrupted; 143 ended by SIGTERM.",
     )
     parser.add_argument("--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}")
+    asked = [*words, *os.environ.get("COMP_LINE", "").split()]
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (module, text) in COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
-        if name in words:
+        if name in asked:
             implementation = importlib.import_module(f"ssm_planner.cli.{module}")
             getattr(implementation, f"{name}_arguments")(command)
             command.set_defaults(run=getattr(implementation, f"run_{name}"))
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks for completions
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
     return parser
 
 

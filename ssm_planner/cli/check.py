@@ -26,12 +26,14 @@ if TYPE_CHECKING:
     from ssm_planner.verification.certificate import Certificate
     from ssm_planner.verification.slower import SpeedRange
 
+PLAN_FILE = "plan.json"
+
 
 def check_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "trajectory",
         type=Path,
-        help="plan.json, a CSV (columns named with units), a JointTrajectory (YAML or rosbag2), or an export folder",
+        help="plan.json, CSV (columns named with units), JointTrajectory (YAML or rosbag2), or folder of a plan or export",
     )
     parser.add_argument("--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json")
     parser.add_argument(
@@ -152,7 +154,7 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
     problem = None if problem_file is None else load_problem(problem_file)
     robot = load_robot(robot_file) if robot_file is not None else None if problem is None else problem.robot
     limits = None if problem is None else problem.task_limits
-    if path.suffix.lower() == ".json":
+    if path.suffix.lower() == ".json" or (path / PLAN_FILE).is_file():
         from ssm_planner.formats.points import Reading
         from ssm_planner.plans import load_plan
 
@@ -167,12 +169,18 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
         start, end = plan.limits.start_rate, plan.limits.end_rate
         limits = plan.limits if limits is None else replace(limits, start_rate=start, end_rate=end)
         return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
+    beside = path.parent / PLAN_FILE
+    sampled = path.name == "trajectory.csv" and beside.is_file()
+    instead = (
+        f"it samples the plan beside it, which `ssm-planner check {path.parent}` checks in full; a table that keeps "
+        f"the limits between its rows: `ssm-planner export {path.parent} --to csv`"
+    )
     if robot is None:
-        raise TrajectoryError(
-            f"{path}: does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
-        )
+        reason = "does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+        raise TrajectoryError(f"{path}: {reason}{f'; {instead}' if sampled else ''}")
     limits = TaskLimits(robot.limits) if limits is None else limits.within(robot)
-    return read_trajectory(path, robot), robot, limits
+    reading = read_trajectory(path, robot)
+    return replace(reading, notes=(instead, *reading.notes)) if sampled else reading, robot, limits
 
 
 def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
@@ -205,8 +213,13 @@ def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: R
     """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
     from ssm_planner.reporting.text import limits_table
 
-    lines = [f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes", ""]
-    lines += limits_table(certificate.limits).lines()
-    lines += ["", *(f"note: {note}" for note in notes), *(f"not checked: {what}" for what in certificate.unchecked)]
     verdict = "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
-    return [*lines, f"check: {verdict}"]
+    how = f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes"
+    lines = [f"check: {verdict}", how, ""]
+    lines += limits_table(certificate.limits).lines()
+    return [
+        *lines,
+        "",
+        *(f"note: {note}" for note in notes),
+        *(f"not checked: {what}" for what in certificate.unchecked),
+    ]

@@ -66,7 +66,9 @@ def compare_lines(found: Comparison) -> list[str]:
     clock = found.clock
     rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"
     played = f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed" if clock.slower else ""
-    lines = [f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}{played}", ""]
+    answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(found.verdict, "CANNOT TELL")
+    lines = [f"margins: {answer}", ""]
+    lines += [f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}{played}", ""]
     errors = []
     for axis in found:
         shares = (fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque"))
@@ -88,5 +90,4 @@ def compare_lines(found: Comparison) -> list[str]:
     findings = [("", each) for each in found.findings]
     findings += [(f"{axis.joint}: ", each) for axis in found for each in axis.findings]
     lines += [f"{each.verdict}: {where}{each.kind}: {each.text}" for where, each in findings]
-    answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(found.verdict, "CANNOT TELL")
-    return [*lines, f"margins: {answer}"]
+    return lines

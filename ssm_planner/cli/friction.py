@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.shared import OK, output_arguments, progress_reporter, show
+from ssm_planner.cli.shared import OK, output_arguments, output_file, progress_reporter, show
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -26,7 +26,9 @@ def identify_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RECORDING",
         help="EPOS recorder files, CSV with named columns, or folders; none: the shipped table of figures of the rig",
     )
-    output_arguments(parser, "drive file to write (default: results/<drive>/)", metavar="FILE")
+    output_arguments(
+        parser, "folder of the drive file and its map (default: results/<drive>); FILE.yaml names the drive file"
+    )
     parser.add_argument("--law", choices=LAWS, default="auto", help="friction law (default: by blind error)")
     parser.add_argument(
         "--fix", action="append", default=[], metavar="NAME=VALUE", help="a known parameter, SI, such as preload=0.8"
@@ -55,9 +57,7 @@ def _write_drive(found: Identification, drive: Path, output: Path | None) -> dic
     from ssm_planner.reporting.figures.sizing import map_figure
     from ssm_planner.reporting.figures.style import save_figure
 
-    path = output or Path("results") / drive.stem / f"{drive.stem}.yaml"
-    if path.is_dir():
-        path = path / f"{drive.stem}.yaml"
+    path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
         found.save(temporary / path.name)
         figures = save_figure(map_figure(found.fit, found.data, found.load), temporary / f"{path.stem}_map")

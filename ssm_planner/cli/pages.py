@@ -6,14 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, plan_argument, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, output_file, plan_argument, progress_reporter, show
 from ssm_planner.errors import ProblemError
 
 
 def report_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
     parser.add_argument("other", type=Path, nargs="?", help="a second one, to compare the first with")
-    output_arguments(parser, "page to write (default: report.html or comparison.html beside PLAN)", metavar="FILE")
+    output_arguments(parser, "folder of the page (default: that of PLAN); FILE.html names the page")
     parser.add_argument(
         "--figures", type=Path, metavar="DIR", help="also write the figures of PLAN there, as PNG and PDF"
     )
@@ -26,9 +26,9 @@ def run_report(options: argparse.Namespace) -> int:
 
     plan = load_plan(options.plan)
     if options.other is None:
-        files = {"report": write_report(plan, options.output or plan.path.with_name("report.html"))}
+        files = {"report": write_report(plan, output_file(options.output, ".html", plan.path.with_name("report.html")))}
     else:
-        out = options.output or plan.path.with_name("comparison.html")
+        out = output_file(options.output, ".html", plan.path.with_name("comparison.html"))
         files = {"comparison": write_comparison(plan, load_plan(options.other), out)}
     if options.figures is not None:
         from ssm_planner.reporting.figures.process import write_figures_of_file

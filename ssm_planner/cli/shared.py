@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.cli.terminal import printed
+from ssm_planner.display import columns
 from ssm_planner.errors import ProblemError
 
 OK, FAILED = 0, 1
@@ -27,6 +30,13 @@ def output_arguments(
     if text is not None:
         parser.add_argument("-o", "--output", type=Path, metavar=metavar, default=default, help=text)
     parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
+
+
+def output_file(path: Path | None, suffix: str, default: Path) -> Path:
+    """Where the main file of a command goes: -o is its folder, or by its ending the file itself."""
+    if path is None:
+        return default
+    return path if path.suffix.lower() == suffix and not path.is_dir() else path / default.name
 
 
 def quantity_argument(kind: str) -> Callable[[str], float]:
@@ -63,19 +73,43 @@ def share(text: str, option: str = "--speed") -> float:
         raise ProblemError("not a share", key=option, value=text, allowed="such as 10% or 0.1") from None
 
 
+COUNTED = re.compile(r"\b(\d+) of (\d+)\b")
+EVERY = 1.0
+"""Seconds between reports of counted steps beyond the first ones."""
+FIRST = 5
+
+
 def progress_reporter() -> Callable[[str], None]:
-    """Reports each step on stderr with the time since the start."""
-    begin = time.perf_counter()
+    """Reports each step on stderr with the time since the start; of counted steps ("3 of 62") with the time left."""
+    begin = shown = time.perf_counter()
+    first, series = 0, begin
+    live = sys.stderr.isatty()
 
     def report(step: str) -> None:
-        print(f"[{time.perf_counter() - begin:6.2f} s] {step}", file=sys.stderr, flush=True)
+        nonlocal shown, first, series
+        now, left, end = time.perf_counter(), "", "\n"
+        if found := COUNTED.search(step):
+            number, count = int(found[1]), int(found[2])
+            if number <= 1 or first == 0:
+                first, series = number, now
+            if FIRST < number < count and now - shown < EVERY:
+                return
+            if number > first and now - series > EVERY:
+                left = f", about {(now - series) / (number - first) * (count - number + 1):.0f} s left"
+            end = "\r" if live else "\n"
+        shown = now
+        text = f"[{now - begin:6.2f} s] {step}{left}"
+        print(f"\x1b[K{text[: columns() - 1]}" if live else text, file=sys.stderr, end=end, flush=True)
 
     return report
 
 
 def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
     """The result on stdout: one JSON document, or lines of text."""
-    print(_json(document) if as_json else "\n".join(lines()))
+    if as_json:
+        print(_json(document))
+    else:
+        printed(lines())
 
 
 def write_results(

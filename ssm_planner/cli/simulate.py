@@ -119,7 +119,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
 
 
 def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
-    """Tracking, motors, stops with power beside those without, and the verdict with its reasons."""
+    """The verdict with its reasons, tracking, motors, stops with power beside those without."""
     from ssm_planner.display import fixed, number
     from ssm_planner.problem.robot import JOINTS
     from ssm_planner.reporting.text import Table
@@ -133,7 +133,8 @@ def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> li
         )
         for each in result.tracking
     ]
-    lines = [*Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)).lines(), ""]
+    lines = ["PASSED" if result.passed else "NOT PASSED", *(f"reason: {reason}" for reason in result.reasons), ""]
+    lines += [*Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)).lines(), ""]
     motors = [
         (
             motor.joint,
@@ -169,10 +170,4 @@ def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> li
             f"{stops.time[longest]:.4f} s) and {1e3 * stops.travel[farthest]:.4g} mm (from {stops.time[farthest]:.4f} s); "
             + ("certified" if stops.passed else "NOT CERTIFIED")
         )
-    lines += [f"note: {note}" for note in result.notes]
-    return [
-        *lines,
-        "",
-        *(f"reason: {reason}" for reason in result.reasons),
-        "PASSED" if result.passed else "NOT PASSED",
-    ]
+    return [*lines, *(f"note: {note}" for note in result.notes)]

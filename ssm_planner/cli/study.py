@@ -28,7 +28,8 @@ REPORT_EVERY = 1.0
 
 def study_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = (
-        "ssm-planner study [show N … | compare A B] FILE [-o DIR] [--workers N | --scheduler ADDRESS] [--json]"
+        "ssm-planner study [show N … | compare A B] FILE [-o DIR]\n"
+        "       [--workers N | --scheduler ADDRESS] [--table FILE] [--json]"
     )
     parser.add_argument(
         "words",

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, zip_longest
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ssm_planner.display import NOTHING, fixed, number, percent, signed, words
+from ssm_planner.display import NOTHING, columns, fixed, number, percent, signed, words
 from ssm_planner.problem.limits import JUMPS, READ_IN, MotorTorque
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
@@ -36,15 +38,53 @@ class Table:
     numbers: Sequence[int] = ()
     caption: str = ""
 
-    def lines(self) -> list[str]:
-        """For the terminal, under a ruled heading."""
-        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+    def lines(self, width: int | None = None) -> list[str]:
+        """For the terminal (or a width of its own), under a ruled heading.
+
+        Cells that are too wide are wrapped; columns that still do not fit stand in a table below.
+        """
+        most = columns() if width is None else width
+        widths = self._widths(most)
+        fit = sum(end <= most for end in accumulate(width + 2 for width in [widths[0] - 2, *widths[1:]]))
+        label = next((i for i in range(len(widths)) if i in self.numbers), 1)
+        if label < fit < len(widths):
+            return [
+                *self._of(range(fit)).lines(most),
+                "",
+                *self._of([*range(label), *range(fit, len(widths))]).lines(most),
+            ]
         rows = [self.header, ["-" * width for width in widths], *self.rows]
-        return ["  ".join(self._aligned(row, widths)).rstrip() for row in rows]
+        return ["  ".join(self._aligned(line, widths)).rstrip() for row in rows for line in _wrapped(row, widths)]
+
+    def _of(self, places: Sequence[int]) -> Table:
+        """Some of the columns."""
+        rows = [[row[i] for i in places] for row in self.rows]
+        numbers = [k for k, i in enumerate(places) if i in self.numbers]
+        return Table([self.header[i] for i in places], rows, numbers)
+
+    def _widths(self, most: int) -> list[int]:
+        """Of the columns; the widest become narrower, as far as words go, until all of them fit."""
+        cells = [*zip(self.header, *self.rows, strict=True)]
+        widths = [max(map(len, column)) for column in cells]
+        least = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells]
+        for i in self.numbers:  # numbers stay on one line, their heading does not
+            least[i] = max([least[i], *map(len, cells[i][1:])])
+        while sum(widths) + 2 * (len(widths) - 1) > most:
+            spare = [width - smallest for width, smallest in zip(widths, least, strict=True)]
+            if not any(spare):
+                break
+            widths[max(range(len(widths)), key=lambda i: (spare[i] > 0, i in self.numbers, widths[i]))] -= 1
+        return widths
 
     def _aligned(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
         for i, (cell, width) in enumerate(zip(row, widths, strict=True)):
             yield cell.rjust(width) if i in self.numbers else cell.ljust(width)
+
+
+def _wrapped(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
+    """The lines of a row, each cell wrapped to its column."""
+    parts = [wrap(cell, max(width, 1), break_on_hyphens=False) or [""] for cell, width in zip(row, widths, strict=True)]
+    return zip_longest(*parts, fillvalue="")
 
 
 class Judged(Protocol):
@@ -109,24 +149,24 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
 
 
 def summary_lines(plan: Plan) -> list[str]:
-    """Phases, motors, limits, what is unknown, and the verdicts."""
+    """The verdicts, then phases, motors, limits and what is unknown."""
     if plan.trajectory is None:
         reason = plan.reason.message if plan.reason else plan.status
         lines = [f"{plan.problem.name}: no plan ({plan.status})", f"  reason: {reason}"]
         if plan.reason is not None and plan.reason.relaxation:
             lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
-    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}"]
+    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", "", *verdicts(plan)]
+    if plan.reason is not None:
+        lines += ["", plan.reason.message]
+        if plan.reason.relaxation:
+            lines.append(f"relaxation: {plan.reason.relaxation}")
     limits = () if plan.certificate is None else plan.certificate.limits
     for table in (phases_table(plan), motors_table(plan.requirements), limits_table(limits)):
         lines += ["", *table.lines()] if table.rows else []
     if plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
-    if plan.reason is not None:
-        lines += ["", plan.reason.message]
-        if plan.reason.relaxation:
-            lines.append(f"relaxation: {plan.reason.relaxation}")
-    return [*lines, "", "Verdicts", *(f"  {verdict}" for verdict in verdicts(plan))]
+    return lines
 
 
 def range_lines(plan: Plan) -> list[str]:
@@ -263,16 +303,16 @@ def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Requirement, split, candidates, gears, what could not be checked, verdict."""
+    """The verdict, then requirement, split, candidates, gears and what could not be checked."""
     known = all(joint.band.known for joint in sizing.joints)
     sure = f"at {100 * sizing.conditions.confidence:g} % confidence" if known else "at the stated friction"
-    lines = ["Required of the motors", *_requirements(sizing).lines(), ""]
+    lines = [*_verdict(sizing), "", "Required of the motors", *_requirements(sizing).lines(), ""]
     lines += ["Parts of the peak torque, mN·m (+ adds to it, − relieves it)", *_split(sizing).lines(), ""]
     lines += [f"Margins {sure}", *_candidates(sizing), "", "Gears", *_gears(sizing).lines()]
     unknown = [*_not_checked(sizing), *_notes(sizing)]
     if unknown:
         lines += ["", "What is not known", *(f"  {line}" for line in unknown)]
-    return [*lines, "", *_verdict(sizing)]
+    return lines
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
@@ -397,5 +437,5 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
         mark = " (placeholder figures)" if best.motor.placeholder else ""
         return f"{best.motor.name} suffices with at least {100 * confidence:g} %: the smallest that does{mark}"
     if joint.adequate is None:
-        return "not known: see above for what would decide it" if joint.candidates else "no motor given"
+        return "not known: what would decide it stands below" if joint.candidates else "no motor given"
     return "no motor of the list suffices" if len(joint.candidates) > 1 else "the motor does NOT suffice"

@@ -1,0 +1,183 @@
+"""The terminal: what was meant, verdicts first, nothing beyond its width, colours only where they are shown."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.cli import COMMANDS, main
+from ssm_planner.cli.shared import output_file, progress_reporter
+from ssm_planner.cli.terminal import printed, wrapped
+from ssm_planner.reporting.text import Table
+
+ROOT = Path(__file__).parents[2]
+PLAN = str(ROOT / "results/tilt_insert")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_bare_command_lists_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    said = capsys.readouterr().err
+    assert all(re.search(rf"^ +{name}\b", said, re.M) for name in COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [(["plna", "x"], "'plan'"), (["simluate"], "'simulate'"), (["check", PLAN, "--robto", "x"], "'--robot'")],
+)
+def test_what_was_probably_meant(words: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    assert f"did you mean {meant}?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "key"),
+    [
+        (["plan", "nothing.yaml", "--json"], "nothing.yaml"),
+        (["check", "--json"], "required"),
+        (["nonsense", "--json"], "no command"),
+        (["ik", "vitreoretinal", "--tilt", "-100", "--json"], "unit"),
+    ],
+)
+def test_json_is_printed_for_bad_input_too(words: list[str], key: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    error = json.loads(captured.out)["error"]
+    assert key in error["message"]
+    assert {"file", "line", "key", "value", "allowed"} < set(error)
+    assert error["message"] in captured.err
+
+
+def test_where_a_fault_is_stands_in_the_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.yaml"
+    assert main(["new", "problem", str(file)]) == 0
+    capsys.readouterr()
+    file.write_text(file.read_text().replace("to: 20 mm", "to: 20"))
+    assert main(["plan", str(file), "--json"]) == 2
+    error = json.loads(capsys.readouterr().out)["error"]
+    line = next(i for i, text in enumerate(file.read_text().splitlines(), 1) if "to: 20" in text)
+    assert (error["file"], error["line"], error["value"]) == (str(file), line, "20")
+
+
+@pytest.mark.parametrize("width", [60, 80, 100])
+@pytest.mark.parametrize("command", [["check", PLAN], ["size", PLAN, "--what-if"]])
+def test_nothing_is_wider_than_the_terminal(
+    command: list[str], width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert main(command) in (0, 1)
+    wide = [line for line in capsys.readouterr().out.splitlines() if len(line) > max(width, 72)]
+    assert not wide
+
+
+def test_every_help_fits(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    for name in COMMANDS:
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        assert max(map(len, capsys.readouterr().out.splitlines())) <= 100, name
+
+
+def test_words_stay_whole_and_under_their_label() -> None:
+    assert wrapped("check        PASSED: 43 limits at 45668 instants", 30) == [
+        "check        PASSED: 43 limits",
+        "             at 45668 instants",
+    ]
+    assert wrapped("note: one two three", 12) == ["note: one", "  two three"]
+    assert wrapped("file: " + "x" * 40, 20) == ["file:", "  " + "x" * 40], "a path is one word"
+    assert " ".join("".join(wrapped("a b  c d", 4)).split()) == "a b c d"
+
+
+def test_a_table_gets_narrower_by_wrapping_text_never_numbers() -> None:
+    table = Table(("joint", "motor", "peak torque mN·m"), [("roll", "maxon ECX TORQUE 22 XL", "30.33 of 78")], (2,))
+    assert max(map(len, table.lines(100))) == 47
+    lines = table.lines(36)
+    assert max(map(len, lines)) <= 36
+    assert "30.33 of 78" in "\n".join(lines)
+    assert " ".join(" ".join(lines).split()).count("ECX") == 1
+
+
+def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    plain, shown, refused = io.StringIO(), Terminal(), Terminal()
+    printed(["check: PASSED", "motor BEYOND", "nothing"], plain)
+    printed(["check: PASSED", "motor BEYOND", "nothing"], shown)
+    assert plain.getvalue() == "check: PASSED\nmotor BEYOND\nnothing\n"
+    assert shown.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    printed(["check: PASSED"], refused)
+    assert refused.getvalue() == "check: PASSED\n"
+
+
+def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", PLAN]) == 0
+    assert capsys.readouterr().out.startswith("check: PASSED\n")
+    main(["size", PLAN])
+    out = capsys.readouterr().out
+    assert out.index("Verdicts") < out.index("Required of the motors")
+
+
+def test_a_sampled_table_names_what_to_export_instead(capsys: pytest.CaptureFixture[str]) -> None:
+    table = f"{PLAN}/trajectory.csv"
+    assert main(["check", table]) == 2
+    assert f"export {PLAN} --to csv" in capsys.readouterr().err
+    main(["check", table, "--robot", "vitreoretinal"])
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"export {PLAN} --to csv" in out
+    assert f"check {PLAN}" in out
+
+
+def test_o_is_a_folder_and_a_file_by_its_ending(tmp_path: Path) -> None:
+    default = Path("results/rig/rig.yaml")
+    assert output_file(None, ".yaml", default) == default
+    assert output_file(tmp_path, ".yaml", default) == tmp_path / "rig.yaml"
+    assert output_file(tmp_path / "new", ".yaml", default) == tmp_path / "new/rig.yaml"
+    assert output_file(tmp_path / "mine.yaml", ".yaml", default) == tmp_path / "mine.yaml"
+
+
+def test_counted_steps_say_the_time_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    now = [0.0]
+    monkeypatch.setattr("ssm_planner.cli.shared.time.perf_counter", lambda: now[0])
+    report = progress_reporter()
+    for k in range(1, 61):
+        report(f"scan ({k} of 60)")
+        now[0] += 0.5
+    report("done")
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) < 40, "not every step"
+    assert any("(31 of 60), about 15 s left" in line for line in lines), lines
+    assert lines[-1].endswith("done")
+
+
+def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+
+    def completed(line: str) -> set[str]:
+        found = tmp_path / "found"
+        environment = {
+            **os.environ,
+            **{"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_STDOUT_FILENAME": str(found)},
+            **{
+                "COMP_LINE": line,
+                "COMP_POINT": str(len(line)),
+                "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+            },
+        }
+        subprocess.run([sys.executable, "-c", "from ssm_planner.cli import main; main()"], env=environment, check=True)
+        return {word.strip() for word in found.read_text().split("\n")}
+
+    assert completed("ssm-planner si") == {"simulate", "size"}
+    assert "--power-loss" in completed("ssm-planner simulate x --")
+    assert {"robot", "drive"} <= completed("ssm-planner new ")
