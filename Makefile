@@ -1,6 +1,7 @@
 # make plan   the main job: plan problems/tilt_insert.yaml into results/tilt_insert/
 # make test   the tests;  make lint  ruff and mypy;  make clean  removes the environment
 # make api    docs/api.md and docs/reference.md, from the docstrings of the public names and the schema of the files
+# make docs   the documentation as a site into docs/_build/html, the gallery planned anew
 # make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 # make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
@@ -9,7 +10,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: plan test lint api wheel bench campaign clean
+.PHONY: plan test lint api docs wheel bench campaign clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -26,6 +27,9 @@ lint: $(VENV)/.lint
 api: $(VENV)/.main
 	$(BIN)/python docs/make_api.py
 	$(BIN)/python docs/make_reference.py
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build/html
 
 wheel: $(VENV)/.lint
 	rm -rf dist
@@ -52,6 +56,10 @@ $(VENV)/.test: $(VENV)/.main
 
 $(VENV)/.lint: $(VENV)/.main
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[lint]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.main
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.main

@@ -1,0 +1,16 @@
+"""Sphinx: the pages of this folder as a site, without anything from the network; `make docs`."""
+
+import runpy
+from pathlib import Path
+
+from ssm_planner import __version__
+
+HERE = Path(__file__).parent
+project, author, release = "ssm_planner", "The ssm_planner authors", __version__
+extensions = ["myst_parser"]
+exclude_patterns = ["_build"]
+html_theme = "furo"
+html_title = f"{project} {release}"
+myst_heading_anchors = 4
+suppress_warnings = ["myst.xref_missing", "misc.highlighting_failure"]  # links out of this folder; tests follow them
+runpy.run_path(str(HERE / "make_gallery.py"), run_name="__main__")
