@@ -129,6 +129,14 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
     return None
 
 
+def nearest_to_eye(problem: Problem, path: JointPath) -> Array:
+    """Where a path comes nearest to retina or lens, or goes farthest through them: joints, (4,)."""
+    q = _along(path)
+    values = [] if problem.eye is None else eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, q).T).values()
+    room = np.min([value / least for value, least in values if least > 0] or np.zeros((1, len(q))), axis=0)
+    return np.asarray(q[int(np.argmin(room))])
+
+
 def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Phase | None:
     """A free phase from rest to rest, straight in task coordinates; None where it cannot be, or a limit forbids a place."""
     # whether the line in task coordinates is another one than that in the joints

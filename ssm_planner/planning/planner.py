@@ -14,6 +14,7 @@ from ssm_planner.planning.feasibility import (
     durations_disagree,
     infeasible_place,
     motor_too_weak,
+    nearest_to_eye,
     no_motion,
     straight_instead,
     with_boundary_rates,
@@ -28,6 +29,7 @@ from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime, retime_motion
+from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -43,6 +45,9 @@ SHORTER = 1e-5
 """Share by which a straight motion has to be shorter than a free one to take its place."""
 NEARLY = 1.005
 """TOPP-RA's duration on a coarse grid, in that of a free motion, up to which the straight one is worked out."""
+DRAWN_BACK, HALVINGS = (0.85, 0.7, 0.55, 0.4, 0.25), 3
+"""Depths, as shares of that of the ends, to which the tool is drawn back where something is in its way, and how often the
+step between them is halved about the best one."""
 SAME = 1e-5
 """Share by which durations may differ that are meant to be the same."""
 LONGER = 1e-6
@@ -234,6 +239,8 @@ class _PhasePlanner:
             self.cooling is not None or free.duration <= (1 + SHORTER) * free.lower_bound
         ):
             return free
+        if isinstance(free, Reason) and isinstance(free.limit, (RetinaClearance, LensClearance)):
+            free = self._drawn_back(phase) or free
         straight = straight_instead(self.problem, self.mechanism, phase)
         if straight is None or straight.path is None:
             return free
@@ -248,6 +255,41 @@ class _PhasePlanner:
         if isinstance(free, Reason) or found.duration < (1 - shorter) * free.duration:
             return found
         return free
+
+    def _drawn_back(self, phase: Phase) -> PlannedPhase | None:
+        """The fastest free motion through one point more, over what is in the way; None where none was found.
+
+        There the tool is drawn back to a share of the lesser depth at the two ends; the shares are searched.
+        """
+        if len(phase.points) != 2:
+            return None
+        first, last = phase.points
+        over = nearest_to_eye(self.problem, PolylinePath(self.mechanism, phase.points))
+        depths = first[3], last[3]
+        fastest = replace(self, problem=replace(self.problem, objective="time"))
+        tried: dict[float, PlannedPhase | Reason] = {}
+
+        def through(share: float) -> Phase:
+            point = np.append(over[:3], share * min(depths, key=abs))
+            return replace(phase, points=np.stack([first, point, last]))
+
+        def duration(share: float) -> float:
+            if share not in tried:
+                place = infeasible_place(self.problem, self.mechanism, (through(share),))
+                tried[share] = place or fastest._free_by_optimal_control(through(share))
+            found = tried[share]
+            return np.inf if isinstance(found, Reason) else found.duration
+
+        best, step = min(DRAWN_BACK, key=duration), DRAWN_BACK[0] - DRAWN_BACK[1]
+        for _ in range(HALVINGS):
+            step /= 2
+            best = min((best, best - step, best + step), key=duration)
+        found = tried[best]
+        if self.problem.objective == "time then heat":
+            found = self._free_by_optimal_control(through(best))
+        if isinstance(found, Reason):
+            return None
+        return replace(found, lower_bound=phase.motion.duration or self._lower_bound(phase))
 
     def _free_by_optimal_control(self, phase: Phase) -> PlannedPhase | Reason:
         """Its path is the solver's."""

@@ -196,8 +196,7 @@ class Problem(Value, Limited):
     duration: Annotated[Positive, Quantity("time")] | None = None
     """Of everything together where it is asked for, s."""
     duty: Annotated[NotNegative, Quantity("time")] | None = 0.0
-    """Pause before the motion repeats, in which motors cool, s; None: it is done once, and what motors may do for all time
-    is no limit."""
+    """Pause before the motion repeats, in which motors cool, s. Done once (None), continuous torque is no limit."""
     planner: Planner = "optimal"
     """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
     friction: Positive | None = None

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
@@ -167,3 +169,39 @@ def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(laser_scan: Proble
     points = feasible_phases(problem, mechanism)[0][0].points
     durations = [solve_free(problem, mechanism, points, count=n).duration for n in (32, 40, 57)]
     assert max(durations) / min(durations) - 1 < 2e-3
+
+
+def ball_at(problem: Problem, roll: float, tilt: float, depth: float, radius: float) -> Eye:
+    """The eye with a ball for a lens, on the axis of a tool at this roll and tilt."""
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    place = tip_position(mechanism, inverse_task(mechanism, [[roll, tilt, 0.0, depth]]).joints[0, :1])[0]
+    assert problem.eye is not None
+    lens = Lens(frozen(place, (3,)), frozen([radius] * 3, (3,)), frozen(np.eye(3), (3, 3)))
+    return dataclasses.replace(problem.eye, lens=lens, clearance=0.5e-3)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "depth", "rolls", "ball"),
+    [
+        (-135, 18e-3, (-20, 20), (14e-3, 1.5e-3)),
+        (-125, 18e-3, (18, -22), (13e-3, 2e-3)),
+        (-128, 17e-3, (-25, 8), (12e-3, 1e-3)),
+    ],
+)
+def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
+    laser_scan: Problem, tilt: float, depth: float, rolls: tuple[float, float], ball: tuple[float, float]
+) -> None:
+    """No slower than through a point given by hand, and it does go back."""
+    tilt, (begin, end) = np.radians(tilt), np.radians(rolls)
+    eye = ball_at(laser_scan, 0.0, tilt, *ball)
+    start = Task(roll=begin, tilt=tilt, spin=0.0, depth=depth)
+    problem = dataclasses.replace(
+        laser_scan, start=start, motion=(Free(Task(roll=end)),), limits=(), eye=eye, objective="time"
+    )
+    result = plan(problem)
+    assert result.passed
+    by_hand = Free(Task(roll=end, depth=depth), (Task(roll=0.0, depth=10e-3),))
+    assert result.duration <= plan(dataclasses.replace(problem, motion=(by_hand,))).duration
+    depths = -result.trajectory.uniform(500.0).q[:, 3]
+    assert depths.min() < ball[0]
+    assert result.lower_bound <= result.duration
