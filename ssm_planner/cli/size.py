@@ -21,6 +21,7 @@ from ssm_planner.cli.shared import (
 from ssm_planner.errors import ProblemError, TrajectoryError
 
 if TYPE_CHECKING:
+    from ssm_planner.problem.drive import Drive
     from ssm_planner.problem.motor import Motor
     from ssm_planner.sizing.duty import DutyCycle
     from ssm_planner.sizing.motor_limits import Conditions
@@ -49,6 +50,13 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         "--spread", type=float, help="range of friction that the drive files state nothing of, such as 0.2 for ±20 %%"
     )
     parser.add_argument("--draws", type=int, default=0, help="Monte Carlo draws of the friction (default: linearised)")
+    parser.add_argument(
+        "--catalogue", type=Path, metavar="FILE", help="judge every motor of a CSV or folder of YAML on every axis"
+    )
+    parser.add_argument(
+        "--gears", type=Path, nargs="+", default=[], metavar="FILE", help="with every worm or screw of these catalogues"
+    )
+    parser.add_argument("--rank", choices=("mass", "length", "torque", "margin"), default="mass", help="of --catalogue")
     parser.add_argument("--what-if", action="store_true", help="largest payload and shortest duration")
     output_arguments(parser, "write sizing.json and the figures there")
 
@@ -61,6 +69,8 @@ def run_size(options: argparse.Namespace) -> int:
 
     duty = read_duty(options.plan, options.robot)
     conditions = _conditions(options, duty)
+    if options.catalogue is not None or options.gears:
+        return _run_selection(options, duty, conditions)
     candidates = read_candidates(options.motor, duty)
     progress("judging motors")
     sizing = size(duty, candidates, conditions, options.payload)
@@ -85,6 +95,44 @@ def run_size(options: argparse.Namespace) -> int:
     progress("done")
     show(options.json, document, lambda: [*lines, *(f"file: {path}" for path in document["files"].values())])
     return FAILED if sizing.adequate is False else OK
+
+
+SHOWN = 10
+"""Pairs of a joint that are shown in full."""
+
+
+def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
+    """Every motor of a catalogue with every gear."""
+    from ssm_planner.loading.catalogues import Part, gears_of, motors_of
+    from ssm_planner.reporting.text import selection_lines
+    from ssm_planner.sizing.selection import select
+
+    if options.motor or options.what_if or options.catalogue is None:
+        key = "--motor" if options.motor else "--what-if" if options.what_if else "--gears"
+        raise ProblemError("not with this choice", key=key, allowed="--catalogue, with --gears, --rank and conditions")
+    motors = motors_of(options.catalogue)
+    gears: dict[str, list[Part[Drive]]] = {
+        joint.name: [part for path in options.gears for part in gears_of(path, joint.drive)]
+        for joint in duty.robot.joints
+        if joint.drive is not None
+    }
+    progress = progress_reporter()
+    progress(f"judging {len(motors)} motors")
+    joints = select(duty, motors, gears, conditions, options.payload)
+    found = {joint.load.joint: joint.adequate.max(initial=-1) for joint in joints}
+    adequate = False if -1 in found.values() else None if 0 in found.values() or not found else True
+    notes = [*duty.notes, "the friction of each joint's own drive is taken for every gear that states none"]
+    document: dict[str, Any] = {
+        "motion": duty.name,
+        "adequate": adequate,
+        "confidence": conditions.confidence,
+        "selection": [joint.to_dict(options.rank, SHOWN) for joint in joints],
+        "notes": notes if options.gears else list(duty.notes),
+    }
+    document["files"] = write_results(options.output, "selection", document, lambda folder: {})
+    lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
+    show(options.json, document, lambda: [*lines, *(f"file: {path}" for path in document["files"].values())])
+    return FAILED if adequate is False else OK
 
 
 def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:

@@ -225,17 +225,18 @@ def key_text(path: tuple[str | int, ...]) -> str:
     return text
 
 
-def plain_node(data: Any, depth: int = 0) -> Node:
-    """Data from Python as a tree; it has no lines. Raises ProblemError where it is nested too deeply."""
+def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
+    """Data from Python as a tree, all of it in one line or in none. Raises ProblemError where it is nested too deeply."""
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
     if isinstance(data, Mapping):
-        children: dict[str | int, Node] = {str(key): plain_node(item, depth + 1) for key, item in data.items()}
-        return Node({key: child.value for key, child in children.items()}, None, 1, children, dict.fromkeys(children))
+        children: dict[str | int, Node] = {str(key): plain_node(item, depth + 1, line) for key, item in data.items()}
+        values = {key: child.value for key, child in children.items()}
+        return Node(values, line, 1, children, dict.fromkeys(children, line))
     if isinstance(data, (list, tuple)):
-        items: dict[str | int, Node] = {i: plain_node(item, depth + 1) for i, item in enumerate(data)}
-        return Node([item.value for item in items.values()], None, 1, items, dict.fromkeys(items))
-    return Node(data, None)
+        items: dict[str | int, Node] = {i: plain_node(item, depth + 1, line) for i, item in enumerate(data)}
+        return Node([item.value for item in items.values()], line, 1, items, dict.fromkeys(items, line))
+    return Node(data, line)
 
 
 def _written(value: object) -> str | None:

@@ -330,6 +330,35 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     return lines
 
 
+def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
+    """Of `selection` in what `size --json` prints: the best pairs of each joint, and what rules out the others."""
+    head = ("motor", "gear", "adequate", "binds", "margin", "g", "mm", "load/rotor inertia", "to bus mJ")
+    lines = []
+    for joint in selection:
+        answers = [answer for row in joint["adequate"] for answer in row]
+        counts = [sum(each is word for each in answers) for word in (True, None, False)]
+        lines += ["", f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears"]
+        lines[-1] += f": {counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by {joint['rank']}"
+        rows = []
+        for pair in joint["best"]:
+            margin = None if pair["binds"] is None else pair["margins"].get(pair["binds"])
+            figures = (
+                (pair["mass"], 1e3),
+                (pair["length"], 1e3),
+                (pair["inertia_ratio"], 1.0),
+                (pair["energy_to_bus"], 1e3),
+            )
+            cells = (NOTHING if value is None else number(scale * value) for value, scale in figures)
+            says = (LOUD[pair["adequate"]], words(pair["binds"] or NOTHING), percent(margin))
+            rows.append((pair["motor"], pair["gear"], *says, *cells))
+        lines += Table(head, rows, range(4, len(head))).lines() if rows else ["nothing is left"]
+        reasons = [f"{words(name)} {count}" for name, count in joint["reasons"].items()]
+        missing = {f"{words(name)}: {needs}" for pair in joint["best"] for name, needs in pair["not_checked"].items()}
+        lines += [f"ruled out by: {', '.join(reasons)}"] if reasons else []
+        lines += [f"not known: {each}" for each in sorted(missing)]
+    return lines
+
+
 def _requirements(sizing: Sizing) -> Table:
     head = ("joint", "peak mN·m", "RMS mN·m", "mean mN·m", "peak rpm", "peak rad/s²", "peak W", "mean W", "Joule W")
     rows = []

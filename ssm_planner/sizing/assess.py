@@ -100,7 +100,7 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     case = Case(load, band_of(load, motor, spread, conditions), spread, conditions)
     share = math.sqrt(load.duration / (load.duration + conditions.pause))
     heat = heat_of(load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence))
-    limits = _limits(motor, conditions, share, heat)
+    limits = limits_of(motor, conditions, share, heat)
     made = [_check(case, name, limit) for name, limit in limits.items()]
     made.insert(1, below("speed", float(np.abs(load.speed()).max()), motor.max_speed, "rad/s"))
     confidence = _confidence(case, limits)
@@ -138,13 +138,10 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     Where a rotor's inertia is not stated: the largest input inertia that there can be, the range of it (kg·m²), and the
     names of the figures that would settle it.
     """
+    low, high = shaft_inertia(load, motor)
     original, drive = load.motor, load.drive
-    if original is not None and (original.name, original.rotor_inertia) == (motor.name, motor.rotor_inertia):
+    if original is not None and _same_rotor(original, motor):
         return drive, None, ()
-    old = (0.0, drive.input_inertia) if original is None else rotor_range(original)
-    new = rotor_range(motor)
-    low = max(drive.input_inertia - old[1], 0.0) + new[0]
-    high = max(drive.input_inertia - old[0], 0.0) + new[1]
     missing_from = [each for each in (original, motor) if each is not None and each.rotor_inertia is None]
     rotors = [f"rotor_inertia of {each.name}" for each in missing_from]
     if original is None:
@@ -153,11 +150,26 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     return (drive, (low, high), tuple(rotors)) if rotors else (drive, None, ())
 
 
+def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
+    """Smallest and largest inertia that there can be on the shaft with this motor, kg·m²."""
+    original, inertia = load.motor, load.drive.input_inertia
+    if original is not None and _same_rotor(original, motor):
+        return inertia, inertia
+    old = (0.0, inertia) if original is None else rotor_range(original)
+    new = rotor_range(motor)
+    return max(inertia - old[1], 0.0) + new[0], max(inertia - old[0], 0.0) + new[1]
+
+
+def _same_rotor(one: Motor, other: Motor) -> bool:
+    return (one.name, one.rotor_inertia) == (other.name, other.rotor_inertia)
+
+
 Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
 """Demand, factor on it, what it must not exceed (None: not known), unit, and what is missing."""
 
 
-def _limits(motor: Motor, conditions: Conditions, share: float, heat: Heat | None) -> dict[str, Limit]:
+def limits_of(motor: Motor, conditions: Conditions, share: float, heat: Heat | None) -> dict[str, Limit]:
+    """The limits of a motor by the names of their checks; share: of the RMS over motion and pause by that of the motion."""
     torque, torque_needs = _peak_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
     voltage_needs = missing(motor, *ELECTRICAL)

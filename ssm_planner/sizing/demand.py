@@ -131,10 +131,10 @@ def _lowest(best: Array, load: JointLoad, drive: Drive, spread: FrictionSpread, 
     low, high = spread.inertia or (0.0, 0.0)
     wd = np.abs(load.acceleration(drive))
     peak, rms = ((high - low) / 2 * value for value in (float(wd.max()), float(load.rms(wd))))
-    return Demands.of(np.maximum(best - [peak, rms, peak * _volts_per_torque(motor), 0.0, 0.0], 0.0))
+    return Demands.of(np.maximum(best - [peak, rms, peak * volts_per_torque(motor), 0.0, 0.0], 0.0))
 
 
-def _volts_per_torque(motor: Motor | None) -> float:
+def volts_per_torque(motor: Motor | None) -> float:
     """R/k of the hot motor, V/(N·m): of what is added to its torque; NaN where figures are missing."""
     if motor is None or missing(motor, *ELECTRICAL):
         return np.nan
@@ -186,7 +186,7 @@ def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive, motor: Motor | 
         return smooth
     beyond = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
     beyond *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
-    voltage = smooth.peak_voltage + beyond * _volts_per_torque(motor)
+    voltage = smooth.peak_voltage + beyond * volts_per_torque(motor)
     return replace(smooth, peak_torque=smooth.peak_torque + beyond, peak_voltage=voltage)
 
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.loading.catalogues import entries
 from ssm_planner.loading.files import find, follow, of_data, read
-from ssm_planner.loading.motors import MotorModel
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.loading.schema import Field as Share
 from ssm_planner.loading.schema import Model, Reference, Text, Truth, interval, located, quantity, validated, wrong
@@ -29,11 +26,6 @@ from ssm_planner.studies.study import (
     Varied,
     known,
 )
-
-LARGEST_CATALOGUE = 10_000
-"""Entries."""
-MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
-"""Columns of motor tables in the words of motor files; the chart's end is no rating, and its source says so."""
 
 
 def _share(value: object) -> float:
@@ -178,81 +170,13 @@ def _span(section: Section, path: str) -> Varied:
 
 def catalogue(section: Section, path: str) -> dict[str, Any]:
     """The entries of a catalogue by name: a CSV with units in cells or headings, or a folder of YAML files."""
-    name = section.value["catalogue"]
     base = Path() if section.file is None else section.file.parent
-    file = base / str(name)
-    if file.is_dir():
-        entries = {each.stem: read(each).value for each in sorted(file.glob("*.yaml"))}
-    elif file.is_file():
-        entries = rows_of(file, gear=path.split(".")[-1] in GEARS)
-    else:
-        raise section.error(
-            f"the file {file} does not exist", "catalogue", allowed="a CSV file or a folder of YAML files"
-        )
-    if not 0 < len(entries) <= LARGEST_CATALOGUE:
-        raise section.error(f"{len(entries)} entries", "catalogue", allowed=f"1 to {LARGEST_CATALOGUE}")
-    return entries
-
-
-def rows_of(file: Path, gear: bool = False) -> dict[str, Any]:
-    """The rows of a CSV as what motor or drive files say, by name or order number. Raises ProblemError."""
     try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ProblemError(f"cannot be read: {error}", file=file) from None
-    reader = csv.reader(io.StringIO(text))
-    headings = [_heading(cell) for cell in next(_cells(reader, file), [])]
-    names = [name for name, _ in headings]
-    if not {"name", "order_number"} & set(names):
-        raise ProblemError("no column name or order_number", file=file, line=1)
-    if len(set(names)) < len(names):
-        raise ProblemError("two columns of one name", file=file, line=1)
-    entries: dict[str, Any] = {}
-    for cells in _cells(reader, file):
-        if not cells:
-            continue
-        if len(cells) != len(headings):
-            raise ProblemError(f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}")
-        written = zip(headings, (cell.strip() for cell in cells), strict=True)
-        row: dict[str, Any] = {name: _value(f"{cell} {unit}".rstrip()) for (name, unit), cell in written if cell}
-        label = str(row.pop("order_number", None) or row["name"])
-        if label in entries:
-            raise ProblemError(f"{label!r} stands twice", file=file, line=reader.line_num)
-        entries[label] = row if gear else _motor(row, label, file.name)
-    return entries
-
-
-def _cells(reader: Any, file: Path) -> Iterator[list[str]]:
-    try:
-        yield from reader
-    except csv.Error as error:
-        raise ProblemError(f"not a table: {error}", file=file, line=reader.line_num) from None
-
-
-def _value(text: str) -> str | float:
-    """A number where the cell is one, else its text."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _heading(cell: str) -> tuple[str, str]:
-    """Name and unit of a column: `rotor_inertia [g*cm^2]`."""
-    name, _, unit = cell.strip().partition("[")
-    return name.strip(), unit.rstrip("] ")
-
-
-def _motor(row: dict[str, Any], label: str, file: str) -> dict[str, Any]:
-    """A motor file of a row; what motor files do not know is left out."""
-
-    source = row.pop("source", f"{file}, {label}")
-    entry: dict[str, Any] = {"name": f"{row.pop('name', '')} {label}".strip(), "source": source}
-    for column, value in row.items():
-        name = MOTOR_COLUMNS.get(column, column)
-        if name in MotorModel.model_fields and name not in entry:
-            entry[name] = value
-    return entry
+        return entries(base / str(section.value["catalogue"]), gear=path.split(".")[-1] in GEARS)
+    except ProblemError as error:
+        if error.line is not None:
+            raise
+        raise section.error(str(error), "catalogue", show=False) from None
 
 
 def _check_paths(section: Section, study: Study) -> None:

@@ -1,0 +1,156 @@
+"""Selection from catalogues: equal to the verdict of each pair, ranked, and refused with a file's line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sizing_cases import COMPLETE, random_trajectory, with_covariance
+
+from ssm_planner.cli import main
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.catalogues import Part, gears_of, motors_of
+from ssm_planner.loading.load import load_robot
+from ssm_planner.sizing.duty import DutyCycle
+from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.sizing.selection import energy_to_bus, load_inertias, select
+
+MOTORS, WORMS, SCREWS = (Path(f"{name}.csv") for name in ("motors_24v", "worms", "screws"))
+ANSWERS = {1: True, 0: None, -1: False}
+
+
+@pytest.fixture(scope="module")
+def duty():
+    return DutyCycle.of_trajectory(random_trajectory(3, duration=2.0), load_robot("vitreoretinal"))
+
+
+@pytest.fixture(scope="module")
+def motors():
+    """Of the shipped catalogue some, one of them without its rotor's inertia and one without its thermal figures."""
+    some = motors_of(MOTORS)[::9]
+    first, second, *rest = some
+    return [
+        replace(first, of=replace(first.of, rotor_inertia=None)),
+        replace(second, of=replace(second.of, time_constant_winding=None, terminal_resistance=None)),
+        *rest,
+    ]
+
+
+def gears(duty, covariance=False):
+    found = {}
+    for joint in duty.robot.joints:
+        if joint.drive is not None:
+            parts = [part for file in (WORMS, SCREWS) for part in gears_of(file, joint.drive)]
+            found[joint.name] = [*parts[::6], Part("own", joint.drive)]
+            if covariance:
+                found[joint.name] = [Part("own", with_covariance(joint.drive))]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("conditions", "covariance"),
+    [
+        (Conditions(), False),
+        (Conditions(spread=0.2, pause=1.0), False),
+        (Conditions(ambient=340.0, supply_voltage=12.0, current_limit=0.6, spread=0.1), False),
+        (Conditions(confidence=0.9), True),
+    ],
+)
+def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, conditions, covariance):
+    answers = set()
+    for joint in select(duty, motors, gears(duty, covariance), conditions, payload=0.5):
+        adequate = joint.adequate
+        for g, m in np.ndindex(adequate.shape):
+            verdict = joint.verdict(g, m)
+            assert ANSWERS[int(adequate[g, m])] is verdict.adequate
+            answers.add(verdict.adequate)
+            passed = {check.name: check.passed for check in (*verdict.checks, *verdict.gear)}
+            fails = {name for name, answer in passed.items() if answer is False}
+            ruled_out = set(joint.ruled_out_by(g, m))
+            assert ruled_out <= fails
+            assert bool(ruled_out) == bool(fails)
+            for check in verdict.checks:
+                if check.name in joint.margins and np.isfinite(joint.margins[check.name][g, m]):
+                    assert joint.margins[check.name][g, m] == pytest.approx(check.margin, rel=1e-9, abs=1e-9)
+    assert len(answers) > 1
+
+
+def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_them(duty, motors):
+    for joint in select(duty, motors, gears(duty)):
+        pairs = joint.ranked("mass")
+        assert all(joint.adequate[pair] >= 0 for pair in pairs)
+        assert len(pairs) == int((joint.adequate >= 0).sum())
+        mass = [joint.motors[m].mass + (joint.gears[g].mass or 0.0) for g, m in pairs]
+        assert mass == sorted(mass)
+        worst = [min(margins[pair] for margins in joint.margins.values()) for pair in joint.ranked("margin")]
+        known = [margin for margin in worst if np.isfinite(margin)]
+        assert known == sorted(known, reverse=True)
+
+
+def test_energy_to_the_bus_and_inertia_ratio_follow_from_their_definitions(duty):
+    """A motor driven by its load with little resistance gives back almost all the mechanical energy that it takes up."""
+    motor = replace(COMPLETE, terminal_resistance=1e-9)
+    for joint in select(duty, [Part("complete", motor)], {}):
+        verdict = joint.verdict(0, 0)
+        assert energy_to_bus(verdict.load, motor) == pytest.approx(verdict.requirement.returned_energy, abs=1e-9)
+        assert energy_to_bus(verdict.load, replace(motor, terminal_resistance=1e6)) == 0.0
+        assert energy_to_bus(verdict.load, replace(motor, terminal_resistance=None)) is None
+    inertias = load_inertias(duty)
+    q = duty.runs[0][0].sample(np.linspace(0, 2, 200)).q
+    for i, joint in enumerate(duty.robot.joints):
+        push = np.zeros_like(q)
+        push[:, i] = 1.0
+        body = RigidBody.from_robot(duty.robot)
+        effort = body.inverse_dynamics(q, 0 * q, push) - body.inverse_dynamics(q, 0 * q, 0 * q)
+        assert inertias[joint.name] == pytest.approx(effort[:, i].max())
+
+
+def test_a_gear_replaces_geometry_and_ratings_and_keeps_the_friction(tmp_path):
+    own = load_robot("vitreoretinal").joints[0].drive
+    file = tmp_path / "gears.csv"
+    file.write_text(
+        "name,geometry.ratio,geometry.worm_diameter,geometry.lead [mm],ratings.input_speed,mass [g]\n"
+        "small,60,8 mm,1.25664,4000 rpm,12\n"
+    )
+    (part,) = gears_of(file, own)
+    assert part.of.ratio == pytest.approx(60)
+    assert part.of.gamma == pytest.approx(np.pi * 8 / (60 * 1.25664), rel=1e-5)
+    assert part.of.friction.mu == own.friction.mu
+    assert part.of.ratings.input_speed == pytest.approx(4000 * np.pi / 30)
+    assert part.mass == pytest.approx(0.012)
+    assert gears_of(file, load_robot("vitreoretinal").joints[3].drive) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("2.64 mN*m", "2.64 rpm", r"motors\.csv:2: nominal_torque = 2.64 rpm"),
+        ("0.13 g*cm^2", "0.13 kg*m^2", r"motors\.csv:2: rotor_inertia = .*implausible"),
+        ("ECXZ13M1VF40N1IL1D561A", "ECXZ13M3KN48K1ST1D497A", r"motors\.csv:3: .*stands twice"),
+    ],
+)
+def test_a_fault_in_a_row_is_named_with_its_line(tmp_path, old, new, message):
+    file = tmp_path / "motors.csv"
+    shipped = Path(__file__).parents[2] / "problems" / "catalogues" / "motors_24v.csv"
+    file.write_text(shipped.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ProblemError, match=message):
+        motors_of(file)
+
+
+def test_the_command_says_what_is_left_and_what_rules_out_the_others(tmp_path, capsys):
+    motion = Path(__file__).parents[2] / "problems" / "motorisation" / "paper.yaml"
+    words = ["size", str(motion), "--catalogue", "motors_24v.csv", "--gears", "worms.csv", "screws.csv"]
+    assert main([*words, "-o", str(tmp_path)]) in (0, 1)
+    text = capsys.readouterr().out
+    assert "roll: 48 motors × 30 gears" in text
+    assert "insertion: 48 motors × 15 gears" in text
+    document = json.loads((tmp_path / "selection.json").read_text())
+    for joint in document["selection"]:
+        assert np.shape(joint["adequate"]) == (len(joint["gears"]), 48)
+        assert len(joint["best"]) <= 10
+    assert main([*words, "--motor", "x.yaml"]) == 2
+    assert main(["size", str(motion), "--catalogue", str(tmp_path / "none.csv")]) == 2
