@@ -44,7 +44,9 @@ def run_identify(options: argparse.Namespace) -> int:
 
     fixed = dict(_known(text) for text in options.fix)
     progress(f"identifying {options.drive}")
-    found = identify(options.drive, options.recordings, law=options.law, fixed=fixed, free=tuple(options.free))
+    found = identify(
+        options.drive, options.recordings, law=options.law, fixed=fixed, free=tuple(options.free), progress=progress
+    )
     result = {**found.to_dict(), "files": _write_drive(found, options.drive, options.output)}
     progress("done")
     show(options.json, result, lambda: _identified_lines(result))
@@ -116,7 +118,7 @@ def run_predict(options: argparse.Namespace) -> int:
 
     progress(f"predicting with {options.drive}")
     origin = friction_origin(options.drive)
-    predictions = predict(options.drive, options.recordings)
+    predictions = predict(options.drive, options.recordings, progress)
     results = []
     for k, prediction in enumerate(predictions):
         if options.output is not None:

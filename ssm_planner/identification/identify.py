@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -89,12 +89,14 @@ def identify(
     law: str = "auto",
     fixed: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify the friction of the drive in a file.
 
     recordings: files or folders; steady-state ones make the torque–velocity map, start–stop ones give breakaway, dwell
     and memory. Without steady-state recordings the map comes from the table of figures beside the drive file. law: a
     law's name or `auto`. fixed: known parameters, SI. free: parameters fitted beyond the law's own (b_ov, preload).
+    progress: is told each step.
     Raises RecordingError or ProblemError.
     """
     here = load_drive(drive)
@@ -103,9 +105,12 @@ def identify(
     data, evidence = _map(drive, steady, moving)
     data = replace(data, repairs=(*repeated, *data.repairs))
     load, inertia = _load(here)
+    progress(f"fitting the map of {len(data.w)} points")
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
     wheel = here.ratio if here.kind == "worm" else None
     by_way = {way: fit_harmonics(steady, sign, wheel) for way, sign in (("forwards", 1), ("backwards", -1))}
+    if moving:
+        progress(f"fitting {len(moving)} start–stop recordings")
     dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None
     return Identification(
         fit=fit,
@@ -119,20 +124,27 @@ def identify(
     )
 
 
-def predict(drive: str | Path, recordings: Sequence[str | Path]) -> list[Prediction]:
+def predict(
+    drive: str | Path, recordings: Sequence[str | Path], progress: Callable[[str], None] = lambda _: None
+) -> list[Prediction]:
     """Predict motor torque from the measured speed of recordings (files or folders), by the drive in a file.
 
     A drive whose friction is still to be identified is identified first from the table of figures beside its file.
-    Raises RecordingError or ProblemError.
+    progress: is told each step. Raises RecordingError or ProblemError.
     """
     here = load_drive(drive)
     if not recordings:
         raise RecordingError("no recording to predict: name files or folders")
     found = _read(here, recordings)
     if here.friction is None:
+        progress("identifying from the table of figures")
         here = fit_map(here, _map(drive, [], [])[0], _load(here)[0], reference=_reference(here)).drive
     load = 0.0 if here.rig is None else here.rig.load
-    return [predict_recording(here, recording, load, _load(here)[1]) for recording in found]
+    predictions = []
+    for k, recording in enumerate(found, 1):
+        progress(f"predicting {recording.name} ({k} of {len(found)})")
+        predictions.append(predict_recording(here, recording, load, _load(here)[1]))
+    return predictions
 
 
 def friction_origin(drive: str | Path) -> str:
@@ -169,7 +181,8 @@ def _map(drive_path: str | Path, steady: list[Recording], moving: list[Recording
     if steady:
         data = torque_map(steady)
         return data, f"{len(data.w)} steady-state recordings ({data.names[0]} … {data.names[-1]}){also}"
-    table, rig = Path(drive_path).parent / TABLE, Path(drive_path).stem
+    file = find(drive_path, "drives")
+    table, rig = file.parent / TABLE, file.stem
     if not table.is_file():
         raise RecordingError(
             f"{drive_path}: no steady-state recording given, and no table of figures {table} to use instead"

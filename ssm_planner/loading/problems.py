@@ -205,12 +205,13 @@ _DUTY = Annotated[
     ),
 ]
 _MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
+_START = "Where all of the tool is: four task coordinates, or joints, or tip with spin."
 ProblemModel = model_of(
     Problem,
     {
         "name": optional(Text, "By default the file's name without its ending."),
         "robot": (Reference, ...),
-        "start": (_part(PointModel), ...),
+        "start": (_part(PointModel), Field(description=_START)),
         "motion": (_MOTION, ...),
         "limits": (_part(LimitsModel), LimitsModel()),
         "eye": optional(_part(EyeModel)),

@@ -175,3 +175,12 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
     figure = prediction_figure(prediction)
     assert len(figure.axes) == 2
     assert figure.axes[0].get_ylabel().endswith("(mN·m)")
+
+
+def test_a_shipped_drive_by_its_name_has_its_table_of_figures_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    steps: list[str] = []
+    assert "rig_figures.csv" in identify("rig3_worm", progress=steps.append).evidence
+    assert steps == ["fitting the map of 38 points"]
