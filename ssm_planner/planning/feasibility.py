@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,7 +54,8 @@ def infeasible_place(problem: Problem, mechanism: Mechanism, phases: Sequence[Ph
     """The first place that a limit forbids: range of a joint or of a task coordinate, the retina's clearance or the lens."""
     for phase in phases:
         q = _joints(phase)
-        reason = _beyond_range(problem, mechanism, phase, q) or blocked_by_eye(problem, mechanism, phase, q)
+        reason = _beyond_range(problem, mechanism, phase, q) or _past_boundary(problem, mechanism, phase)
+        reason = reason or blocked_by_eye(problem, mechanism, phase, q)
         if reason is not None:
             return reason
     return None
@@ -102,6 +104,36 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
             unit, scale = shown(limit.unit)
             text = f"{words} {value * scale:.6g} {unit}, its range ends at {bound * scale:.6g} {unit} ({where})"
             return Reason(limit, where, value, bound, text)
+    return None
+
+
+def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
+    """A free motion on which joint 2 has to turn past the workspace boundary, where tilt is out of its range.
+
+    Tilt follows joint 2 alone, and its extremes are where the branches of the inverse kinematics meet, at δ + k π: between
+    two points that lie on either side of one, every motion passes it.
+    """
+    limit = next((each for each in problem.limits if each.key == (TaskRange.name_of("tilt"), None)), None)
+    if phase.path is not None or limit is None:
+        return None
+    name, (unit, scale) = problem.robot.joints[1].name, shown("rad")
+    for k, (first, last) in enumerate(pairwise(phase.points)):
+        low, high = sorted((float(first[1]), float(last[1])))
+        turns = np.arange(np.ceil((low - mechanism.delta) / np.pi), (high - mechanism.delta) / np.pi)
+        if not len(turns):
+            continue
+        there = np.tile(first, (len(turns), 1))
+        there[:, 1] = mechanism.delta + np.pi * turns
+        tilts = task_from_joints(mechanism, there)[:, 1]
+        over = np.maximum(limit.low - tilts, tilts - limit.high)
+        tilt = float(tilts[np.argmax(over)])
+        if over.max() > AT_POINTS:
+            where = f"{phase.motion.name}, between its points {k} and {k + 1}"
+            text = (
+                f"joint {name} passes the workspace boundary between {low * scale:.6g} {unit} and {high * scale:.6g} {unit}, "
+                f"where tilt is {tilt * scale:.6g} {unit}; its range ends at {limit.bound(tilt) * scale:.6g} {unit}"
+            )
+            return Reason(limit, where, tilt, limit.bound(tilt), f"{text} ({where})")
     return None
 
 

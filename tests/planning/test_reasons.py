@@ -19,7 +19,7 @@ from ssm_planner.pipeline.relaxation import Cure, search
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import MotorTorque
+from ssm_planner.problem.limits import MotorTorque, TaskRange
 from ssm_planner.problem.motion import Free, Joints, Motion, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, frozen
@@ -285,3 +285,19 @@ def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
     assert search(tilt_insert, nameless, never) is None
     # torque and velocity of every joint that has them, both sides of three ranges, by a tenth and by the whole
     assert len(asked) == 1 + 2 * (3 + 4 + 6)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(-177.8, 160.0), (-170.0, 150.0), (120.0, -100.0)])
+def test_joint_2_past_the_workspace_boundary_is_named_before_anything_is_solved(
+    tilt_insert: Problem, begin: float, end: float
+) -> None:
+    """On the second branch the range of joint 2 leaves one way, past the boundary at -79.778 deg of tilt."""
+    start, target = (Joints((0.0, np.radians(angle), 0.0, -0.004)) for angle in (begin, end))
+    problem = dataclasses.replace(tilt_insert, start=start, motion=(Free(target),), limits=(), objective="time")
+    robot = dataclasses.replace(problem.robot, limits=tuple(x for x in problem.robot.limits if x.name == "tilt range"))
+    result = plan(dataclasses.replace(problem, robot=robot, limits=(TaskRange("tilt", *np.radians([-139, -81])),)))
+    assert result.status == "infeasible"
+    reason = result.reason
+    assert (reason.constraint, reason.joint) == ("tilt range", None)
+    assert "passes the workspace boundary" in reason.message
+    assert np.degrees(reason.required) == pytest.approx(-79.778, abs=1e-3)
