@@ -60,12 +60,13 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
         return read_rosbag(folder, robot)
     manifest = read_manifest(folder)
     listed = _check_hashes(folder, manifest)
-    if manifest.get("kind") in READERS:
-        reading = READERS[manifest["kind"]](folder, manifest, listed, robot)
+    kind = str(manifest.get("kind"))
+    if kind in READERS:
+        reading = READERS[kind](folder, manifest, listed, robot)
     else:
         name = manifest.get("trajectory")
         if not isinstance(name, str):
-            raise TrajectoryError(f"{folder}: this export ({manifest.get('kind')}) holds no trajectory")
+            raise TrajectoryError(f"{folder}: this export ({kind[:80]}) holds no trajectory")
         if name not in listed:
             raise TrajectoryError(f"{folder / MANIFEST}: its trajectory {name[:80]!r} is none of the files it lists")
         reading = _read_file(folder / name, robot)

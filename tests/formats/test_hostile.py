@@ -113,6 +113,14 @@ def test_a_manifest_names_only_its_own_files(made: Plan, robot: Robot, tmp_path:
         read_trajectory(tmp_path / "csv", robot)
 
 
+@pytest.mark.parametrize("kind", [{"x": 1}, ["epos4"], None, 3, "x" * 9000])
+def test_a_manifest_of_an_unknown_kind_is_named(made: Plan, robot: Robot, tmp_path: Path, kind: object) -> None:
+    files, manifest = export(made, "epos4", tmp_path / "epos4", force=True, counts_per_turn=1024)
+    files["manifest"].write_text(json.dumps({**manifest, "kind": kind}), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match=r"holds no trajectory|manifest\.json"):
+        read_trajectory(tmp_path / "epos4", robot)
+
+
 def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
     """A bag with these trajectories and nothing else."""
     pytest.importorskip("rosbags")
