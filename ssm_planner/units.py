@@ -256,6 +256,7 @@ KINDS = {
     "time": Kind("a time", "0.2 s", "s", largest=3600.0, slip="ms"),
     "rate": Kind("a rate", "200 1/s", "1/s"),
     "mass": Kind("a mass", "0.35 kg", "kg", largest=100.0, slip="g"),
+    "density": Kind("a density", "2700 kg/m^3", "kg/m^3", largest=2.5e4, slip="kg/m^3"),
     "inertia": Kind("a moment of inertia", "0.165 g*cm^2", "kg*m^2", largest=1e3, slip="g*cm^2"),
     "force": Kind("a force", "0.8 N", "N", largest=1e5, slip="mN"),
     "torque": Kind("a torque", "80 mN*m", "N*m", largest=1e3, slip="mN*m"),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field as PydanticField
 
 from ssm_planner import units
+from ssm_planner.dynamics import shapes
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import follow
@@ -71,6 +74,18 @@ _ROTATIONS = Field(
 Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS]
 _Angle = Annotated[float, quantity("angle")] | None
 _PositiveAngle = Annotated[float, quantity("angle", Bound(above=0.0))] | None
+_Place = Annotated[tuple[float, float, float], vector("length", "length", "length")]
+_Size = Annotated[float, quantity("length", Bound(above=0.0))]
+_Mass = Annotated[float, quantity("mass", Bound(at_least=0.0))]
+_Density = Annotated[float, quantity("density", Bound(above=0.0))]
+_Side = Literal["positive", "negative"]
+_MOTORS = tuple(f"motor {name}" for name in JOINTS)
+_MASS_OF = Field(
+    lambda value: value if value in _MOTORS else units.quantity(value, "mass"),
+    {"type": "string"},
+    ("mass",),
+    f"or {', '.join(_MOTORS)}",
+)
 _Moment = Annotated[float, quantity("inertia", Bound(at_least=0.0))]
 _Product = Annotated[float, quantity("inertia")]
 
@@ -122,7 +137,64 @@ class InertiaModel(Model):
     """Product; its sign as products_of_inertia says."""
 
 
+class _Solid(Model):
+    frame: Literal["own", "next"] = "own"
+    """In whose coordinates it is placed: the body's own, or those of the next body at q = 0, which follow the geometry."""
+
+
+class _Weighed(_Solid):
+    at: _Place
+    """Where its centre is."""
+    mass: Annotated[float | str, _MASS_OF]
+    """A quantity, or whose it is: motor roll, motor tilt …"""
+
+
+class ArcModel(Model):
+    """A curved bar about the remote centre, from the joint's own axis to the next joint's."""
+
+    shape: Literal["arc"]
+    radius: _Size
+    """Of its middle line."""
+    width: _Size
+    """Of its section, in the plane of the arc."""
+    height: _Size
+    """Of its section, across that plane."""
+    density: _Density
+    sides: tuple[_Side, _Side] = ("positive", "positive")
+    """On which side of the remote centre it starts on the own axis and ends on the next one."""
+
+
+class RodModel(_Solid):
+    """A straight round bar."""
+
+    shape: Literal["rod"]
+    start: _Place
+    """One end."""
+    end: _Place
+    """The other end."""
+    diameter: _Size
+    density: _Density
+
+
+class BoxModel(_Weighed):
+    """A box along the axes of its frame."""
+
+    shape: Literal["box"]
+    size: Annotated[tuple[float, float, float], vector("length", "length", "length")]
+    """Along the axes."""
+
+
+class PointModel(_Weighed):
+    """A point mass."""
+
+    shape: Literal["point"]
+
+
 class _BodyModel(Model):
+    parts: list[Annotated[ArcModel | RodModel | BoxModel | PointModel, PydanticField(discriminator="shape")]] | None = (
+        None
+    )
+    """What it is made of, in the place of mass, com and inertia, which follow from them."""
     com: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (0.0, 0.0, 0.0)
     inertia: InertiaModel | None = None
     """About the origin of the body frame; of a body without mass none."""
@@ -132,7 +204,7 @@ class _BodyModel(Model):
     """Relative to the previous body at q = 0."""
 
 
-BodyModel = model_of(Body, base=_BodyModel, without=("com",))
+BodyModel = model_of(Body, {"mass": optional(_Mass, "Or parts.")}, base=_BodyModel, without=("com",))
 _ACTUATION: dict[str, Any] = {
     "drive": (Reference | None, None),
     "motor": (Reference | None, None),
@@ -172,13 +244,16 @@ LARGEST_GYRATION = 1.0
 def robot_from(section: Section) -> Robot:
     """The robot that a section describes. Raises ProblemError."""
     model: Any = validated(section, RobotModel)
-    bodies: list[Body] = []
+    frames: list[Array] = []
     for i, body in enumerate(model.bodies):
-        before = bodies[-1].frame if bodies else np.eye(3)
-        here = section.sub("bodies", i)
-        bodies.append(_body(here, body, before @ _frame(here, body.frame, model.geometry)))
-    geometry = _geometry(section.sub("geometry"), model.geometry, bodies[-1].frame)
+        turn = _frame(section.sub("bodies", i), body.frame, model.geometry)
+        frames.append((frames[-1] if frames else np.eye(3)) @ turn)
+    geometry = _geometry(section.sub("geometry"), model.geometry, frames[-1])
     joints = tuple(_joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS)
+    bodies = []
+    for i, body in enumerate(model.bodies):
+        setting = _Setting(i, frames, geometry, joints)
+        bodies.append(_body(section.sub("bodies", i), body, setting))
     with located(section):
         return Robot(
             name=model.name,
@@ -294,20 +369,94 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
     return math.asin(wanted / across)
 
 
-def _body(section: Section, model: Any, frame: Array) -> Body:
-    """frame: base ← body at q = 0, (3, 3)."""
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    """Where a body is: its place in the chain, all frames base ← body at q = 0 (3, 3), axes and joints."""
+
+    place: int
+    frames: Sequence[Array]
+    geometry: Geometry
+    joints: Sequence[Joint]
+
+    @property
+    def frame(self) -> Array:
+        return self.frames[self.place]
+
+    def axis(self, beyond: int) -> Array:
+        """Of the joint that moves the body, or the one beyond it, in the body's frame, (3,)."""
+        omegas = (self.geometry.omega1, self.geometry.omega2, self.geometry.omega3, self.geometry.omega3)
+        return np.asarray(self.frame.T @ omegas[self.place + beyond])
+
+
+def _body(section: Section, model: Any, setting: _Setting) -> Body:
+    if model.parts is not None:
+        return _made_of_parts(section, model, setting)
+    if model.mass is None:
+        raise section.error("missing: this key is required", "mass", allowed="mass with com and inertia, or parts")
     tensor = _inertia(section, model)
     with located(section):
         try:
-            body = Body(model.name, model.mass, np.array(model.com), tensor, frame)
+            body = Body(model.name, model.mass, np.array(model.com), tensor, setting.frame)
         except ProblemError as error:
             error.reason += _sign_hint(model, tensor) if model.mass > 0 else ""
             raise
-    gyration = float(np.sqrt(principal_moments(body.mass, body.com, tensor)[2] / body.mass)) if body.mass > 0 else 0.0
+    return _plausible(section, body)
+
+
+def _plausible(section: Section, body: Body) -> Body:
+    gyration = (
+        float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass)) if body.mass > 0 else 0.0
+    )
     if gyration > LARGEST_GYRATION:
         reason = f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?"
         raise section.error(reason, "inertia", allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m")
     return body
+
+
+def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
+    for key in ("mass", "com", "inertia", "products_of_inertia"):
+        if section.holds(key):
+            raise section.error("follows from the parts", key, allowed="either parts, or mass, com and inertia")
+    parts = [_solid(section.sub("parts", i), part, setting) for i, part in enumerate(model.parts)]
+    total = sum(parts, shapes.point(0.0, np.zeros(3)))
+    with located(section, {"inertia": ("parts",), "mass": ("parts",)}):
+        body = Body(model.name, total.mass, total.com, total.inertia, setting.frame)
+    return _plausible(section, body)
+
+
+def _solid(section: Section, part: Any, setting: _Setting) -> shapes.Moments:
+    """A part in the body's frame."""
+    last = setting.place == len(setting.frames) - 1
+    if isinstance(part, ArcModel):
+        if setting.place > 1:
+            raise section.error("no other axis follows on this body's", "shape", allowed="rod, box, point")
+        if part.width >= 2 * part.radius:
+            raise section.error("reaches beyond the remote centre", "width", allowed="less than twice the radius")
+        start, end = ((1 if side == "positive" else -1) * setting.axis(i) for i, side in enumerate(part.sides))
+        return shapes.arc(start, end, part.radius, section=(part.width, part.height), density=part.density)
+    if part.frame == "next" and last:
+        raise section.error("this is the last body", "frame", allowed="own")
+    turn = np.eye(3) if part.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
+    if isinstance(part, RodModel):
+        start, end = np.array(part.start), np.array(part.end)
+        if not np.any(end - start):
+            raise section.error("the rod has no length", "end", allowed="another place than start")
+        return shapes.rod(start, end, part.diameter, part.density).turned(turn)
+    mass = _mass_of(section, part, setting.joints)
+    size = np.array(part.size) if isinstance(part, BoxModel) else np.zeros(3)
+    return shapes.box(mass, np.array(part.at), size).turned(turn)
+
+
+def _mass_of(section: Section, part: Any, joints: Sequence[Joint]) -> float:
+    if not isinstance(part.mass, str):
+        if part.mass < 0:
+            raise section.error("not a mass", "mass", allowed="0 kg or more")
+        return float(part.mass)
+    motor = joints[_MOTORS.index(part.mass)].motor
+    if motor is None or motor.mass is None:
+        reason = "this joint has no motor" if motor is None else f"the file of {motor.name} gives no mass"
+        raise section.error(reason, "mass", allowed="a quantity, or the motor of a joint, whose file gives its mass")
+    return motor.mass
 
 
 def _inertia(section: Section, model: Any) -> Array:

@@ -74,7 +74,9 @@ class Screens:
 
     @property
     def _bodies_vary(self) -> bool:
-        return any(path.startswith(("bodies", "gravity")) for path in self.study.paths)
+        if any(path.startswith(("bodies", "gravity")) for path in self.study.paths):
+            return True
+        return any("parts" in body for body in self.study.robot["bodies"])
 
     def _problems(self) -> Iterator[Problem]:
         """The motions with the first candidates that a robot and its motions can be made of."""
