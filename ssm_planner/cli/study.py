@@ -96,6 +96,7 @@ def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
         "own": _entry(result.own),
         "better": [row.number for row in result.better],
         "reasons": result.reasons,
+        "notes": study.notes,
         "finished": result.finished,
         "files": files,
     }
@@ -166,7 +167,7 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
         f"The study's own robot as it stands: {result.own.state}, {own}; {len(result.better)} of the front beat it",
     ]
     lines += ["", "Why candidates fall out", *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN])]
-    return [*lines, "", *(f"file: {path}" for path in files.values())]
+    return [*lines, "", *study.notes, *(f"file: {path}" for path in files.values())]
 
 
 def _compared_lines(document: dict[str, Any]) -> list[str]:

@@ -47,11 +47,6 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     for row in rows:
         if row.state not in ("done", "waiting"):
             stages.setdefault(row.stage or row.state, []).append(row)
-    notes = []
-    if any(path.startswith("geometry") for path in study.paths):
-        notes.append(
-            "Bodies keep mass, centre and inertia in their own frames while the geometry varies, unless given by shape."
-        )
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
     header = ["number", *(_title(name) for name in names), *study.paths]
     cells = [
@@ -66,7 +61,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         "title": study.name,
         "file": study.file or "FILE",
         "summary": f"{len(rows)} candidates: {listed}. Objectives: {', '.join(study.minimise)}.",
-        "notes": notes,
+        "notes": study.notes,
         "fallen": [
             {"stage": stage, "count": len(each), "example": each[0].reason}
             for stage, each in sorted(stages.items(), key=lambda item: -len(item[1]))

@@ -108,6 +108,17 @@ class Study:
         """What varies."""
         return tuple(variable.path for variable in self.vary)
 
+    @property
+    def notes(self) -> list[str]:
+        """What a reader of the results has to know."""
+        fixed = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
+        if not fixed or not any(path.startswith("geometry.") or path.endswith(".motor") for path in self.paths):
+            return []
+        return [
+            f"Bodies as the robot file gives them ({', '.join(fixed)}): they turn with the axes, but keep mass, centre and "
+            "inertia whatever geometry and motors are chosen; bodies given by parts would follow."
+        ]
+
     def designs(self) -> Iterator[Design]:
         """The candidates of a search that is not adaptive, in order."""
         search = self.search

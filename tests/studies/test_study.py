@@ -183,6 +183,29 @@ def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
     assert ratios == {"P30-60": 60, "P30-120": 120}
 
 
+def test_a_study_over_fixed_bodies_says_so_and_one_of_parts_moves_their_mass():
+    of = study()
+    (note,) = of.notes
+    assert "link 1" in note
+    assert study(vary={"joints.insertion.drive.friction.mu": {"choices": [0.15, 0.17]}}).notes == []
+    arc = {"shape": "arc", "radius": "218 mm", "width": "40 mm", "height": "20 mm", "density": "2700 kg/m^3"}
+    parts = [
+        {**body, "parts": [{"shape": "box", "mass": "0.3 kg", "at": ["0 mm", "0 mm", "0.1 m"], "size": ["9 mm"] * 3}]}
+        for body in of.robot["bodies"]
+    ]
+    for body in parts:
+        for key in ("mass", "com", "inertia", "products_of_inertia"):
+            body.pop(key, None)
+    parts[0]["parts"] = [arc]
+    of = replace(of, robot={**of.robot, "bodies": parts})
+    assert of.notes == []
+    masses = []
+    for alpha in ("28 deg", "35 deg"):
+        ((_, problem),) = problems_of(of, {"geometry.alpha": alpha, "geometry.home_tilt": "-112 deg"})
+        masses.append(problem.robot.bodies[0].mass)
+    assert masses[1] / masses[0] == pytest.approx(35 / 28)
+
+
 def test_the_front_holds_what_nothing_beats():
     rng = np.random.default_rng(2)
     rows = [
