@@ -244,11 +244,12 @@ LARGEST_GYRATION = 1.0
 def robot_from(section: Section) -> Robot:
     """The robot that a section describes. Raises ProblemError."""
     model: Any = validated(section, RobotModel)
+    omegas = _axes(section.sub("geometry"), model.geometry)
     frames: list[Array] = []
     for i, body in enumerate(model.bodies):
         turn = _frame(section.sub("bodies", i), body.frame, model.geometry)
         frames.append((frames[-1] if frames else np.eye(3)) @ turn)
-    geometry = _geometry(section.sub("geometry"), model.geometry, frames[-1])
+    geometry = _geometry(section.sub("geometry"), model.geometry, omegas, frames[-1])
     joints = tuple(_joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS)
     bodies = []
     for i, body in enumerate(model.bodies):
@@ -312,18 +313,22 @@ def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
     return result
 
 
-def _geometry(section: Section, model: GeometryModel, last_frame: Array) -> Geometry:
-    """last_frame: base ← last body at q = 0, (3, 3)."""
+def _axes(section: Section, model: GeometryModel) -> list[Array]:
+    """Of joints 1 to 3 in the base frame at q = 0, (3,) each."""
     angles = [name for name in ("alpha", "beta", "home_tilt", "home_roll") if getattr(model, name) is not None]
     if model.axes is None:
-        omegas = _from_angles(section, model)
-        places: dict[str, tuple[str, ...]] = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
-    elif angles:
+        return _from_angles(section, model)
+    if angles:
         raise section.error("axes are given as well", angles[0], allowed="either axes, or alpha with home_tilt")
-    else:
-        with located(section.sub("axes")):
-            omegas = [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
-        places = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
+    with located(section.sub("axes")):
+        return [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
+
+
+def _geometry(section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array) -> Geometry:
+    """last_frame: base ← last body at q = 0, (3, 3)."""
+    places: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
+    if model.axes is None:
+        places = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
     tool_home = last_frame if model.tool_home is None else _frame(section, model.tool_home, model)
     with located(section, places):
         return Geometry(omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1)

@@ -117,6 +117,7 @@ class TestShippedGeometry:
         axes = "".join(f"\n    joint{i}: [{row}]" for i, row in enumerate(rows, 1))
         files.edit(ROBOT, "  home_tilt: -113 deg", f"  axes:{axes}")
         files.edit(ROBOT, "  alpha: 30 deg ", "  # ")
+        name_no_angles(files)
         by_axes = files.load(ROBOT).geometry
         for name in ("omega1", "omega2", "omega3", "tool_home"):
             assert getattr(by_axes, name) == pytest.approx(getattr(by_angles, name), abs=1e-12)
@@ -163,9 +164,9 @@ class TestShippedGeometry:
         ("tilt: [-139 deg, -81 deg]", "tilt: [-139, -81]", ("limits.tilt = [-139, -81]", "without a unit")),
         ("tilt: [-139 deg, -81 deg]", "tlt: [-139 deg, -81 deg]", ("limits.tlt", "did you mean 'tilt'?")),
         ("tilt: [-139 deg, -81 deg]", "depth: [40 mm, 50 mm]", ("limits.depth", "0 mm to 30 mm")),
-        ("frame: [y 30 deg]", "frame: [w 30 deg]", ("bodies[1].frame", "'w 30 deg'", "x 90 deg")),
-        ("frame: [y 30 deg]", "frame: [y 30]", ("without a unit",)),
-        ("frame: [y 30 deg]", "frame: y 30 deg", ("not a chain",)),
+        ("frame: [y alpha]", "frame: [w 30 deg]", ("bodies[1].frame", "'w 30 deg'", "x 90 deg")),
+        ("frame: [y alpha]", "frame: [y 30]", ("without a unit",)),
+        ("frame: [y alpha]", "frame: y 30 deg", ("not a chain",)),
         ("../motors/maxon_ecx_torque_22_m.yaml", "../motors/nothing.yaml", ("joints.tilt.motor", "does not exist")),
         ("../motors/maxon_ecx_torque_22_m.yaml", "../motors", ("joints.tilt.motor", "is not a file")),
         ("../motors/maxon_ecx_torque_22_m.yaml", "7", ("joints.tilt.motor = 7", "neither a file name nor a mapping")),
@@ -203,7 +204,14 @@ def test_wrong_unit_of_inertia(files: Any) -> None:
         files.load(ROBOT)
 
 
+def name_no_angles(files: Any) -> None:
+    """Angles that the geometry does not give have no names."""
+    for name, angle in (("[y alpha]", "[y 30 deg]"), ("[y -alpha, x home_tilt,", "[y -30 deg, x -113 deg,")):
+        files.edit(ROBOT, name, angle)
+
+
 def test_axes_must_be_unit_and_not_parallel(files: Any) -> None:
+    name_no_angles(files)
     files.edit(ROBOT, "  home_tilt: -113 deg", "  axes: {joint1: [1, 0, 0], joint2: [1, 1, 0], joint3: [0, 0, 1]}")
     message = files.rejection(ROBOT, "  alpha: 30 deg ", "  # ", at="  axes:")
     assert "geometry.axes.joint2 = [1, 1, 0]" in message
