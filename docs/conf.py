@@ -2,6 +2,7 @@
 
 import runpy
 from pathlib import Path
+from typing import Any
 
 from ssm_planner import __version__
 
@@ -14,3 +15,15 @@ html_title = f"{project} {release}"
 myst_heading_anchors = 4
 suppress_warnings = ["myst.xref_missing", "misc.highlighting_failure"]  # links out of this folder; tests follow them
 runpy.run_path(str(HERE / "make_gallery.py"), run_name="__main__")
+
+
+def setup(app: Any) -> None:
+    """Captions of the contents get a level, and code that scrolls the keyboard, which Sphinx leaves out."""
+
+    def finish(app: Any, _: Exception | None) -> None:
+        for page in Path(app.outdir).glob("*.html"):
+            text = page.read_text(encoding="utf-8")
+            text = text.replace('role="heading">', 'role="heading" aria-level="2">')
+            page.write_text(text.replace("<pre>", '<pre tabindex="0">'), encoding="utf-8")
+
+    app.connect("build-finished", finish)
