@@ -44,12 +44,14 @@ def plan(
     progress: Progress = lambda _: None,
     found: Callable[[Trajectory], None] = lambda _: None,
     relaxations: bool = True,
+    cured: Callable[[Problem], None] = lambda _: None,
 ) -> Plan:
     """Plan a problem, check the plan by code that did not make it.
 
     Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
-    planned again. found: called with each motion before it is checked. Never raises for an infeasible problem: the plan
-    then holds the reason, and unless `relaxations` is false the smallest change of a limit with which there is a motion.
+    planned again. found: called with each motion before it is checked; cured: with the problem that a relaxation gives.
+    Never raises for an infeasible problem: the plan then holds the reason, and unless `relaxations` is false the smallest
+    change of a limit with which there is a motion.
     """
     begin = time.perf_counter()
     planned, certificate, reason = _attempt(problem, progress, found)
@@ -57,7 +59,10 @@ def plan(
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
         cure = search(problem, reason, _duration_or_reason, duration)
-        reason = reason if cure is None else replace(reason, relaxation=cure.text)
+        if cure is not None:
+            reason = replace(reason, relaxation=cure.text)
+            if cure.works:
+                cured(cure.problem)
     return Plan(
         problem=problem,
         status=planned.status,

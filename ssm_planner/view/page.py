@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ssm_planner.errors import ProblemError
+from ssm_planner.errors import GeometryError, ProblemError
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.kinematics.workspace import design_region, tilt_interval
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Task
+from ssm_planner.problem.motion import Dwell, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
 from ssm_planner.typing import Range
+from ssm_planner.units import shown
 
 PUBLISHED = math.radians(30.0), math.radians(109.778)
 """α and β of the paper's robot, for a page without a problem."""
@@ -28,7 +30,18 @@ SAME = 1e-9
 """rad within which α and β count as those of the robot."""
 Pose = tuple[float, float, float, float]
 """Roll, tilt, spin and depth, rad and m."""
+MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
+"""By which suggested α and β reach beyond the range, best first."""
 LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
+
+
+def _written(point: Any) -> dict[str, str]:
+    """Task coordinates of a point as a problem file has them."""
+    return {name: _in_units(name, getattr(point, name)) for name in TASK if getattr(point, name) is not None}
+
+
+def _in_units(name: str, value: float) -> str:
+    return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
 def view_page(start: dict[str, Any], token: str) -> str:
@@ -95,6 +108,41 @@ class Study:
             "scene": mechanism_scene(mechanism, {**ranges, "tilt": wanted}, sides, eye),
         }
 
+    def suggest(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """{tilt_range} → {alpha, beta}: the smallest α that reaches the range with most of MARGINS. Raises ProblemError."""
+        wanted = tilt_range(request)
+        for margin in MARGINS:
+            try:
+                region = design_region(*wanted, margin)
+            except GeometryError as error:
+                raise ProblemError(
+                    "no α and β reach a range on both sides of 0°", key="tilt_range", allowed="both ends of one sign"
+                ) from error
+            alpha, beta = region.smallest_alpha
+            if not region.empty and alpha >= LOWEST and beta <= HIGHEST:
+                return {"alpha": alpha, "beta": beta, "margin": margin}
+        raise ProblemError("no α and β reach this range", key="tilt_range")
+
+    def problem_file(self, problem: Problem) -> dict[str, Any]:
+        """The YAML of a motion made in the view, with what the view's problem file says besides. Raises ProblemError."""
+        import yaml
+
+        file = None if self.problem is None or self.problem.file is None else Path(self.problem.file)
+        if file is None or not file.is_file():
+            raise ProblemError("the problem was not read from a file")
+        document = yaml.safe_load(file.read_text(encoding="utf-8"))
+        beside = file.parent / str(document["robot"])
+        if beside.is_file():
+            document["robot"] = str(beside.resolve())
+        document["start"] = _written(problem.start)
+        document["motion"] = [
+            {"dwell": f"{step.duration:.12g} s"} if isinstance(step, Dwell) else {"straight": {"to": _written(step)}}
+            for step in problem.motion
+        ]
+        low, high = problem.ranges["tilt"]
+        document.setdefault("limits", {})["tilt"] = [_in_units("tilt", low), _in_units("tilt", high)]
+        return {"text": yaml.safe_dump(document, sort_keys=False, allow_unicode=True)}
+
     def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """{alpha, beta, pose} → {reachable, error, branches: [{joints, branch, in_limits, tip}]}, nearest to home first."""
         mechanism, _ = self.mechanism(request)
@@ -118,9 +166,9 @@ class Study:
         }
 
 
-def number(request: Mapping[str, Any], key: str, low: float, high: float) -> float:
-    """A finite number of a request within its range. Raises ProblemError."""
-    return _checked(request.get(key), key, low, high)
+def number(request: Mapping[str, Any], key: str, low: float, high: float, unit: str = "rad") -> float:
+    """A finite number of a request within its range; unit: SI. Raises ProblemError."""
+    return _checked(request.get(key), key, low, high, unit)
 
 
 def pose(request: Mapping[str, Any], key: str) -> Pose:
@@ -128,9 +176,9 @@ def pose(request: Mapping[str, Any], key: str) -> Pose:
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
-    reach = {"roll": 4 * math.pi, "tilt": math.pi, "spin": 4 * math.pi, "depth": 1.0}
-    named = zip(TASK, values, strict=True)
-    roll, tilt, spin, depth = (_checked(value, f"{key}.{name}", -reach[name], reach[name]) for name, value in named)
+    reach = {"roll": (4 * math.pi, "rad"), "tilt": (math.pi, "rad"), "spin": (4 * math.pi, "rad"), "depth": (1.0, "m")}
+    named = [(value, f"{key}.{name}", *reach[name]) for name, value in zip(TASK, values, strict=True)]
+    roll, tilt, spin, depth = (_checked(value, name, -most, most, unit) for value, name, most, unit in named)
     return roll, tilt, spin, depth
 
 
@@ -139,15 +187,18 @@ def tilt_range(request: Mapping[str, Any]) -> Range:
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
-    low, high = (_checked(end, "tilt_range", -math.pi, math.pi) for end in ends)
+    low, high = (_checked(end, "tilt_range", -math.pi, math.pi, "rad") for end in ends)
     if not low < high:
-        raise ProblemError("lower end not below the upper", key="tilt_range", value=ends)
+        raise ProblemError("the lower end is not below the upper", key="tilt_range")
     return low, high
 
 
-def _checked(value: object, key: str, low: float, high: float) -> float:
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not low <= value <= high:
-        raise ProblemError(
-            "not what belongs here", key=key, value=value, allowed=f"a number in [{low:.6g}, {high:.6g}]"
-        )
-    return float(value)
+def _checked(value: object, key: str, low: float, high: float, si: str) -> float:
+    """A number in its range; one that is out of it by rounding is its end."""
+    unit, scale = shown(si, "°")
+    allowed = f"{scale * low:.6g} to {scale * high:.6g} {unit}"
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        raise ProblemError("not a number", key=key, value=value, allowed=allowed)
+    if not low - SAME <= value <= high + SAME:
+        raise ProblemError(f"{scale * value:.6g} {unit} is out of range", key=key, allowed=allowed)
+    return min(max(float(value), low), high)

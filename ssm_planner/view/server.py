@@ -11,7 +11,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from ssm_planner.errors import SsmPlannerError
+from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page
 
@@ -26,6 +26,8 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
+KINDS = {"report": "text/html", "plan": "application/json"}
+"""What a finished plan has, at /<kind>/<job>."""
 Answer = Callable[[Mapping[str, Any]], dict[str, Any]]
 
 
@@ -35,9 +37,9 @@ class ViewServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, study: Study, port: int = 0) -> None:
+        self.jobs = Jobs(study)  # a socket that cannot be had is closed with them
         super().__init__((ADDRESS, port), Handler)
         self.study = study
-        self.jobs = Jobs(study)
         self.token = secrets.token_urlsafe(24)
         self.hosts = {f"{name}:{self.server_port}" for name in (ADDRESS, "localhost")}
         self.answers: dict[str, Answer] = {
@@ -45,7 +47,15 @@ class ViewServer(ThreadingHTTPServer):
             "/ik": study.ik,
             "/plan": self.jobs.start,
             "/progress": self.jobs.progress,
+            "/cancel": self.jobs.cancel,
+            "/suggest": study.suggest,
+            "/yaml": lambda request: study.problem_file(self.jobs.wanted(request)),
         }
+
+    def server_close(self) -> None:
+        """The planner ends with its server."""
+        super().server_close()
+        self.jobs.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that hangs up is no news."""
@@ -72,13 +82,12 @@ class Handler(BaseHTTPRequestHandler):
         if self.path == "/":
             self._send(HTTPStatus.OK, view_page(self.server.study.start(), self.server.token), "text/html")
             return
-        report = (
-            self.server.jobs.report(self.path.removeprefix("/report/")) if self.path.startswith("/report/") else None
-        )
-        if report is None:
+        kind, _, identity = self.path.removeprefix("/").partition("/")
+        text = self.server.jobs.text(kind, identity) if kind in KINDS else None
+        if text is None:
             self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
         else:
-            self._send(HTTPStatus.OK, report, "text/html")
+            self._send(HTTPStatus.OK, text, KINDS[kind])
 
     def do_POST(self) -> None:
         if not self._known_host():
@@ -93,7 +102,10 @@ class Handler(BaseHTTPRequestHandler):
         try:
             self._send(HTTPStatus.OK, json.dumps(answer(request), allow_nan=False), "application/json")
         except SsmPlannerError as error:
-            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+            key = reason = None
+            if isinstance(error, ProblemError):
+                key, reason = error.key, error.reason + (f" (allowed: {error.allowed})" if error.allowed else "")
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error), key, reason)
 
     def _known_host(self) -> bool:
         """The browser reached this server by its own name: a page elsewhere cannot point a name of its own here."""
@@ -132,9 +144,10 @@ class Handler(BaseHTTPRequestHandler):
             return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"at most {LONGEST} bytes"
         return None
 
-    def _refuse(self, status: HTTPStatus, reason: str) -> None:
+    def _refuse(self, status: HTTPStatus, message: str, key: str | None = None, reason: str | None = None) -> None:
+        """key: of the field that is wrong, whose fault the reason is without its name."""
         self.close_connection = True
-        self._send(status, json.dumps({"error": reason}), "application/json")
+        self._send(status, json.dumps({"error": message, "key": key, "reason": reason}), "application/json")
 
     def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
         body = text.encode("utf-8")

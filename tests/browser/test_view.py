@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import random
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from ssm_planner.view.page import Study
 from ssm_planner.view.server import ViewServer
 
 from .conftest import Visit
-from .page_laws import CONTRAST, OVERFLOW, UNNAMED
+from .page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 Open = Callable[..., Visit]
 
@@ -87,3 +89,103 @@ def test_fits_reads_and_is_reachable(visit: Open, server: ViewServer, width: int
     assert page.evaluate(OVERFLOW) == []
     assert page.evaluate(CONTRAST) == []
     assert page.evaluate(UNNAMED) == []
+
+
+FIELDS = ("alpha", "beta", "low", "high", "roll", "tilt", "spin", "depth")
+
+
+def type_in(page: Any, field: str, text: str) -> None:
+    page.fill(f"#{field}-number", text)
+    page.press(f"#{field}-number", "Tab")
+
+
+def test_bad_entries_are_refused_beside_their_fields(visit: Open, server: ViewServer) -> None:
+    """40 seeded entries: each a message at its field, in the unit of the field; what was valid stays in use."""
+    opened = visit(server.url)
+    page, draw = opened.page, random.Random(19)
+    for _ in range(40):
+        field = draw.choice(FIELDS)
+        low, high = (float(page.get_attribute(f"#{field}", end)) for end in ("min", "max"))
+        good = page.input_value(f"#{field}")
+        type_in(
+            page,
+            field,
+            draw.choice(
+                ["", "1e9", "-1e9", "1e308", str(high + draw.uniform(0.01, 500)), str(low - draw.uniform(0.01, 500))]
+            ),
+        )
+        message = page.inner_text(f"#{field}-error")
+        assert message, field
+        assert "rad" not in message
+        assert page.get_attribute(f"#{field}-number", "aria-invalid") == "true"
+        assert page.input_value(f"#{field}") == good
+        type_in(page, field, good)
+        assert page.inner_text(f"#{field}-error") == ""
+    type_in(page, "tilt", "-101.5")
+    opened.wait("document.getElementById('to').textContent.includes('−101.5')")
+    assert page.inner_text("#verdict") == ""
+    assert opened.said == []
+
+
+def test_sliders_at_their_ends_leave_the_page_alive(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    for field in FIELDS:
+        for end in ("max", "min"):
+            page.fill(f"#{field}", page.get_attribute(f"#{field}", end))
+            page.wait_for_timeout(150)
+    assert page.inner_text("#verdict") == ""
+    page.fill("#low", "-120")
+    page.fill("#high", "-100")
+    page.click("#own")
+    page.fill("#tilt", "-100")
+    opened.wait("document.getElementById('reached').textContent === 'The pose is reached.'")
+    opened.wait("document.getElementById('reach').className === 'good'")
+
+
+def test_what_is_set_stands_in_the_address(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    type_in(page, "tilt", "-101.25")
+    page.click("#waypoint")
+    page.click("#dwell")
+    type_in(page, "depth", "7.5")
+    address = page.url
+    for reloaded in (visit(address), visit(address)):
+        assert reloaded.page.input_value("#tilt-number") == "-101.25"
+        assert reloaded.page.input_value("#depth-number") == "7.5"
+        assert reloaded.page.locator("#steps li").count() == 2
+    broken = visit(server.url + "#%7B%22tilt%22%3A1e9%2C%22steps%22%3A%5B7%5D%7D")
+    assert broken.page.inner_text("#verdict") == ""
+
+
+def test_a_motion_that_cannot_be_is_refused_at_its_field(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    page.fill("#low", "-110")
+    page.fill("#tilt", "-125")
+    page.click("#plan")
+    opened.wait("document.getElementById('tilt-error').textContent !== ''")
+    assert "deg" in page.inner_text("#tilt-error")
+    assert page.locator("#outcome").bounding_box()["y"] < page.evaluate("scrollY + innerHeight")
+
+
+def test_cancel_and_plan_again(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    page.fill("#tilt", "-100")
+    page.click("#plan")
+    page.wait_for_timeout(500)
+    page.click("#cancel")
+    opened.wait("document.querySelector('.outcome').textContent === 'cancelled'", seconds=0.6)
+    page.wait_for_timeout(200)
+    assert not page.is_disabled("#plan")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(browser: Any, server: ViewServer, scheme: str) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)
+    page.goto(server.url)
+    page.wait_for_timeout(1000)
+    assert serious(page) == []
+    page.close()

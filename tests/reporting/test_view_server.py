@@ -25,7 +25,7 @@ from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain
-from ssm_planner.view.jobs import straight_problem
+from ssm_planner.view.jobs import posed_problem
 from ssm_planner.view.page import Study
 from ssm_planner.view.server import LONGEST, ViewServer
 
@@ -207,20 +207,85 @@ def test_plan_runs_with_progress_and_gives_a_report(server: ViewServer, tilt_ins
 def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert: Problem) -> None:
     own = Mechanism.from_geometry(tilt_insert.robot.geometry)
     request = {"alpha": own.alpha, "beta": own.beta, "start": [0.0, -1.6, 0.0, 0.0], "target": [0.0, -2.2, 0.0, 0.0]}
-    job = ask(server, "/plan", {**request, "tilt_range": [-2.0, -1.5]})["job"]
-    for _ in range(400):
+    status, text = send(server, "POST", "/plan", {**request, "tilt_range": [-2.0, -1.5]})
+    found = json.loads(text)
+    assert status == 400
+    assert found["key"].endswith("motion[0].tilt")
+    assert "deg" in found["reason"]
+
+
+def finished(server: ViewServer, job: str, seconds: float = 60.0) -> dict[str, Any]:
+    for _ in range(int(seconds / 0.05)):
         answer = ask(server, "/progress", {"job": job})
         if answer["done"]:
-            break
+            return answer
         time.sleep(0.05)
-    assert answer["report"] is None
-    assert "tilt" in answer["message"]
+    raise AssertionError("never done")
+
+
+def test_a_plan_is_cancelled_at_once_and_the_next_one_works(server: ViewServer, tilt_insert: Problem) -> None:
+    job = ask(server, "/plan", {"own": True})["job"]
+    time.sleep(0.7)
+    begin = time.perf_counter()
+    assert ask(server, "/cancel", {"job": job})["done"]
+    assert time.perf_counter() - begin < 0.5
+    assert ask(server, "/progress", {"job": job})["message"] == "cancelled"
+    assert "check passed" in finished(server, ask(server, "/plan", {"own": True})["job"])["message"]
+
+
+def test_waypoints_and_dwells_are_planned_and_saved(server: ViewServer, tilt_insert: Problem, tmp_path: Path) -> None:
+    """What is saved as YAML is the problem that is planned, and the plan can be had as plan.json."""
+    own = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    request = {
+        "alpha": own.alpha,
+        "beta": own.beta,
+        "start": [0.0, math.radians(-90), 0.0, 0.0],
+        "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.0]}, {"dwell": 0.2}, {"pose": [0.0, -1.8, 0.0, 0.004]}],
+        "tilt_range": [math.radians(-139), math.radians(-81)],
+    }
+    path = tmp_path / "saved.yaml"
+    path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
+    saved, made = load_problem(path), server.jobs.wanted(request)
+    assert saved.start == made.start
+    assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
+    ends = [
+        [getattr(step, name) for name in ("roll", "tilt", "spin", "depth")]
+        for step in (saved.motion[2], made.motion[2])
+    ]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+    assert saved.ranges["tilt"] == pytest.approx(made.ranges["tilt"], abs=1e-12)
+    answer = finished(server, ask(server, "/plan", request)["job"])
+    assert json.loads(send(server, "GET", answer["plan"])[1])["status"] == "solved"
+
+
+def test_a_relaxation_can_be_planned(tilt_insert: Problem) -> None:
+    from dataclasses import replace
+
+    weak = replace(tilt_insert, motion=(replace(tilt_insert.motion[0], duration=0.5),))
+    with ViewServer(Study(weak)) as running:
+        threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+        first = finished(running, ask(running, "/plan", {"own": True})["job"])
+        assert first["report"] is None
+        assert first["relaxation"]
+        relaxed = ask(running, "/plan", {"relaxed": list(running.jobs._jobs)[-1]})
+        assert "check passed" in finished(running, relaxed["job"])["message"]
+        running.shutdown()
+
+
+def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
+    wanted = [math.radians(-130), math.radians(-90)]
+    found = ask(server, "/suggest", {"tilt_range": wanted})
+    reached = ask(server, "/workspace", {"alpha": found["alpha"], "beta": found["beta"], "tilt_range": wanted})
+    assert reached["margin"] == pytest.approx(found["margin"], abs=1e-9)
+    status, text = send(server, "POST", "/suggest", {"tilt_range": [-1.0, 1.0]})
+    assert status == 400
+    assert json.loads(text)["key"] == "tilt_range"
 
 
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
     problem = load_problem(APPROACH)
     low, high = problem.ranges["tilt"]
-    made = straight_problem(problem, (0.0, -1.8, 0.0, 0.002), (0.0, -2.0, 0.0, 0.015), (low, high))
+    made = posed_problem(problem, (0.0, -1.8, 0.0, 0.002), [(0.0, -2.0, 0.0, 0.015)], (low, high))
     assert plain(made.task_limits) == plain(problem.task_limits)
 
 

@@ -5,24 +5,41 @@
   const degrees = 180 / Math.PI;
   const find = (name) => document.getElementById(name);
   const scales = { depth: 1000 };
-  const state = { sign: null, from: [...start.pose], own: true, busy: false, found: null };
+  const state = { sign: null, from: [...start.pose], own: true, job: null, found: null, steps: [] };
 
   const ask = async (path, request) => {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(request),
       headers: { "Content-Type": "application/json", "X-Token": token } });
     const body = await answer.json();
-    if (!answer.ok) throw new Error(body.error);
+    if (!answer.ok) throw Object.assign(new Error(body.error), { key: body.key, reason: body.reason });
     return body;
   };
 
-  // SI value of a slider; exact where nobody has moved it
+  // SI value of a field; exact where nobody has moved it
   const exact = {};
   const value = (name) => exact[name];
   const put = (name, si) => {
     exact[name] = si;
     const shown = si * (scales[name] ?? degrees);
     find(name).value = shown;
-    find(`${name}-number`).value = Number(shown.toFixed(3));
+    find(`${name}-number`).value = Number(shown.toFixed(6));
+    fault(name, "");
+  };
+  // a message beside the field that it means
+  const fault = (name, text) => {
+    find(`${name}-error`).textContent = text;
+    find(`${name}-number`)?.setAttribute("aria-invalid", String(Boolean(text)));
+  };
+  const blame = (error) => {
+    const key = error.key ?? "";
+    const part = key.split(".").pop();
+    const number = key.match(/motion\[(\d+)\]/);
+    let name = { tilt_range: "high", start: "from", target: "motion" }[key] ?? part;
+    let text = error.reason ?? error.message;
+    if (number && state.steps.length) [name, text] = ["motion", `entry ${Number(number[1]) + 1}, ${part}: ${text}`];
+    else if (key.includes("start")) [name, text] = ["from", `${part}: ${text}`];
+    if (find(`${name}-error`)) fault(name, text);
+    else find("verdict").textContent = error.message;
   };
   const names = ["alpha", "beta", "low", "high", "roll", "tilt", "spin", "depth"];
   const pose = () => ["roll", "tilt", "spin", "depth"].map(value);
@@ -34,7 +51,7 @@
   const showWorkspace = (answer) => {
     state.own = answer.own;
     scene.clear();
-    scene.add({ scene: answer.scene, colours });
+    scene.add({ scene: answer.scene, colours, begin: state.begin });
     const [low, high] = answer.tilt_range.map((x) => SSM.fixed(x * degrees, 3));
     const spare = SSM.fixed(Math.abs(answer.margin) * degrees, 2);
     find("reach").textContent = `The mechanism reaches ${low}° to ${high}°: ` +
@@ -79,18 +96,21 @@
         await run();
         find("verdict").textContent = "";
       } catch (error) {
-        find("verdict").textContent = error.message;
+        blame(error);
       }
       running = false;
       if (again) { again = false; go(); }
     };
     return go;
   };
+  const range = () => [value("low"), value("high")];
   const angles = () => ({ alpha: value("alpha"), beta: value("beta") });
   const updatePose = follower(async () => showBranches(await ask("/ik", { ...angles(), pose: pose() })));
   const updateAll = follower(async () => {
-    const [band, joints] = await Promise.all([
-      ask("/workspace", { ...angles(), tilt_range: [value("low"), value("high")] }), ask("/ik", { ...angles(), pose: pose() })]);
+    const [band, joints, begin] = await Promise.all([ask("/workspace", { ...angles(), tilt_range: range() }),
+      ask("/ik", { ...angles(), pose: pose() }), ask("/ik", { ...angles(), pose: state.from })]);
+    const nearest = begin.branches.find(({ branch, in_limits: inside }) => inside && branch === state.sign) ?? begin.branches.find(({ in_limits: inside }) => inside);
+    state.begin = begin.reachable ? (nearest ?? begin.branches[0]).joints : null;
     showWorkspace(band);
     showBranches(joints);
     SSM.ready ??= performance.now();
@@ -100,71 +120,150 @@
     const reason = !start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
       : !state.own ? "The masses of the links are known for the robot's own α and β only: go back to them to plan." : "";
     find("why").textContent = reason;
-    find("plan").disabled = Boolean(reason) || state.busy;
-    find("whole").disabled = !start.can_plan || state.busy;
+    find("plan").disabled = Boolean(reason) || Boolean(state.job);
+    find("save").disabled = Boolean(reason);
+    find("whole").disabled = !start.can_plan || Boolean(state.job);
+    find("cancel").disabled = !state.job;
   };
   const places = () => {
     find("from").textContent = `From: ${words(state.from)}`;
-    find("to").textContent = `To: ${words(pose())}`;
+    find("to").textContent = `${state.steps.length ? "Shown, not part of the motion" : "To"}: ${words(pose())}`;
+    find("steps").replaceChildren(...state.steps.map((step, i) => {
+      const text = step.pose ? words(step.pose) : `dwell ${SSM.short(step.dwell)} s`;
+      const away = SSM.element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); kept(); } }, "×");
+      return SSM.element("li", {}, text, " ", away);
+    }));
+  };
+  // all that is set stands in the address: it can be reloaded, sent and bookmarked
+  const kept = () => {
+    places();
+    const all = Object.fromEntries(names.map((name) => [name, value(name)]));
+    const text = JSON.stringify({ ...all, from: state.from, steps: state.steps, job: state.job ?? state.last });
+    history.replaceState(null, "", `#${encodeURIComponent(text)}`);
   };
 
-  const changed = (name, shown) => {
-    if (!Number.isFinite(shown)) return;
-    put(name, shown / (scales[name] ?? degrees));
-    if (name === "low" && value("low") >= value("high")) put("high", value("low") + 0.1 / degrees);
-    if (name === "high" && value("low") >= value("high")) put("low", value("high") - 0.1 / degrees);
-    places();
+  // from a slider: one end of the range pushes the other. What is typed is used as it is, or refused beside the field.
+  const bounds = (name) => [Number(find(name).min), Number(find(name).max)];
+  const changed = (name, shown, typed) => {
+    const [low, high] = bounds(name);
+    const unit = name === "depth" ? " mm" : "°";
+    if (!Number.isFinite(shown)) return fault(name, "not a number");
+    if (shown < low - 1e-9 || shown > high + 1e-9) return fault(name, `${SSM.short(shown)}${unit} is out of range: ${SSM.short(low)}${unit} to ${SSM.short(high)}${unit}`);
+    const si = shown / (scales[name] ?? degrees);
+    const step = 0.1 / degrees;
+    const crossed = (name === "low" && si >= value("high")) || (name === "high" && si <= value("low"));
+    if (crossed && (typed || Math.abs(shown) >= 180)) {
+      return fault(name, name === "low" ? "not below the upper end" : "not above the lower end");
+    }
+    put(name, si);
+    if (crossed) put(name === "low" ? "high" : "low", name === "low" ? si + step : si - step);
+    kept();
     if (["roll", "tilt", "spin", "depth"].includes(name)) updatePose();
     else updateAll();
+    return null;
   };
   for (const name of names) {
-    find(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber));
-    find(`${name}-number`).addEventListener("change", (event) => {
-      const { min, max, valueAsNumber } = event.target;
-      changed(name, Math.min(Math.max(valueAsNumber, Number(min)), Number(max)));
-    });
+    find(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
+    find(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
   }
 
-  const follow = async (request) => {
-    state.busy = true;
-    whyNot();
+  const wanted = () => ({ ...angles(), start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: range() });
+  const link = (href, text, more = {}) => SSM.element("p", {}, SSM.element("a", { href, ...more }, text));
+  const follow = async (begin) => {
     const steps = SSM.element("ol", { class: "steps", "aria-live": "polite" });
     const message = SSM.element("p", { role: "status", class: "outcome" }, "Planning …");
-    find("result").replaceChildren(SSM.element("h2", {}, "Plan"), message, steps);
+    const bar = SSM.element("progress", { "aria-label": "Planning" });
+    find("outcome").replaceChildren(message, bar, steps);
+    find("result").replaceChildren();
+    ["from", "motion", "dwell"].forEach((name) => fault(name, ""));
     try {
-      const { job } = await ask("/plan", request);
+      state.job = await begin();
+      state.last = state.job;
+      kept();
+      whyNot();
       for (;;) {
-        const answer = await ask("/progress", { job });
+        const answer = await ask("/progress", { job: state.job });
         while (steps.childElementCount < answer.steps.length) steps.append(SSM.element("li", {}, answer.steps[steps.childElementCount]));
-        if (answer.done) {
-          message.textContent = answer.message;
-          if (answer.report) find("result").append(
-            SSM.element("p", {}, SSM.element("a", { href: answer.report, target: "_blank", rel: "noopener" }, "Open the report in a tab of its own")),
-            SSM.element("iframe", { src: answer.report, title: "Report of the plan" }));
-          break;
-        }
-        await new Promise((resolve) => setTimeout(resolve, 200));
+        steps.scrollTop = steps.scrollHeight;
+        if (answer.done) { finished(answer, message); break; }
+        await new Promise((resolve) => setTimeout(resolve, 150));
       }
     } catch (error) {
-      message.textContent = error.message;
+      message.textContent = error.key ? "not planned" : error.message;
+      blame(error);
     }
-    state.busy = false;
+    bar.remove();
+    state.job = null;
     whyNot();
   };
-  find("plan").addEventListener("click", () =>
-    follow({ ...angles(), start: state.from, target: pose(), tilt_range: [value("low"), value("high")] }));
-  find("whole").addEventListener("click", () => follow({ own: true }));
-  find("here").addEventListener("click", () => { state.from = pose(); places(); });
-  find("own").addEventListener("click", () => { put("alpha", start.alpha); put("beta", start.beta); updateAll(); });
+  const finished = (answer, message) => {
+    message.textContent = answer.message;
+    if (answer.relaxation) {
+      const { last } = state;
+      message.after(SSM.element("button", { type: "button", id: "relax", onclick: () => follow(async () => (await ask("/plan", { relaxed: last })).job) },
+        `Plan with ${answer.relaxation}`));
+    }
+    if (!answer.report) return;
+    message.after(link(answer.report, "Open the report in a tab of its own", { target: "_blank", rel: "noopener" }), link("#result", "Go to the report below"),
+      link(answer.plan, "Download plan.json", { download: "plan.json" }));
+    find("outcome").querySelector('[href="#result"]').addEventListener("click", (event) => { event.preventDefault(); find("result").scrollIntoView(); });
+    find("result").append(SSM.element("h2", {}, "Plan"), SSM.element("iframe", { src: answer.report, title: "Report of the plan" }));
+  };
+  find("plan").addEventListener("click", () => follow(async () => (await ask("/plan", wanted())).job));
+  find("whole").addEventListener("click", () => follow(async () => (await ask("/plan", { own: true })).job));
+  find("cancel").addEventListener("click", () => ask("/cancel", { job: state.job }).catch(blame));
+  find("save").addEventListener("click", async () => {
+    try {
+      const { text } = await ask("/yaml", wanted());
+      const address = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
+      SSM.element("a", { href: address, download: "problem.yaml" }).click();
+      setTimeout(() => URL.revokeObjectURL(address), 1000);
+    } catch (error) { blame(error); }
+  });
+  find("here").addEventListener("click", () => { state.from = pose(); kept(); updateAll(); });
+  find("waypoint").addEventListener("click", () => { state.steps.push({ pose: pose() }); kept(); });
+  find("dwell").addEventListener("click", () => {
+    const time = find("dwell-number").valueAsNumber;
+    if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell takes 0.001 s to 3600 s");
+    fault("dwell", "");
+    state.steps.push({ dwell: time });
+    return kept();
+  });
+  find("own").addEventListener("click", () => { put("alpha", start.alpha); put("beta", start.beta); kept(); updateAll(); });
+  find("suggest").addEventListener("click", async () => {
+    try {
+      const found = await ask("/suggest", { tilt_range: range() });
+      put("alpha", found.alpha);
+      put("beta", found.beta);
+      kept();
+      updateAll();
+    } catch (error) { blame(error); }
+  });
+
+  // what the address holds, as far as it is what the fields take
+  const recall = () => {
+    let held = {};
+    try { held = JSON.parse(decodeURIComponent(location.hash.slice(1))) ?? {}; } catch { return; }
+    const inside = (name, si) => Number.isFinite(si) && si * (scales[name] ?? degrees) >= bounds(name)[0] - 1e-9 && si * (scales[name] ?? degrees) <= bounds(name)[1] + 1e-9;
+    const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => inside(names[4 + i], si));
+    for (const name of names) if (inside(name, held[name])) put(name, held[name]);
+    if (value("low") >= value("high")) start.tilt_range.forEach((si, i) => put(["low", "high"][i], si));
+    if (isPose(held.from)) state.from = held.from;
+    if (Array.isArray(held.steps)) state.steps = held.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
+    if (typeof held.job === "string") {
+      ask("/progress", { job: held.job }).then(() => follow(async () => held.job)).catch(() => {});
+    }
+  };
 
   for (const end of ["min", "max"]) {
-    for (const input of [find("depth"), find("depth-number")]) input[end] = (1000 * start.depth_range[end === "min" ? 0 : 1]).toFixed(3);
+    find("depth")[end] = (1000 * start.depth_range[end === "min" ? 0 : 1]).toFixed(3);
   }
   put("alpha", start.alpha);
   put("beta", start.beta);
   put("low", start.tilt_range[0]);
   put("high", start.tilt_range[1]);
   ["roll", "tilt", "spin", "depth"].forEach((name, i) => put(name, start.pose[i]));
+  recall();
   places();
   whyNot();
   updateAll();
