@@ -83,7 +83,7 @@ def _stribeck_figure() -> Figure:
     )
     for k, (law, label, dash) in enumerate(shapes):
         axes.plot(x, stribeck_shape(law, x), dash, color=COLOURS[k], label=label)
-    finish(axes, "x = |w| / w_s", "Stribeck's part of μ by its value at rest")
+    finish(axes, "speed by the Stribeck speed", "Stribeck's part of μ by its value at rest")
     legend(axes)
     return figure
 

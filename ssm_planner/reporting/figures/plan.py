@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ssm_planner.problem.limits import JointAcceleration, JointPosition, JointVelocity, Limit
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.style import (
@@ -25,14 +26,18 @@ from ssm_planner.reporting.figures.style import (
 )
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ssm_planner.simulation.simulate import SimulationResult
 
 SAMPLES = 1200
+NEAR = 2.0
+"""Spans of a curve within which its limits are drawn."""
 
 
 def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
@@ -42,12 +47,12 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
     figure, panels = new_panels(
         9.0, 6.4, rows=3, columns=2, edges=(0.75, 0.1, 0.5, 0.55), gaps=(0.85, 0.2), sharex=True
     )
-    rows = (
-        ("q", "position", "", None),
-        ("qd", "velocity", "/s", "velocity"),
-        ("qdd", "acceleration", "/s²", "acceleration"),
+    rows: tuple[tuple[str, str, str, type[Limit]], ...] = (
+        ("q", "position", "", JointPosition),
+        ("qd", "velocity", "/s", JointVelocity),
+        ("qdd", "acceleration", "/s²", JointAcceleration),
     )
-    for row, (field, name, per, limit) in enumerate(rows):
+    for row, (field, name, per, limited) in enumerate(rows):
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
             unit, scale = unit_of(base)
             axes = panels[row, column]
@@ -55,14 +60,24 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
             for i, joint in enumerate(robot.joints):
                 if joint.kind != kind:
                     continue
-                axes.plot(t, scale * getattr(samples, field)[:, i], DASHES[i], color=COLOURS[i], label=_label(robot, i))
-                for side in (1, -1) if limit else ():
-                    axes.axhline(side * scale * getattr(joint, str(limit)), **LIMIT)
+                values = scale * getattr(samples, field)[:, i]
+                axes.plot(t, values, DASHES[i], color=COLOURS[i], label=_label(robot, i))
+                for limit in joint.limits:
+                    if isinstance(limit, limited):
+                        _draw_limit(axes, (scale * limit.low, scale * limit.high), values)
             finish(axes, "time (s)" if row == 2 else "", f"{name} ({unit}{per})")
-    lines = [line for axes in panels[0] for line in axes.get_lines()]
+    lines = [line for axes in panels[0] for line in axes.get_legend_handles_labels()[0]]
     (limit_line,) = panels[1, 0].plot([], [], **LIMIT, label="limit")
     figure.legend(handles=[*lines, limit_line], loc="upper center", ncols=5, fontsize=SIZE, frameon=False)
     return figure
+
+
+def _draw_limit(axes: Axes, ends: tuple[float, float], values: Array) -> None:
+    """The ends of a limit that do not press the values (n,) flat."""
+    size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
+    for end in ends:
+        if values.min() - NEAR * size <= end <= values.max() + NEAR * size:
+            axes.axhline(end, **LIMIT)
 
 
 def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:

@@ -127,6 +127,7 @@ def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
     axes.plot([0.0, RPM * motor.max_speed], [rms, rms], ":", color="0.2", linewidth=1.0, label="RMS of the motion")
     top = 1.15 * max(torque.max(), 0.0 if steady is None else 1e3 * steady, 1e-9)
     axes.set_ylim(0.0, max(top, min(1.05 * short.max(), 3 * top)))
+    axes.set_xlim(0.0, min(1.05 * RPM * motor.max_speed, 3 * float(speeds.max())))
     mark = ", placeholder figures" if motor.placeholder else ""
     answer = {True: "suffices", False: "does not suffice", None: "not known"}[verdict.adequate]
     axes.set_title(f"{verdict.joint}: {motor.name}\n{answer}{mark}", fontsize=SIZE - 1.5)

@@ -27,7 +27,11 @@ LIMIT: dict[str, Any] = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4,
 AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """A line at zero."""
 SIZE = 9.0
-DPI = 110
+DPI = 300
+LETTER = 0.58
+"""Mean width of a letter by the size of its type."""
+MARGIN = 0.05
+"""Share of the data that matplotlib leaves free at either end of an axis."""
 PNG_HEADER = 33
 """Bytes of a PNG file up to the end of its first chunk."""
 
@@ -158,13 +162,24 @@ def zero_lines(axes: Axes, down: bool = False) -> None:
 
 
 def shade_phases(axes: Axes, trajectory: Trajectory, named: bool = False) -> None:
-    """Shade every other phase and, where asked for, name it above the panel."""
+    """Shade every other phase and, where asked for, name it above the panel as far as there is room for its name."""
+    size = SIZE - 1
+    inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # per s
     for k, phase in enumerate(trajectory.phases):
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
         if named:
+            letters = int(72 * inches * (phase.end - phase.start) / (LETTER * size))
             middle = (phase.start + phase.end) / 2
-            axes.text(middle, 1.02, phase.name, transform=axes.get_xaxis_transform(), ha="center", fontsize=SIZE - 1)
+            place: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "ha": "center", "fontsize": size}
+            axes.text(middle, 1.02, fitting_name(phase.name, letters), **place)
+
+
+def fitting_name(name: str, letters: int) -> str:
+    """The longest of a phase's names that has so many letters: whole, without its group, its number alone, none."""
+    own = name.rpartition(", ")[2]
+    last = own.rpartition(" ")[2]
+    return next(text for text in (name, own, last if last.isdigit() else "", "") if len(text) <= letters)
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:

@@ -87,8 +87,8 @@ def joint_speed_figure(mechanism: Mechanism) -> Figure:
     q[:, 1] = theta2_from_tilt(mechanism, tilt, mechanism.home_branch)
     singular.plot(np.degrees(tilt), smallest_singular_value(mechanism, q), color="black")
     singular.set_ylim(bottom=0.0)
-    finish(speeds, "", "|dθᵢ/dφ| (1)", _title("Joint speed per tilt speed", mechanism))
-    finish(singular, "tilt φ (°)", "smallest\nsingular value (1)")
+    finish(speeds, "", "joint speed by tilt speed, |dθᵢ/dφ|", _title("Joint speed per tilt speed", mechanism))
+    finish(singular, "tilt φ (°)", "smallest\nsingular value")
     legend(speeds, ncols=3, loc="upper center")
     for axes in (speeds, singular):
         _mark_interval(axes, mechanism)
