@@ -72,7 +72,7 @@ def test_drawn_tip_is_where_forward_kinematics_says(visit: Open, report: Path) -
 def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
     canvas = page.locator("#scene canvas")
-    page.wait_for_timeout(200)
+    page.wait_for_timeout(800)
     before, again = canvas.screenshot(), canvas.screenshot()
     assert before == again
     page.locator("#player input[type=range]").fill(str(page.evaluate("SSM.player.times.length - 1")))

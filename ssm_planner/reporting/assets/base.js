@@ -16,9 +16,25 @@ SSM.element = (name, attributes = {}, ...children) => {
 SSM.data = () => JSON.parse(document.getElementById("data").textContent);
 
 // base64 of little-endian doubles, which is how every machine with a browser holds them
-SSM.decode = (text) => new Float64Array(Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer);
+SSM.decode = (text) => {
+  if (Uint8Array.fromBase64) return new Float64Array(Uint8Array.fromBase64(text).buffer);
+  const characters = atob(text);
+  const bytes = new Uint8Array(characters.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = characters.charCodeAt(i);
+  return new Float64Array(bytes.buffer);
+};
 
-SSM.channels = (encoded) => Object.fromEntries(Object.entries(encoded).map(([name, text]) => [name, SSM.decode(text)]));
+// each decoded when it is first asked for
+SSM.channels = (encoded) => {
+  const channels = {};
+  for (const [name, text] of Object.entries(encoded)) {
+    Object.defineProperty(channels, name, { enumerable: true, configurable: true, get: () => {
+      Object.defineProperty(channels, name, { value: SSM.decode(text), enumerable: true });
+      return channels[name];
+    } });
+  }
+  return channels;
+};
 
 SSM.fixed = (value, digits) => {
   const text = value.toFixed(digits);
@@ -46,10 +62,10 @@ SSM.inks = [
 
 // the longest of a phase's names that fits a width: whole, without its group, its number alone
 SSM.pen = document.createElement("canvas").getContext("2d");
-SSM.pen.font = "12px system-ui, sans-serif";
+SSM.pen.font = "11px system-ui, sans-serif";
 SSM.fitting = (name, width) => {
   const own = name.split(", ").pop();
-  return [name, own, own.match(/\d+$/)?.[0] ?? ""].find((text) => SSM.pen.measureText(text).width + 4 < width) ?? "";
+  return [name, own, own.match(/\d+$/)?.[0] ?? ""].find((text) => SSM.pen.measureText(text).width + 1 < width) ?? "";
 };
 
 // a short line in a colour and dash, as a key beside text

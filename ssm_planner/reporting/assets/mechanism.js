@@ -39,11 +39,12 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
     parts[name] = [...(parts[name] ?? []), ...objects];
   };
   const texts = [];
-  const say = (name, parent, position, text, colour) => {
+  // shown: by the size of the eye on the screen
+  const say = (name, parent, position, text, colour, shown = () => true) => {
     const anchor = new THREE.Group();
     anchor.position.copy(position);
     put(name, parent, anchor);
-    texts.push({ anchor, text, colour, name });
+    texts.push({ anchor, text, colour, name, shown });
   };
   if (!ghost) {
     put("axes", base, SSM.axisLine(axes[0], r + 0.03, colours[0]));
@@ -78,7 +79,7 @@ SSM.rod = (direction, from, to, radius, material) => {
   return rod;
 };
 
-SSM.ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, 20, 14), material);
+SSM.ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, 12, 8), material);
 
 SSM.arc = (from, to, radius, thickness, material) => {
   const angle = from.angleTo(to);
@@ -146,7 +147,7 @@ SSM.eye = (eye) => {
   const surface = (name, radius, colour, { opacity = 1, side = 0, from = 0, to = Math.PI, at = 0, light = true } = {}) => {
     const options = { color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
     const material = light ? new THREE.MeshLambertMaterial(options) : new THREE.MeshBasicMaterial(options);
-    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 48, 32, 0, 2 * Math.PI, from, to - from), material);
+    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 40, 24, 0, 2 * Math.PI, from, to - from), material);
     mesh.name = name;
     mesh.position.copy(centre).addScaledVector(front, at);
     mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);

@@ -11,7 +11,10 @@ SSM.Plots = class {
       target.plot.mark(player.index);
     }), { rootMargin: "300px" });
     SSM.whenRedrawn(() => {
-      if (SSM.printing) container.querySelectorAll("figure").forEach((figure) => figure.build?.());
+      if (SSM.printing) {
+        document.querySelector("details.unknowns")?.setAttribute("open", "");
+        container.querySelectorAll("figure").forEach((figure) => figure.build?.());
+      }
       for (const { u, holder } of this.all) {
         u.setSize({ width: SSM.printing ? 680 : Math.max(200, holder.clientWidth), height: SSM.height(holder) });
       }
@@ -93,7 +96,7 @@ SSM.Plots = class {
     const plot = { u, holder, reset, visible: true, mark: (index) => {
       const x = u.valToPos(this.player.times[index], "x");
       line.style.transform = `translateX(${x}px)`;
-      line.style.display = x < -1 || x > u.over.clientWidth + 1 ? "none" : "block";
+      line.style.display = x < -1 || x > u.bbox.width / (window.devicePixelRatio || 1) + 1 ? "none" : "block";
       for (const key of keys) key.mark(index);
     } };
     const follow = (event) => {

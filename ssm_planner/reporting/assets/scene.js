@@ -10,6 +10,7 @@ SSM.Scene = class {
     this.labels = labels;
     this.hidden = new Set(["clearance"]);
     this.texts = [];
+    this.size = [1, 1];
     this.views = { ...SSM.views };
     this.renderer = null;
     if (!document.createElement("canvas").getContext("webgl2")) {
@@ -17,8 +18,10 @@ SSM.Scene = class {
         "No 3D view: this browser offers no WebGL. Plots, values and tables below work without it."));
       return;
     }
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: "low-power" });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.soft = SSM.software();
+    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.renderer = new THREE.WebGLRenderer({ antialias: !this.soft, powerPreference: "low-power" });
+    this.renderer.setPixelRatio(this.ratio);
     this.canvas = this.renderer.domElement;
     for (const [name, value] of [["role", "application"], ["tabindex", 0], ["aria-roledescription", "3D view"],
       ["aria-label", "The mechanism in 3D: drag or arrow keys to turn, wheel, pinch or plus and minus to zoom, 0 for the whole"]]) {
@@ -62,7 +65,10 @@ SSM.Scene = class {
       const { group, places, edges } = SSM.eye(scene.eye);
       robot.put("eye", robot.base, group);
       if (edges.length) robot.parts.clearance = edges;
-      if (this.labels) for (const [text, position, colour] of places) robot.say("eye", robot.base, position, text, colour);
+      // its parts are named where they can be told apart
+      const large = (perMetre) => scene.eye.radius * perMetre > 60;
+      for (const [text, position, colour] of this.labels ? places : []) robot.say("eye", robot.base, position, text, colour, large);
+      if (this.labels) robot.say("eye", robot.base, SSM.vector(scene.eye.centre), "eye", "#a8482c", (perMetre) => !large(perMetre));
     }
     if (begin) {
       const start = SSM.mechanism({ ...scene, bands: [] }, ["#8b949e", "#8b949e", "#8b949e", "#8b949e"], true, false);
@@ -128,9 +134,20 @@ SSM.Scene = class {
     this.waiting = true;
     requestAnimationFrame((now) => {
       this.waiting = false;
+      if (this.renderer.getPixelRatio() !== this.ratio) this.renderer.setPixelRatio(this.ratio);
       this.#draw();
       this.#watch(now);
+      if (this.soft) this.#refine();
     });
+  }
+
+  // without smooth edges software draws fast enough to move; once at rest, one picture of twice the pixels has them
+  #refine() {
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => {
+      this.renderer.setPixelRatio(2 * Math.max(1, this.ratio));
+      this.#draw();
+    }, 120);
   }
 
   #draw() {
@@ -140,13 +157,14 @@ SSM.Scene = class {
 
   // labels beside their places, where no other label stands yet
   #place() {
-    const { clientWidth: width, clientHeight: height } = this.container;
+    const [width, height] = this.size;
     const point = new THREE.Vector3();
     const taken = [];
-    for (const { anchor, node, size, name } of this.texts) {
+    const perMetre = height / (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.position.distanceTo(this.controls.target));
+    for (const { anchor, node, size, name, shown } of this.texts) {
       point.setFromMatrixPosition(anchor.matrixWorld).project(this.camera);
       const [x, y] = [((point.x + 1) * width) / 2, ((1 - point.y) * height) / 2];
-      const seen = !this.hidden.has(name) && point.z < 1 && x > 0 && x < width && y > 0 && y < height;
+      const seen = shown(perMetre) && !this.hidden.has(name) && point.z < 1 && x > 0 && x < width && y > 0 && y < height;
       const [w, h] = size;
       const free = ([left, top]) => left >= 2 && left + w <= width - 2 && top >= 2 && top + h <= height - 2 &&
         taken.every(([a, b, c, d]) => left + w < a || left > c || top + h < b || top > d);
@@ -167,7 +185,7 @@ SSM.Scene = class {
     else this.frames.slow = Math.max(0, this.frames.slow - 1);
     if (this.frames.slow < 15 || this.frames.lowered) return;
     this.frames.lowered = true;
-    this.renderer.setPixelRatio(0.6);
+    this.ratio = 0.6;
     this.#say("Drawn with fewer pixels: this browser draws 3D in software, below 30 frames per second.");
     this.render();
   }
@@ -243,6 +261,7 @@ SSM.Scene = class {
   #fit() {
     const { clientWidth, clientHeight } = this.container;
     if (!clientWidth || !clientHeight || SSM.printing) return;
+    this.size = [clientWidth, clientHeight];
     this.renderer.setSize(clientWidth, clientHeight);
     this.camera.aspect = clientWidth / clientHeight;
     // as wide a field in an upright frame as in a square one
@@ -250,6 +269,15 @@ SSM.Scene = class {
     this.camera.updateProjectionMatrix();
     this.render();
   }
+};
+
+// no graphics processor draws here
+SSM.software = () => {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const about = gl?.getExtension("WEBGL_debug_renderer_info");
+  const software = /swiftshader|llvmpipe|software|basic render/i.test(about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "");
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return software;
 };
 
 SSM.turn = ({ turns, slide, axes }, q) => {
