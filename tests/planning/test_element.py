@@ -40,7 +40,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     mechanism = Mechanism.from_geometry(robot.geometry)
     start, end = np.array([0.1, -1.7, 0.2, 4e-3]), np.array([-0.3, -2.2, 0.5, 15e-3])
     path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
-    local = fit(path, RigidBody.from_robot(robot), np.array([0.4]), np.array([0.45]))[0]
+    local = fit(path, (RigidBody.from_robot(robot),), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
     limits = {**joint_limits(robot), "speeds": np.array([0.02])}
