@@ -153,6 +153,7 @@ class ArcModel(Model):
     """A curved bar about the remote centre, from the joint's own axis to the next joint's."""
 
     shape: Literal["arc"]
+    """A bar of rectangular section, bent to a circle about the remote centre."""
     radius: _Size
     """Of its middle line."""
     width: _Size
@@ -160,6 +161,7 @@ class ArcModel(Model):
     height: _Size
     """Of its section, across that plane."""
     density: _Density
+    """Of its material."""
     sides: tuple[_Side, _Side] = ("positive", "positive")
     """On which side of the remote centre it starts on the own axis and ends on the next one."""
 
@@ -168,18 +170,22 @@ class RodModel(_Solid):
     """A straight round bar."""
 
     shape: Literal["rod"]
+    """A straight round bar between two places."""
     start: _Place
     """One end."""
     end: _Place
     """The other end."""
     diameter: _Size
+    """Of its section."""
     density: _Density
+    """Of its material."""
 
 
 class BoxModel(_Weighed):
     """A box along the axes of its frame."""
 
     shape: Literal["box"]
+    """A block along the axes of the frame."""
     size: Annotated[tuple[float, float, float], vector("length", "length", "length")]
     """Along the axes."""
 
@@ -188,6 +194,7 @@ class PointModel(_Weighed):
     """A point mass."""
 
     shape: Literal["point"]
+    """A mass at one place, such as a motor."""
 
 
 class _BodyModel(Model):

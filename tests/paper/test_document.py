@@ -40,7 +40,7 @@ def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
 
 
 def test_figures_are_not_empty_and_name_their_units(made: Made) -> None:
-    units = ("mN·m", "rpm", "time (s)", "°", "w_s", "μ")
+    units = ("mN·m", "rpm", "time (s)", "°", "by the Stribeck speed", "μ")
     for section in made.document.sections:
         for name, figure in section.figures.items():
             drawn = [artist for axes in figure.axes for artist in (*axes.lines, *axes.patches, *axes.collections)]
@@ -87,16 +87,17 @@ def test_nothing_of_this_machine_is_in_it(made: Made) -> None:
 
 def test_the_command_writes_the_same_again(made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(paper_document, "compute", lambda *_: made.document)
-    monkeypatch.setattr(paper_document, "save_figure", _named_only)
+    monkeypatch.setattr(paper_document, "save_figures", _named_only)
     options = ["--problems", str(ROOT / "problems"), "--recordings", str(RECORDINGS)]
     assert main(["reproduce", "-o", str(tmp_path), *options]) == 0
     assert (tmp_path / "paper/README.md").read_text(encoding="utf-8") == made.text
     assert {path.name for path in (tmp_path / "paper").iterdir()} == set(made.files)
 
 
-def _named_only(_: object, path: Path) -> None:
-    for ending in (".png", ".pdf"):
-        path.with_suffix(ending).touch()
+def _named_only(figures: dict[str, object], folder: Path) -> None:
+    for name in figures:
+        for ending in (".png", ".pdf"):
+            (folder / name).with_suffix(ending).touch()
 
 
 @pytest.mark.parametrize("section", [workspace_section, design_section, friction_section])
@@ -174,7 +175,7 @@ def test_an_interrupted_writing_leaves_the_earlier_document(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(paper_document, "save_figure", interrupted)
+    monkeypatch.setattr(paper_document, "save_figures", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write(made.document, folder)
     assert (folder / "README.md").read_text() == "earlier"
