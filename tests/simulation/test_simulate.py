@@ -108,7 +108,9 @@ def test_halving_the_step_of_the_cascade_changes_its_torque_little(plan):
 
 def without_encoders(plan):
     """The plan on motors that state no encoder, so that the controller's counts are used."""
-    bare = [j if j.motor is None else replace(j, motor=replace(j.motor, encoder_counts=None)) for j in plan.robot.joints]
+    bare = [
+        j if j.motor is None else replace(j, motor=replace(j.motor, encoder_counts=None)) for j in plan.robot.joints
+    ]
     return replace(plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=tuple(bare))))
 
 
