@@ -18,9 +18,9 @@ from ssm_planner.publishing import sha256
 from .rows import ROBOT, ROOT, Count, Hang, Row, command, watchdog
 
 BOMBS = 0.05
+"""Share of the cases that are hostile whatever their kind."""
 GROWTH = 0.85
 """GB beyond what the process has held before; the program itself takes 0.15 GB, and 1 GB is allowed."""
-"""Share of the cases that are hostile whatever their kind."""
 
 TOKENS = (
     "1e999", "-1e999", "1e-99999999999999999999", "1e99999999999999999999", "9" * 400, "-" + "9" * 5000, "2001-99-99",
