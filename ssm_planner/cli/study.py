@@ -113,13 +113,14 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
         yield None
         return
     try:
-        from distributed import Client
+        import distributed
     except ImportError:
         raise ProblemError(
             "needs the package distributed: pip install 'ssm_planner[dask]'", key="--scheduler", value=address
         ) from None
     try:
-        client: Any = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+        connect: Any = distributed.Client
+        client = connect(address, timeout="10s")
     except (OSError, ValueError, TimeoutError) as error:
         raise ProblemError(f"no scheduler answers: {error}", key="--scheduler", value=address) from None
     with client:
