@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -95,12 +96,13 @@ def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
 
 def catalogue_file(path: Path) -> Path:
     """The file or folder, or the shipped catalogue of this name. Raises ProblemError."""
-    if path.exists():
-        return path
     shipped = shipped_folder() / "catalogues" / path.name
-    for file in (shipped, shipped.with_name(f"{path.name}.csv")):
-        if file.is_file():
-            return file
+    with suppress(OSError, ValueError):  # such as a name that is too long: there is no such file
+        if path.exists():
+            return path
+        for file in (shipped, shipped.with_name(f"{path.name}.csv")):
+            if file.is_file():
+                return file
     raise ProblemError(f"the file {path} does not exist", allowed="a CSV file or a folder of YAML files")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.value import NotNegative, Value
 from ssm_planner.typing import Array, Range
-from ssm_planner.units import quantity
+from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
 """One choice for each path that varies: a quantity with its unit, or the name of a catalogue's entry."""
@@ -190,10 +190,13 @@ def _with_rotor(joint: dict[str, Any], own: Mapping[str, Any]) -> None:
 
 
 def _inertia(part: Mapping[str, Any] | None, key: str) -> float:
-    """kg·m²; 0 where it is not given."""
+    """kg·m²; 0 where it is not given, or is none: then the motor's own reading says so."""
     given = (part or {}).get(key)
-    value = given["value"] if isinstance(given, Mapping) else given
-    return 0.0 if value is None else quantity(value, "inertia")
+    value = given.get("value") if isinstance(given, Mapping) else given
+    try:
+        return 0.0 if value is None else quantity(value, "inertia")
+    except BadQuantity:
+        return 0.0
 
 
 def _nested(tree: dict[str, Any], parts: list[str], value: Any) -> None:

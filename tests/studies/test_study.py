@@ -169,6 +169,14 @@ def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():
     assert all(joint.motor.mass > 0.01 for joint in base.values())
 
 
+@pytest.mark.parametrize("inertia", ["1 mm", "0.2", {"value": "1 mm"}, {}, [1]])
+def test_a_motor_whose_rotor_is_no_inertia_falls_out_with_the_reason(inertia):
+    motor = {"name": "m", "source": "s", "nominal_torque": "30 mN*m", "max_torque": "90 mN*m", "max_speed": "9000 rpm"}
+    with pytest.raises(ProblemError, match="rotor_inertia"):  # noqa: PT012 in the study, or in the candidate
+        of = study(vary={"joints.roll.motor": {"choices": [{**motor, "rotor_inertia": inertia}]}})
+        list(problems_of(of, next(of.designs())))
+
+
 def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
     (tmp_path / "worms.csv").write_text(
         "name,geometry.ratio,geometry.worm_diameter [mm],geometry.wheel_diameter [mm],input_inertia,source\n"
@@ -227,6 +235,8 @@ def test_the_front_holds_what_nothing_beats():
         ({"vary": {"geometry.alpha": {"from": "3 deg", "to": "2 deg"}}}, "not above from"),
         ({"vary": {"geometry.alpha": {"form": "3 deg", "to": "2 deg"}}}, "not a way to vary"),
         ({"vary": {"joints.roll.motor": {"catalogue": "nowhere.csv"}}}, "does not exist"),
+        ({"vary": {"joints.roll.motor": {"catalogue": "m" + "9" * 5000}}}, "does not exist"),
+        ({"vary": {"joints.roll.motor": {"choices": ["m" + "9" * 5000]}}}, "no such file|cannot be read"),
         ({"minimise": ["cost"]}, "minimise"),
         ({"motions": ["nowhere.yaml"]}, r"motions\[0\] = nowhere.yaml: .*does not exist"),
         ({"require": {"motor_margin": "120 %"}}, "not a share"),
