@@ -141,6 +141,17 @@ def test_a_folder_that_cannot_be_written_does_not_matter(
     assert not any(entry.compiled for entry in store._entries.values())
 
 
+def test_a_user_without_a_home_has_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
+    for name in ("XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os, "getuid", lambda: 2**31 - 2)
+    with pytest.raises(RuntimeError):
+        Path.home()
+    assert compiled.cache() is None
+    assert compiled.filled_cache() is None
+
+
 def test_a_compiler_that_fails_is_asked_once(
     tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -207,7 +207,10 @@ def filled_cache() -> Path | None:
 def _folder() -> Path | None:
     if os.name != "posix" or os.environ.get("SSM_PLANNER_COMPILE") == "0":
         return None
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ssm_planner"
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ssm_planner"
+    except RuntimeError:  # a user without a home
+        return None
 
 
 def _safe(path: Path) -> bool:
