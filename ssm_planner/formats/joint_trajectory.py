@@ -21,9 +21,9 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
 TICKS = 10**9
-LARGEST_FILE = 200_000_000
+LARGEST_FILE = 100_000_000
 """Bytes of a YAML file."""
-LARGEST_TREE = 10_000_000
+LARGEST_TREE = 7_000_000
 """Values in it."""
 LONGEST = 10**9
 """s; seconds beyond are none."""
@@ -97,7 +97,7 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
     """The trajectory of a JointTrajectory or a FollowJointTrajectory goal in YAML. Raises TrajectoryError."""
     data = read_bytes(path, LARGEST_FILE)
     try:
-        content: Any = parse(path, data.decode("utf-8-sig"), LARGEST_TREE, trailing=True).value
+        content: Any = parse(path, data.decode("utf-8-sig"), LARGEST_TREE, trailing=True, tree=False).value
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ProblemError as error:

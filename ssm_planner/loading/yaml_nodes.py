@@ -40,14 +40,15 @@ class Node:
     key_lines: Mapping[str | int, int | None] = field(default_factory=dict)
 
 
-def parse(file: Path | None, text: str, largest: int = LARGEST_TREE, trailing: bool = False) -> Node:
+def parse(file: Path | None, text: str, largest: int = LARGEST_TREE, trailing: bool = False, tree: bool = True) -> Node:
     """The one document in a YAML text; file is for messages. Raises ProblemError for anything else.
 
     largest: values after aliases are expanded. trailing: empty documents may follow, as `ros2 topic echo` writes them.
+    tree: whether the nodes below are wanted; long files need a third of the memory without them.
     """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
-        return _Builder(file, yaml.parse(text, Loader=loader), largest).document(trailing)
+        return _Builder(file, yaml.parse(text, Loader=loader), largest, tree).document(trailing)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
@@ -64,9 +65,10 @@ def parse(file: Path | None, text: str, largest: int = LARGEST_TREE, trailing: b
 class _Builder:
     """Builds the tree from YAML events, so that depth, size and aliases stay under control."""
 
-    def __init__(self, file: Path | None, events: Iterator[Any], largest: int) -> None:
+    def __init__(self, file: Path | None, events: Iterator[Any], largest: int, tree: bool) -> None:
         self.file = file
         self.largest = largest
+        self.tree = tree
         self.events = events
         self.anchors: dict[str, Node] = {}
 
@@ -106,16 +108,15 @@ class _Builder:
         return node
 
     def sequence(self, start: Any, depth: int) -> Node:
-        items: list[Node] = []
+        values, size = [], 1
+        children: dict[str | int, Node] = {}
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
-            items.append(self.node(event, depth + 1))
-        return Node(
-            [item.value for item in items],
-            _line(start),
-            1 + sum(item.size for item in items),
-            dict(enumerate(items)),
-            {i: item.line for i, item in enumerate(items)},
-        )
+            item = self.node(event, depth + 1)
+            if self.tree:
+                children[len(values)] = item
+            values.append(item.value)
+            size += item.size
+        return Node(values, _line(start), size, children, {i: item.line for i, item in children.items()})
 
     def mapping(self, start: Any, depth: int) -> Node:
         children: dict[str | int, Node] = {}
@@ -134,13 +135,9 @@ class _Builder:
                 )
             key_lines[key] = _line(event)
             children[key] = self.node(next(self.events), depth + 1)
-        return Node(
-            {key: child.value for key, child in children.items()},
-            _line(start),
-            1 + sum(child.size for child in children.values()),
-            children,
-            key_lines,
-        )
+        values = {key: child.value for key, child in children.items()}
+        size = 1 + sum(child.size for child in children.values())
+        return Node(values, _line(start), size, *((children, key_lines) if self.tree else ()))
 
     def error(self, reason: str, event: Any, allowed: str | None = None) -> ProblemError:
         return ProblemError(reason, file=self.file, line=_line(event), allowed=allowed)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.files import read
+from ssm_planner.loading.yaml_nodes import parse
 
 
 def write(folder: Path, text: str | bytes) -> Path:
@@ -142,3 +144,23 @@ def test_aliases_that_stay_small_are_fine(tmp_path: Path) -> None:
     section = read(write(tmp_path, "a: &a {x: 1}\nb: *a\n"))
     assert section.value == {"a": {"x": 1}, "b": {"x": 1}}
     assert section.error("wrong", "b", "x").key == "b.x"
+
+
+def test_without_its_tree_a_long_file_takes_a_third_of_the_memory() -> None:
+    point = "- {positions: [0.1, -1.5e-3, .2, 3], time_from_start: {sec: 0, nanosec: 5}}\n"
+
+    def peak(count: int, tree: bool) -> int:
+        text = "points:\n" + point * count
+        tracemalloc.start()
+        try:
+            found = parse(None, text, tree=tree)
+            assert found.size == 2 + 9 * count
+            assert found.value["points"][-1] == {
+                "positions": [0.1, -0.0015, 0.2, 3],
+                "time_from_start": {"sec": 0, "nanosec": 5},
+            }
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    assert peak(3000, tree=False) < peak(3000, tree=True) / 3
