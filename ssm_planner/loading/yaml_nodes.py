@@ -108,7 +108,8 @@ class _Builder:
         return node
 
     def sequence(self, start: Any, depth: int) -> Node:
-        values, size = [], 1
+        values: list[Any] = []
+        size = 1
         children: dict[str | int, Node] = {}
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             item = self.node(event, depth + 1)
