@@ -18,7 +18,8 @@ import numpy as np
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.loading.json_files import parse_json, read_json_in_parts
-from ssm_planner.problem.limits import Limit
+from ssm_planner.problem.limit import in_words
+from ssm_planner.problem.limits import Limit, TaskRange
 from ssm_planner.problem.motion import Joints
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
@@ -82,7 +83,7 @@ class PhaseSummary:
     @property
     def disagreement(self) -> str | None:
         """Why the cross-check by TOPP-RA failed; None where it passed or there is none."""
-        if self.toppra_duration is None:
+        if not self.toppra_duration:
             return None
         allowed = AGREES_FREE if self.branch is None else AGREES_STRAIGHT
         ratio = self.duration / self.toppra_duration
@@ -219,6 +220,9 @@ class Plan:
                     f"joint {requirement.joint}: motor {motor.name} has placeholder figures ({', '.join(motor.placeholders)})"
                 )
             notes += _extrapolation(self.robot, requirement)
+        notes += _wider_ranges(self.problem)
+        stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
+        notes += [f"skipped, for the robot already is where they lead: {stays}"] if stays else []
         notes += _whole_turns(self.problem, self.trajectory)
         notes += [f"cross-check failed: {text}" for text in self.disagreements]
         if self.certificate is not None:
@@ -424,6 +428,17 @@ def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
 
 def _limits_of(robot: Robot) -> list[Limit]:
     return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
+
+
+def _wider_ranges(problem: Problem) -> list[str]:
+    """Ranges asked for that the robot's own, or the travel of joint 4, narrow."""
+    notes = []
+    for name, asked in problem.wider.items():
+        if (holds := problem.ranges.get(name)) is None:
+            continue
+        texts = (" to ".join(in_words(end, TaskRange(name, *ends).unit) for end in ends) for ends in (asked, holds))
+        notes.append("range of {} of {} asked for: the robot allows {}, which holds".format(name, *texts))
+    return notes
 
 
 def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:

@@ -219,7 +219,7 @@ ProblemModel = model_of(
         "end_rate": (_part(RatesModel), RatesModel()),
         "duty": (_DUTY, 0.0),
     },
-    without=("friction", "payload"),
+    without=("friction", "payload", "wider"),
 )
 """What a problem file may say."""
 

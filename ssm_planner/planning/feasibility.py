@@ -190,14 +190,13 @@ def with_boundary_rates(
 
     Raises ProblemError where a straight motion would leave its line.
     """
-    first, reason = _with_rate(problem, mechanism, phases[0], "start_rate")
-    if reason is not None:
-        return phases, reason
-    phases = (first, *phases[1:])
-    last, reason = _with_rate(problem, mechanism, phases[-1], "end_rate")
-    if reason is not None:
-        return phases, reason
-    phases = (*phases[:-1], last)
+    # a motion to where the robot already is takes no time, so the rates are those of its neighbours
+    lasting = [k for k, phase in enumerate(phases) if phase.motion.duration is not None or not phase.stands]
+    for k, key in ((lasting[0], "start_rate"), (lasting[-1], "end_rate")):
+        phase, reason = _with_rate(problem, mechanism, phases[k], key)
+        if reason is not None:
+            return phases, reason
+        phases = (*phases[:k], phase, *phases[k + 1 :])
     return phases, next((reason for phase in phases if (reason := _too_near(problem, phase)) is not None), None)
 
 
@@ -208,7 +207,7 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
     rate = np.array([asked.get(name, 0.0) for name in TASK])
     if not rate.any():
         return phase, None
-    if phase.motion.kind == "dwell":
+    if phase.stands:
         raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
     if phase.path is not None:
         _refuse_off_line(problem, phase, key, rate)

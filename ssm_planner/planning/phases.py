@@ -33,7 +33,7 @@ class Phase:
     points: Array
     """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
     path: StraightPath | None
-    """None for a dwell and for a free motion."""
+    """None for a free motion, and where the robot stands."""
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
     qd_end: Array = field(default_factory=lambda: np.zeros(4))
     """Joint speeds at both ends, (4,)."""
@@ -41,6 +41,11 @@ class Phase:
     @property
     def q_start(self) -> Array:
         return np.asarray(self.points[0])
+
+    @property
+    def stands(self) -> bool:
+        """The robot stays where it is: a dwell, or a motion to where it already is, which takes no time unless asked for."""
+        return self.path is None and not np.diff(self.points, axis=0).any()
 
     @property
     def branch(self) -> int | None:
@@ -84,6 +89,10 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
             phase = _free_phase(problem, mechanism, motion, (task, q))
         phases.append(phase)
         task, q = phase.end, phase.points[-1]
+    if not any(phase.path is not None or phase.motion.duration or not phase.stands for phase in phases):
+        nowhere = phases[0].motion
+        reason = "this motion goes nowhere: its start and target are the same"
+        raise ProblemError(reason, file=problem.file, line=nowhere.line, key=nowhere.name)
     return tuple(phases)
 
 
@@ -91,7 +100,8 @@ def _straight_phase(problem: Problem, mechanism: Mechanism, motion: Straight, at
     """A motion straight in task coordinates; at: task coordinates and joints where it starts, (4,) each."""
     start, q = at
     end = _task_of(problem, mechanism, motion.to, start)
-    _refuse_standstill(problem, motion, end - start)
+    if np.abs(end - start).max() < NOWHERE:
+        return Phase(motion, start, start, np.stack([q, q]), None)
     path = straight_path(problem, mechanism, start, end, q)
     return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
 
@@ -100,11 +110,13 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
     """A motion through points and to the last; at: task coordinates and joints where it starts, (4,) each."""
     start, q = at
     points, end = [q], start
-    for k, target in enumerate((*motion.through, motion.to)):
-        points.append(_free_end(problem, mechanism, target, end, points[-1]))
-        _refuse_standstill(problem, motion, points[-1] - points[-2], k if motion.through else None)
-        end = task_from_joints(mechanism, points[-1][None, :], near=end)[0]
-    return Phase(motion, start, end, np.stack(points), None)
+    for target in (*motion.through, motion.to):
+        point = _free_end(problem, mechanism, target, end, points[-1])
+        if np.abs(point - points[-1]).max() < NOWHERE:
+            continue
+        points.append(point)
+        end = task_from_joints(mechanism, point[None, :], near=end)[0]
+    return Phase(motion, start, end, np.stack(points if len(points) > 1 else [q, q]), None)
 
 
 def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array) -> StraightPath:
@@ -159,17 +171,3 @@ def _task_of(problem: Problem, mechanism: Mechanism, target: Task, held: Array) 
     task = np.array([target.given.get(name, held[k]) for k, name in enumerate(TASK)])
     refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key="tilt")
     return task
-
-
-def _refuse_standstill(problem: Problem, motion: Straight | Free, way: Array, point: int | None = None) -> None:
-    if np.abs(way).max() < NOWHERE:
-        same = "its start and target are the same"
-        if point is not None and isinstance(motion, Free):
-            last = point == len(motion.through)
-            same = f"{'its target' if last else f'through[{point}]'} is where the motion already is"
-        raise ProblemError(
-            f"this motion goes nowhere: {same}",
-            file=problem.file,
-            line=motion.line,
-            key=motion.name,
-        )

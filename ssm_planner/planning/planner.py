@@ -172,9 +172,10 @@ class _PhasePlanner:
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
-        if phase.motion.kind == "dwell":
-            duration = float(phase.motion.duration or 0.0)
-            rest = PhaseSolution("solved", "", 0, np.array([0.0, duration]), hold(phase.q_start))
+        if phase.stands:
+            duration = phase.motion.duration or 0.0
+            motion = np.array([0.0, duration]), hold(phase.q_start)
+            rest = PhaseSolution("solved", "", 0, *(motion if duration else ()))
             return PlannedPhase(phase, rest, toppra_duration=duration, lower_bound=duration)
         if phase.path is None:
             return self._free(phase)
@@ -188,7 +189,7 @@ class _PhasePlanner:
         Where that is too far off, for its first interval is a long time to a motor that barely starts, it gets one too.
         """
         phase, guess, motion = planned.phase, planned.toppra_duration, planned.motion
-        if phase.motion.kind == "dwell" or phase.motion.duration is not None:
+        if phase.stands or phase.motion.duration is not None:
             return planned
         if phase.path is not None and (guess is None or guess <= FAR * motion.duration):
             return planned

@@ -204,6 +204,8 @@ class Problem(Value, Limited):
     payload: Interval | None = None
     """Least and largest point mass at the tip, kg, with all of which motor torques hold; None: none."""
     name: str = "problem"
+    wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(default_factory=dict)
+    """Ranges asked for that reach beyond the robot's, by name in TASK; filled in where `limits` are narrowed."""
     file: str | None = field(default=None, compare=False)
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
     """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
@@ -256,11 +258,13 @@ class Problem(Value, Limited):
         left = self.robot.ranges
         for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
             low, high = left.get(name, (-math.inf, math.inf))
-            lower, upper = max(low, lower), min(high, upper)
+            asked, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
             if not lower < upper:
                 reason, allowed = "nothing is left of the range that the robot allows", _range(name, (low, high))
                 raise self._wrong(f"limits.{name}", reason, allowed, _range(name, self.ranges[name]))
             left[name] = lower, upper
+            if name in self.ranges and (asked[0] < lower - SLACK or asked[1] > upper + SLACK):
+                object.__setattr__(self, "wider", {**self.wider, name: self.ranges[name]})
         return [TaskRange(name, *ends) for name, ends in left.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:

@@ -249,16 +249,6 @@ def test_the_schema_for_editors_knows_every_key() -> None:
 
 
 PLANNING = {
-    "identical start and goal": ("  - tilt: {to: -85 deg}", "goes nowhere: its start and target are the same"),
-    "a move of 1e-9 deg": ("  - tilt: {to: -85.000000001 deg}", "goes nowhere"),
-    "identical points": (
-        "  - free: {to: {tilt: -100 deg}, through: [{tilt: -90 deg}, {tilt: -90 deg}]}",
-        r"goes nowhere: through[1] is where the motion already is",
-    ),
-    "a target where the last point is": (
-        "  - free: {to: {tilt: -90 deg}, through: [{tilt: -90 deg}]}",
-        "goes nowhere: its target is where the motion already is",
-    ),
     "NaN": ("  - tilt: {to: .nan deg}", "motion[0].tilt.to = .nan deg"),
     "no motion": ("  - {}", "motion[0]: no motion is given"),
     "absurd unit": ("  - tilt: {to: -110 rad}", "did you mean deg?"),

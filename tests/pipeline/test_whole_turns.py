@@ -1,12 +1,15 @@
-"""A start that leaves its whole turns open, and is found where nobody would look for it."""
+"""What of a problem is understood otherwise than it may have been meant: whole turns of a start, ranges too wide."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from ssm_planner.pipeline.run import plan
+from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Straight, Task
 from ssm_planner.problem.problem import Problem
 
@@ -21,3 +24,15 @@ def test_a_start_a_whole_turn_away_is_said(tilt_insert: Problem) -> None:
     assert any("joint spin starts at -345 deg, a whole turn from 15 deg" in note for note in made.notes)
     near = plan(replace(far, motion=(Straight(spin=np.radians(30), name="spin"),)))
     assert not any("whole turn" in note for note in near.notes)
+
+
+def test_a_range_wider_than_the_robots_is_said(tilt_insert: Problem) -> None:
+    wide = replace(
+        tilt_insert, limits=(TaskRange("tilt", np.radians(-170), np.radians(-81)),), motion=(Straight(depth=2e-3),)
+    )
+    made = plan(wide)
+    said = "range of tilt of -170 deg to -81 deg asked for: the robot allows -139 deg to -81 deg, which holds"
+    assert made.passed
+    assert said in made.notes
+    assert said in Plan.from_json(made.to_json().encode(), Path("plan.json")).notes
+    assert not any("range of tilt" in note for note in plan(replace(tilt_insert, motion=wide.motion)).notes)

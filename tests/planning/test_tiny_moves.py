@@ -1,15 +1,18 @@
-"""Motions over next to nothing are planned like any other, and nothing at all is refused."""
+"""Motions over next to nothing are planned like any other; over nothing they are skipped, and nothing else is refused."""
 
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.plans import Plan
 from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem
 
@@ -29,6 +32,32 @@ def test_as_long_as_the_closed_form_says(tilt_insert: Problem, kind: str, depth:
     result = plan(inserting(tilt_insert, kind, depth))
     assert result.passed
     assert result.duration == pytest.approx(rest_to_rest(depth, joint.velocity, joint.acceleration).duration, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["straight", "free"])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_move_to_where_the_robot_is_takes_no_time_and_is_said(tilt_insert: Problem, kind: str, first: bool) -> None:
+    alone, still = inserting(tilt_insert, kind, 1e-3), inserting(tilt_insert, kind, 0.0)
+    there = dataclasses.replace(inserting(tilt_insert, kind, 1e-3).motion[0], name="again")
+    motion = (dataclasses.replace(still.motion[0], name="again"), *alone.motion) if first else (*alone.motion, there)
+    result, expected = plan(dataclasses.replace(alone, motion=motion)), plan(alone)
+    assert result.passed
+    assert result.duration == expected.duration
+    assert result.lower_bound == expected.lower_bound
+    assert [phase.duration == 0 for phase in result.phases] == [first, not first]
+    assert any(note.startswith("skipped") and "again" in note for note in result.notes)
+    assert Plan.from_json(result.to_json().encode(), Path("plan.json")).notes == result.notes
+
+
+def test_a_move_to_where_the_robot_is_lasts_as_long_as_asked_for(tilt_insert: Problem) -> None:
+    still = dataclasses.replace(inserting(tilt_insert, "straight", 0.0).motion[0], duration=0.5)
+    alone = inserting(tilt_insert, "straight", 1e-3)
+    result = plan(
+        dataclasses.replace(alone, motion=(*alone.motion, dataclasses.replace(still, depth=START["depth"] + 1e-3)))
+    )
+    assert result.passed
+    assert result.phases[1].duration == 0.5
+    assert np.all(result.motion.sample(result.duration - 0.25).qd == 0)
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])

@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
@@ -132,8 +131,9 @@ def test_many_points(tilt_insert: Problem) -> None:
     assert result.duration < 1.05 * plan(through(tilt_insert, LAST)).duration
 
 
-def test_standing_still_between_two_points_is_bad_input(tilt_insert: Problem) -> None:
-    with pytest.raises(ProblemError, match=r"goes nowhere: through\[1\] is where the motion already is"):
-        plan(through(tilt_insert, BETWEEN, BETWEEN, LAST))
-    with pytest.raises(ProblemError, match="goes nowhere: its target is where the motion already is"):
-        plan(through(tilt_insert, LAST, LAST))
+def test_a_point_twice_in_a_row_is_one_point(tilt_insert: Problem) -> None:
+    assert (
+        plan(through(tilt_insert, BETWEEN, BETWEEN, LAST)).duration
+        == plan(through(tilt_insert, BETWEEN, LAST)).duration
+    )
+    assert plan(through(tilt_insert, LAST, LAST)).duration == plan(through(tilt_insert, LAST)).duration
