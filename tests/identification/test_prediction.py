@@ -22,6 +22,7 @@ from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import read_figures, rig_map
 from ssm_planner.loading.load import load_drive
 from ssm_planner.reporting.figures.sizing import map_figure, prediction_figure
+from ssm_planner.units import RPM
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
@@ -175,6 +176,20 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
     figure = prediction_figure(prediction)
     assert len(figure.axes) == 2
     assert figure.axes[0].get_ylabel().endswith("(mN·m)")
+
+
+def test_the_map_shows_what_further_recordings_stay_within() -> None:
+    """A narrow band for their means, in which the measured ones lie, within a wide one for their samples."""
+    found = identify("rig1_lead_screw")
+    outlines = [band.get_paths()[0] for band in map_figure(found.fit, found.data, found.load).axes[0].collections]
+    speeds = np.abs(found.data.w)
+    between = (speeds > speeds.min() * 1.1) & (speeds < speeds.max() * 0.99)
+    points = np.column_stack([RPM * found.data.w, 1e3 * found.data.tau])[between]
+    samples, means = ([path.contains_points(points) for path in outlines[kind::2]] for kind in (0, 1))
+    assert np.any(samples, axis=0).all()
+    assert np.any(means, axis=0).mean() > 0.9
+    for wide, narrow in zip(outlines[0::2], outlines[1::2], strict=True):
+        assert np.ptp(wide.vertices[:, 1]) > 1.5 * np.ptp(narrow.vertices[:, 1])
 
 
 def test_a_shipped_drive_by_its_name_has_its_table_of_figures_too(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from ssm_planner.identification.fit import MapFit
     from ssm_planner.identification.prediction import Prediction
     from ssm_planner.identification.torque_map import TorqueMap
+    from ssm_planner.problem.drive import Drive
     from ssm_planner.sizing.assess import MotorVerdict
     from ssm_planner.sizing.size import JointSizing, Sizing
 
@@ -163,9 +165,10 @@ OUTLIER: dict[str, Any] = {"color": COLOURS[1], "marker": "x", "markersize": 7, 
 
 
 def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
-    """Torque–velocity map: measured circles, the fitted law dashed in both directions, outliers crossed.
+    """Torque–velocity map: measured circles, the fitted law dashed in both directions with its bands, outliers crossed.
 
-    load: the constant effort of `fit_map`, N·m or N.
+    load: the constant effort of `fit_map`, N·m or N. The bands are those of a further recording, as `predict` has them:
+    of its mean, and of its samples with ripple and noise.
     """
     from ssm_planner.identification.parameters import map_torque
 
@@ -178,11 +181,32 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
         axes.plot(RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier, weighs less")
     label = f"{words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
     for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
+        _bands(axes, fit.drive, w, load, named is not None)
         axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=named)
     finish(axes, "motor speed (rpm)", "motor torque (mN·m)", fit.drive.name)
     zero_lines(axes, down=True)
     legend(axes, loc="best")
     return figure
+
+
+def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None:
+    """What 95 % of further recordings at constant speeds (n,) stay within; nothing where the drive has no posterior."""
+    from ssm_planner.dynamics.friction import friction_of
+    from ssm_planner.identification.parameters import map_torque
+    from ssm_planner.identification.prediction import Motion, band_of, departure
+
+    friction = friction_of(drive)
+    if friction.posterior is None:
+        return
+    quiet = replace(friction.posterior, forwards=None, backwards=None)
+    smooth = replace(drive, friction=replace(friction, posterior=quiet))
+    motion = Motion(np.arange(len(w), dtype=float), w, np.zeros(len(w)), np.sign(w), ())
+    tau = map_torque(drive, w, load) + departure(drive, motion)
+    for known, alpha, of in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
+        band = band_of(known, motion, tau, load)
+        if band is not None:
+            shade: dict[str, Any] = {"alpha": alpha, "linewidth": 0, "label": f"95 % of {of}" if named else None}
+            axes.fill_between(RPM * w, 1e3 * band.low, 1e3 * band.high, color=COLOURS[1], **shade)
 
 
 def speeds_of_map(w: Array) -> tuple[Array, Array]:
