@@ -29,7 +29,7 @@ from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 INSTANTS = 1000
-STEP = 2e-3
+STEP, MOST_STEPS = 2e-3, 8
 """Largest interval of the path on which s̈ is constant, s of the motion."""
 BACKOFF = 1e-3
 """Share by which the limits of a stop are smaller: s̈ jumps between two intervals, and joints go on by polynomials."""
@@ -96,7 +96,8 @@ class _Path:
         near = np.minimum(np.abs(breaks[behind] - instants), np.abs(breaks[behind - 1] - instants)) < NEAR
         nodes = np.union1d(breaks, instants[~near])
         spread = [
-            np.linspace(a, b, max(int(np.ceil((b - a) / STEP - 1e-9)), 1), endpoint=False) for a, b in pairwise(nodes)
+            np.linspace(a, b, int(np.clip(np.ceil((b - a) / STEP - 1e-9), 1, MOST_STEPS)), endpoint=False)
+            for a, b in pairwise(nodes)
         ]
         s = np.concatenate([*spread, nodes[-1:]])
         ends = [motion.sample(motion.breaks[0] + s[:-1], "right"), motion.sample(motion.breaks[0] + s[1:], "left")]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import re
 from typing import Any
 
-from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, share, show
+from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, rate_argument, share, show
 from ssm_planner.errors import ExportError
 
 FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
@@ -19,7 +18,7 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="export an unverified plan too, in files marked so")
     parser.add_argument(
         "--rate",
-        type=_rate,
+        type=rate_argument,
         metavar="HZ",
         help="csv: rows at equal distances (default: where the limits need them); epos4: setpoints per second (default "
         "1000); ros2: states in the bag (default 100)",
@@ -64,17 +63,6 @@ def run_export(options: argparse.Namespace) -> int:
         lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
     show(options.json, {**manifest, "files": paths}, lambda: [*lines, *(f"file: {path}" for path in paths.values())])
     return OK
-
-
-def _rate(text: str) -> float:
-    match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
-    try:
-        value = float(match.group(1)) if match else -1.0
-    except ValueError:
-        value = -1.0
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate, such as 500 or 1kHz")
-    return value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
 
 
 def _counts(words: list[str]) -> int | dict[str, int]:

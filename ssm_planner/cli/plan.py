@@ -5,11 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, rate_argument, show
 
 
 def plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert")
+    parser.add_argument(
+        "--rate",
+        type=rate_argument,
+        metavar="HZ",
+        help="rows per second of trajectory.csv (default: 1000; a power of ten less where these were more than 100 000 rows)",
+    )
     output_arguments(parser, "result folder (default: results/<problem name>)")
 
 
@@ -26,7 +32,7 @@ def run_plan(options: argparse.Namespace) -> int:
 
         problem = load_problem(options.problem)
         folder = options.output or Path("results") / file_name(problem.name)
-        result, files = plan_to_folder(problem, folder, progress, drawer)
+        result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress("done")
     document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
     show(options.json, document, lambda: [*summary_lines(result), *(("", f"Results: {folder}") if files else ())])

@@ -53,6 +53,18 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
     return convert
 
 
+def rate_argument(text: str) -> float:
+    """An argparse type for `500`, `500 Hz` or `1kHz`."""
+    match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
+    try:
+        value = float(match.group(1)) if match else -1.0
+    except ValueError:
+        value = -1.0
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a rate, such as 500 or 1kHz")
+    return value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
+
+
 def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
     """A quantity that is a part of what an option was given; whole: all of that. Raises ProblemError."""
     from ssm_planner.units import BadQuantity, quantity

@@ -5,6 +5,7 @@ Trajectories in CSV files: a header that names joints and units, one row for eac
 
 from __future__ import annotations
 
+import math
 import re
 import tempfile
 import warnings
@@ -34,7 +35,8 @@ from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-RATE = 1000.0
+RATE, ROWS = 1000.0, 100_000
+"""Hz; and rows beyond which a long motion is written at a tenth of it, a hundredth, …"""
 LARGEST_RATE = 100_000.0
 STATES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
 MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
@@ -80,9 +82,11 @@ def table(samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array)
 
 
 def write_csv(
-    path: Path, trajectory: Trajectory, robot: Robot, rate: float = RATE, columns: Sequence[str] = DEFAULT
+    path: Path, trajectory: Trajectory, robot: Robot, rate: float | None = None, columns: Sequence[str] = DEFAULT
 ) -> Path:
-    """Write the table at a rate; 12 significant digits. Raises ExportError."""
+    """Write the table at a rate, or at RATE as far as ROWS allow; 12 significant digits. Raises ExportError."""
+    if rate is None:
+        rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
     header, rows = trajectory_table(trajectory, robot, rate, columns)
     with replacing(path) as temporary:
         _write(temporary, header, rows, "%.12g")

@@ -15,10 +15,13 @@ __all__ = ["Plan", "load_plan", "write_folder"]
 
 
 @use_folder_writer
-def write_folder(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
+def write_folder(
+    plan: Plan, folder: Path, drawer: FigureProcess | None = None, rate: float | None = None
+) -> dict[str, Path]:
     """Write plan.json, report.html, trajectory.csv, the figures and their manifest; their paths by name. Raises ExportError.
 
-    drawer: has begun to draw the motion, and draws the rest while the files are written; None: all is drawn here.
+    drawer: has begun to draw the motion, and draws the rest while the files are written; None: all is drawn here. rate:
+    of trajectory.csv, Hz; None: as `write_csv` chooses.
     """
     from ssm_planner.formats.csv import write_csv
     from ssm_planner.publishing import publishing_results
@@ -33,7 +36,7 @@ def write_folder(plan: Plan, folder: Path, drawer: FigureProcess | None = None) 
         paths = {
             "plan": plan.write(temporary / FILE),
             "report": write_report(plan, temporary / "report.html"),
-            "trajectory": write_csv(temporary / "trajectory.csv", plan.trajectory, plan.robot),
+            "trajectory": write_csv(temporary / "trajectory.csv", plan.trajectory, plan.robot, rate),
             **write_figures(plan, temporary, drawer),
         }
     return {name: folder / path.name for name, path in paths.items()}

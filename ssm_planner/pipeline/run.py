@@ -261,9 +261,13 @@ def _duration_or_reason(problem: Problem) -> float | Reason:
 
 
 def plan_to_folder(
-    problem: Problem, folder: Path, progress: Progress = lambda _: None, drawer: FigureProcess | None = None
+    problem: Problem,
+    folder: Path,
+    progress: Progress = lambda _: None,
+    drawer: FigureProcess | None = None,
+    rate: float | None = None,
 ) -> tuple[Plan, dict[str, Path]]:
-    """Plan and write plan.json, trajectory.csv and the figures; drawer as in `write_folder`.
+    """Plan and write plan.json, trajectory.csv and the figures; drawer and rate as in `write_folder`.
 
     Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program.
     """
@@ -276,7 +280,7 @@ def plan_to_folder(
     if not result.passed:
         return result, {}
     progress("writing results")
-    return result, write_folder(result, folder, drawer)
+    return result, write_folder(result, folder, drawer, rate)
 
 
 def _exceeded(problem: Problem, certificate: Certificate) -> Reason:

@@ -18,6 +18,8 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices
 
 RATE = 2000.0
+INSTANTS, STRETCH = 40_000, (40, 1000)
+"""Of a motion, and of a piece between two turns of a joint, at most: cost grows with pieces, not with seconds."""
 Flags = NDArray[np.bool_]
 
 
@@ -157,7 +159,7 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
 def _instants(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Flags, Flags]:
     """Piece, local time, and whether an instant is the first or the last of a stretch in which no joint turns."""
     piece, start, end = _stretches(trajectory, robot, rate)
-    counts = np.maximum(np.ceil((end - start) * rate).astype(int), 2) + 2
+    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _most(trajectory)) + 2
     of = np.repeat(np.arange(len(piece)), counts)
     k = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
     # the first two instants are the same: just breaking away, and just after it
@@ -166,10 +168,15 @@ def _instants(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indice
     return piece[of], local, k == 0, k == counts[of] - 1
 
 
+def _most(trajectory: Trajectory) -> int:
+    """Instants of a piece, at most."""
+    return int(np.clip(INSTANTS // len(trajectory.breaks), *STRETCH))
+
+
 def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Array]:
     """Pieces cut where a joint turns back within them: piece, local start, local end."""
     lengths = np.diff(trajectory.breaks)
-    counts = np.maximum(np.ceil(lengths * rate).astype(int), 4) + 1
+    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _most(trajectory)) + 1
     piece = np.repeat(np.arange(len(lengths)), counts)
     k = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
     local = k / (counts[piece] - 1) * lengths[piece]

@@ -48,6 +48,9 @@ CLOSE = 1e-8
 CAUTION = 2.0
 """The overshoot of the cubic through four values counts so many times."""
 HALVINGS = 10
+INTERVALS, PIECE = 40_000, (64, 512)
+"""Into how many a trajectory is cut at first, and a piece, at most: in its own time a quintic is as smooth when it takes an
+hour, so that cost grows with pieces, not with seconds."""
 MOST = 2048
 """Intervals of a block that are halved at a time, those first that may hold the worst."""
 INSTANTS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
@@ -78,7 +81,9 @@ class SampledExtremes:
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
         self.instants = 0
-        self.longest = LONG * trajectory.duration / (len(trajectory.breaks) - 1)
+        count = len(trajectory.breaks) - 1
+        self.most = int(np.clip(INTERVALS // count, *PIECE))
+        self.longest = LONG * trajectory.duration / count
         self.slopes: Array | None = None
         if self.quantities and len(trajectory.breaks) > prefilter.WORTHWHILE:
             self.slopes = prefilter.sensitivity(trajectory, robot, self.evaluate)
@@ -93,7 +98,7 @@ class SampledExtremes:
             certain[piece[end - begin < 1.0]] = True
             wanted = (certain | self._suspicious(pieces, self.slopes, certain))[piece]
             piece, begin, end = piece[wanted], begin[wanted], end[wanted]
-        intervals = Intervals.of_segments(pieces, self.robot, piece, begin, end, rate=self.rate)
+        intervals = Intervals.of_segments(pieces, self.robot, piece, begin, end, rate=self.rate, most=self.most)
         for halving in range(HALVINGS):
             if not len(intervals.piece):
                 break
@@ -189,13 +194,14 @@ class Intervals:
 
     @classmethod
     def of_segments(
-        cls, pieces: Pieces, robot: Robot, piece: Indices, begin: Array, end: Array, *, rate: float
+        cls, pieces: Pieces, robot: Robot, piece: Indices, begin: Array, end: Array, *, rate: float, most: int
     ) -> Intervals:
-        """Segments (m,) cut so that four instants in each interval make the rate (Hz)."""
+        """Segments (m,) cut so that four instants in each interval make the rate (Hz), into `most` intervals each at most."""
         # within a segment no joint turns back, so that its direction is that at the middle
         direction = np.sign(pieces.at(piece, (begin + end) / 2)[1]) * pieces.moving(robot)[piece]
         starting = (np.abs(pieces.at(piece, begin)[1]) <= still(robot)) & (direction != 0)
         counts = np.maximum(np.ceil((end - begin) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1)
+        counts = np.minimum(counts, most)
         of = np.repeat(np.arange(len(piece)), counts)
         part = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         width = ((end - begin) / counts)[of]

@@ -72,6 +72,12 @@ def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     assert len(rows) == int(plan.trajectory.duration * 1000) + 2
 
 
+def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(plan: Plan, tmp_path: Path) -> None:
+    slow = plan.trajectory.slower(plan.trajectory.duration / 600)
+    assert len(table(write_csv(tmp_path / "slow.csv", slow, plan.robot))["time_s"]) == 60_001
+    assert len(table(write_csv(tmp_path / "chosen.csv", slow, plan.robot, 10.0))["time_s"]) == 6001
+
+
 def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     """One file for each driven joint, whole increments, the end held to the next whole period."""
     files, manifest = export(plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096)

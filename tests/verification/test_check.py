@@ -18,8 +18,9 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
-from ssm_planner.verification import prefilter
+from ssm_planner.verification import prefilter, sampled_extremes
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
@@ -334,3 +335,39 @@ def test_short_moves_among_many_pieces_at_rest_are_judged_as_by_a_full_look(
     for one, other in zip(found.limits, full.limits, strict=True):
         assert (one.name, one.joint) == (other.name, other.joint)
         assert one.worst == pytest.approx(other.worst, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motion_of_an_hour_costs_what_its_pieces_cost(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """The same worst values as at many times as many instants, and none that dense samples exceed."""
+    robot, quick = screw(robot), wavy(np.random.default_rng(seed))
+    slow = quick.slower(quick.duration / 3600)
+    found, values = check(slow, robot, LIMITS), dense(slow, robot, 20_000)
+    for i in (0, 1, 3):
+        name = robot.joints[i].name
+        assert limit_of(found, "motor torque", name).worst >= np.abs(values["motor torque", name]).max() * (1 - 1e-9)
+    monkeypatch.setattr(sampled_extremes, "PIECE", (8192, 8192))
+    full = check(slow, robot, LIMITS)
+    assert found.instants < full.instants / 8
+    for a, b in zip(found.limits, full.limits, strict=True):
+        assert a.margin == pytest.approx(b.margin, rel=3e-8, abs=3e-8), a.name
+
+
+def test_a_long_rest_costs_no_more_than_a_short_one(robot: Robot) -> None:
+    quick = wavy(np.random.default_rng(5))
+
+    def resting(time: float) -> Trajectory:
+        last = np.zeros((1, 6, 4))
+        last[0, 0] = quick.sample(quick.breaks[-1]).q[0]
+        return Trajectory(
+            np.append(quick.breaks, quick.breaks[-1] + time), np.concatenate([quick.coefficients, last]), ()
+        )
+
+    short, long = (check(resting(time), robot, LIMITS) for time in (0.5, 3600.0))
+    assert long.instants < 2 * short.instants
+    sizes = [len(joint_loads(resting(time), robot)[0].t) for time in (0.5, 3600.0)]
+    assert sizes[1] < 2 * sizes[0]
+    for a, b in zip(short.limits, long.limits, strict=True):
+        assert a.name == "continuous torque" or a.margin == pytest.approx(b.margin, rel=3e-8, abs=3e-8)
