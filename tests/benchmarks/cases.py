@@ -88,7 +88,8 @@ def with_limits(robot: Robot, velocity: float = 1.0, torque: float = 1.0, jerk: 
     for joint in robot.joints:
         motor = joint.motor
         if motor is not None:
-            motor = dataclasses.replace(motor, max_torque=torque * motor.max_torque)
+            largest = torque * motor.max_torque
+            motor = dataclasses.replace(motor, max_torque=largest, nominal_torque=min(motor.nominal_torque, largest))
         bound = joint.jerk if jerk is None else jerk if joint.kind == "revolute" else 0.1 * jerk
         joints.append(dataclasses.replace(joint, velocity=velocity * joint.velocity, motor=motor, jerk=bound))
     return dataclasses.replace(robot, joints=tuple(joints))  # type: ignore[arg-type]

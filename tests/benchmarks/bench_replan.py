@@ -1,0 +1,159 @@
+"""What a re-plan with changed numbers takes: CPU time of one thread, by part, against another checkout in turns.
+
+    python tests/benchmarks/bench_replan.py [--against FOLDER] [--rounds N] [--kinds KIND …]
+
+FOLDER: the root of another checkout of this project, for example a git worktree of an earlier commit. Medians in ms; the
+first plan of every kind, which builds its programs, is not counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+ROOT = Path(__file__).parents[2]
+KINDS = ("straight", "free", "jerk", "waypoints", "eye", "scan")
+PARTS = {
+    "Ipopt": ("planning.ocp.transcription.ipopt",),
+    "TOPP-RA": (
+        "planning.planner.retime",
+        "planning.planner.retime_motion",
+        "planning.ocp.mesh.retime",
+    ),
+    "check": ("pipeline.run.check",),
+}
+"""Functions whose time, calls from one another counted once, makes up a part of `run.plan`."""
+JERK = 35.0
+"""rad/s³; a tenth of it in m/s³."""
+
+
+def problem_of(kind: str, turn: int) -> Any:
+    """The problem of a kind with the numbers of one turn."""
+    from cases import FREE_WEAK, Change, free_problem, straight_problem, with_limits
+
+    from ssm_planner.loading.load import load_problem
+
+    slower = 1 - 1e-3 * turn
+    if kind == "straight":
+        return straight_problem(Change(velocity=slower), FREE_WEAK)
+    if kind in ("free", "jerk"):
+        problem = free_problem(Change(velocity=slower), FREE_WEAK)
+        return problem if kind == "free" else replace(problem, robot=with_limits(problem.robot, jerk=JERK))
+    name = {"waypoints": "waypoints", "eye": "eye_approach", "scan": "laser_scan"}[kind]
+    problem = load_problem(ROOT / f"problems/{name}.yaml")
+    return replace(problem, robot=with_limits(problem.robot, velocity=slower))
+
+
+def serve() -> None:
+    """Answer requests "kind turn", one in a line, with times in ms and the outcome as JSON."""
+    from importlib import import_module
+
+    from ssm_planner.pipeline import run
+    from ssm_planner.sizing.size import size_motion
+
+    spent: dict[str, float] = {}
+    depth = 0
+
+    def timed(part: str, function: Any) -> Any:
+        def call(*given: Any, **named: Any) -> Any:
+            nonlocal depth
+            begin, depth = time.thread_time(), depth + 1
+            try:
+                return function(*given, **named)
+            finally:
+                depth -= 1
+                if not depth:
+                    spent[part] = spent.get(part, 0.0) + 1e3 * (time.thread_time() - begin)
+
+        return call
+
+    with ExitStack() as stack:
+        for part, names in PARTS.items():
+            for name in names:
+                module, _, attribute = f"ssm_planner.{name}".rpartition(".")
+                home = import_module(module)
+                stack.enter_context(patch.object(home, attribute, timed(part, getattr(home, attribute))))
+        for line in sys.stdin:
+            kind, turn = line.split()
+            problem = problem_of(kind, int(turn))
+            spent.clear()
+            begin = time.thread_time()
+            found = run.plan(problem)
+            middle = time.thread_time()
+            if found.trajectory is not None:
+                size_motion(found.trajectory, problem.robot)
+            end = time.thread_time()
+            times = {"plan": 1e3 * (middle - begin), **spent, "sizing": 1e3 * (end - middle)}
+            duration = None if found.trajectory is None else found.trajectory.duration
+            iterations = sum(phase.iterations for phase in found.phases)
+            answer = {"times": times, "duration": duration, "passed": found.passed, "iterations": iterations}
+            print(json.dumps(answer), flush=True)
+
+
+class Served:
+    """A checkout in a process of its own."""
+
+    def __init__(self, root: Path) -> None:
+        environment = {**os.environ, "PYTHONPATH": str(root), "SSM_PLANNER_COMPILE": "0", "OPENBLAS_NUM_THREADS": "1"}
+        pipe = subprocess.PIPE
+        command = [sys.executable, __file__, "--serve"]
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
+
+    def ask(self, kind: str, turn: int) -> dict[str, Any]:
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        print(kind, turn, file=self.process.stdin, flush=True)
+        return dict(json.loads(self.process.stdout.readline()))
+
+    def end(self) -> None:
+        self.process.communicate()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", type=Path, help="root of another checkout")
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.serve:
+        serve()
+        return 0
+    roots = {"this": ROOT} if options.against is None else {"before": options.against.resolve(), "this": ROOT}
+    ways = {name: Served(root) for name, root in roots.items()}
+    columns = ("plan", *PARTS, "sizing")
+    print(f"{'':18s}" + "".join(f"{name:>9s}" for name in columns) + "   iterations   duration   certified")
+    for kind in options.kinds:
+        found: dict[str, list[dict[str, Any]]] = {name: [] for name in ways}
+        for turn in range(options.rounds + 1):
+            for name, way in ways.items():
+                found[name].append(way.ask(kind, turn))
+        medians: dict[str, list[float]] = {}
+        for name, answers in found.items():
+            medians[name] = [statistics.median(a["times"].get(part, 0.0) for a in answers[1:]) for part in columns]
+            durations = [a["duration"] or 0.0 for a in answers]
+            print(
+                f"{kind:10s}{name:8s}" + "".join(f"{value:9.1f}" for value in medians[name])
+                + f"{statistics.median(a['iterations'] for a in answers[1:]):13.0f}{sum(durations) / len(durations):11.5f}"
+                + f"{sum(a['passed'] for a in answers):9d} of {len(answers)}"
+            )  # fmt: skip
+        if "before" in medians:
+            ratios = [old / new if new else 1.0 for old, new in zip(medians["before"], medians["this"], strict=True)]
+            print(f"{'':10s}{'÷':8s}" + "".join(f"{ratio:9.2f}" for ratio in ratios))
+    for way in ways.values():
+        way.end()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
