@@ -54,7 +54,7 @@ UNITS = {
 def software() -> dict[str, str]:
     """Versions of what makes a plan, by name."""
     versions = {"python": platform.python_version()}
-    for name in ("ssm-planner", "casadi", "numpy", "scipy", "toppra"):
+    for name in ("ssm-planner", "casadi", "numpy", "scipy"):
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -131,6 +131,8 @@ def _names() -> dict[int, str]:
     return {getattr(ca, f"OP_{name.upper()}"): name for name in known if hasattr(ca, f"OP_{name.upper()}")}
 
 
+MANY = 200
+"""Samples from which on `call` lets NumPy run a Function: the same numbers."""
 BLOCK = 4096
 """Samples at a time: the registers stay in the cache."""
 
@@ -215,10 +217,25 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
             )
     if samples == 0:
         return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))
+    vectorised = _vectorised(function) if samples >= MANY else None
+    if vectorised is not None:
+        return tuple(map(np.ascontiguousarray, vectorised(*(np.asarray(a, dtype=float) for a in arguments))))
     results = function.map(samples)(*(np.asarray(argument, dtype=float).T for argument in arguments))
     if function.n_out() == 1:
         results = (results,)
     return tuple(np.ascontiguousarray(result.full().T) for result in results)
+
+
+@lru_cache(maxsize=64)
+def _vectorised(function: ca.Function) -> Vectorised | None:
+    """A Function for many samples; None where NumPy cannot run it."""
+    if not function.is_a("SXFunction"):
+        return None
+    inputs = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
+    try:
+        return Vectorised(dense(function.name(), inputs, function.call(inputs)))
+    except NotImplementedError:
+        return None
 
 
 class Layout:

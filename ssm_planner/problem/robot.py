@@ -220,6 +220,8 @@ class Robot(Value, Limited):
     @property
     def loads(self) -> tuple[Robot, ...]:
         """One robot for each set of bodies, of itself and its corners."""
+        if not self.corners and not self.lightest:
+            return (self,)
         found: dict[tuple[Body, ...], Robot] = {}
         for robot in (self, *self.corners, *self.lightest):
             found.setdefault(robot.bodies, robot)
@@ -232,11 +234,14 @@ class Robot(Value, Limited):
         """
         if self.joints[i].motor is None:
             return ()
+        if not self.corners and not self.lightest:
+            drive = self.joints[i].drive
+            return () if drive is None else ((0, drive, (1, -1)),)
         bodies = [robot.bodies for robot in self.loads]
         found: dict[tuple[int, int], tuple[int, Drive, tuple[int, ...]]] = {}
         wanted: list[tuple[Robot, tuple[int, ...]]] = [(each, (1,)) for each in self.corners]
         wanted += [(each, (-1,)) for each in self.lightest]
-        for robot, sides in wanted or [(self, (1, -1))]:
+        for robot, sides in wanted:
             drive, load = robot.joints[i].drive, bodies.index(robot.bodies)
             if drive is not None:
                 before = found.get((load, id(drive)), (load, drive, ()))[2]

@@ -80,13 +80,12 @@ class LinearConstraints:
         """From the rows (term, limit), term ≤ limit, in their order."""
 
         def column(name: str) -> Array:
-            return np.stack([np.broadcast_to(getattr(t, name) / limit, ceiling.shape) for t, limit in rows], axis=1)
+            values = np.empty((len(rows), len(ceiling)))
+            for row, (term, limit) in zip(values, rows, strict=True):
+                row[:] = getattr(term, name) / limit
+            return np.ascontiguousarray(values.T)
 
         return cls(column("a"), column("b"), column("c"), column("k"), ceiling)
-
-    def in_time_unit(self, unit: float) -> LinearConstraints:
-        """The same constraints on s̈ / unit and ṡ² / unit."""
-        return LinearConstraints(self.a * unit, self.b * unit, self.c, self.k * np.sqrt(unit), self.ceiling / unit)
 
     def tangent(self, speed_squared: Array) -> LinearConstraints:
         """Rows without k, at least as strict, exact at ṡ² = speed_squared (n,): √x ≤ √x₀/2 + x/(2 √x₀)."""

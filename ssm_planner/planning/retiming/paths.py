@@ -21,6 +21,8 @@ STILL = 1e-9
 """A joint whose q'(s) stays below this (rad or m per whole path) does not move along the path."""
 LOOKS = 401
 """Points among which turning points of a straight path are looked for."""
+PARTS, DIGITS = 200, 5
+"""Into so many parts the interval of a turning point is cut, so often: to 1e-14."""
 BESIDE = 1e-4
 """Distance of a grid point from the break beside it, as a share of the piece."""
 
@@ -100,14 +102,14 @@ class StraightPath(JointPath):
 
     def _turning_point(self, joint: int, low: float, high: float) -> float:
         """The root of q'(s) of one joint between two points where its signs differ."""
-        from scipy.optimize import brentq
-
-        def slope(s: float) -> float:
-            return float(self.sample(np.array([s])).dq[0, joint])
-
-        if slope(low) * slope(high) > 0:  # alone a sample is rounded otherwise than among many: the root is at an end
-            return low if abs(slope(low)) < abs(slope(high)) else high
-        return float(brentq(slope, low, high, xtol=1e-14))
+        for _ in range(DIGITS):
+            s = np.linspace(low, high, PARTS + 1)
+            slope = self.sample(s).dq[:, joint]
+            turns = np.flatnonzero(np.signbit(slope[1:]) != np.signbit(slope[:-1]))
+            if not len(turns):  # within rounding of one of the ends
+                return low if abs(slope[0]) < abs(slope[-1]) else high
+            low, high = s[turns[0]], s[turns[0] + 1]
+        return float(low + high) / 2
 
     @cached_property
     def _turns(self) -> Array:

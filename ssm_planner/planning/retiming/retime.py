@@ -1,32 +1,25 @@
-"""TOPP-RA behind one adapter: the fastest motion along a given path, friction as exact linear rows.
+"""TOPP-RA: the fastest motion along a given path, friction as exact linear rows.
 
-The rows are those of constraints.py. Viscous terms are concave in ṡ²: each pass replaces them by their tangents at the motion
-of the previous pass. Tangents over-estimate, so every pass is feasible and the next one no slower.
+The rows are those of constraints.py, a pass over them is reachability.py. Viscous terms are concave in ṡ²: each pass
+replaces them by their tangents at the motion of the previous pass. Tangents over-estimate, so every pass is feasible and the
+next one no slower.
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis, IEEE
 T-RO 34(3), 2018, and its interpolation scheme.
 """
 
 from __future__ import annotations
 
-import importlib
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
-from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
+from ssm_planner.planning.retiming.constraints import PathLimits
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath
+from ssm_planner.planning.retiming.reachability import fastest
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 
-UNUSED = ("matplotlib", "matplotlib.pyplot", "scipy.interpolate", "scipy.sparse")
-"""What toppra imports for plots, splines and solvers that are not used here; loading it takes longer than to plan."""
 POINTS = 1000
 """Grid intervals."""
 COARSE = 200
@@ -117,7 +110,8 @@ def _retimed(
     )
     for count in range(1, PASSES + 1):
         rows = path_limits.constraints(tangent, static_start=static)
-        found = _solve(grid, rows, tangent, speeds)
+        linear = rows.tangent(_lifted(tangent))
+        found = fastest(grid, linear, speeds)
         if found is None:
             if best.solved or count == TRIES:
                 break
@@ -126,7 +120,7 @@ def _retimed(
             continue
         duration = float(_times(grid, found)[-1])
         # the tangents only over-estimate: where no row that has one binds with it, they do not matter
-        binding = rows.tangent(_lifted(tangent)).active(grid, found)
+        binding = linear.active(grid, found)
         settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k[:, binding[binding >= 0]].any()
         best = Retiming(
             "solved",
@@ -172,98 +166,3 @@ def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
             grid[nearest] = knot
             taken.append(nearest)
     return grid
-
-
-def _solve(grid: Array, rows: LinearConstraints, tangent: Array, speeds: tuple[float, float]) -> Array | None:
-    """One TOPP-RA pass with the tangents at ṡ² = tangent (n,): ṡ² at the grid points (n,), None where there is no motion."""
-    load_toppra()
-    from toppra.algorithm import TOPPRA
-    from toppra.constraint import LinearConstraint
-    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
-    from toppra.interpolator import AbstractGeometricPath
-
-    # TOPP-RA has absolute tolerances: choose the unit of time in which ṡ² is of order one
-    unit = 1 / max(float(np.abs(rows.a).max()), 1 / float(rows.ceiling.max()))
-    scaled = rows.in_time_unit(unit).tangent(_lifted(tangent / unit))
-    count = scaled.a.shape[1]
-
-    class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
-        """a s̈ + b ṡ² + c ≤ 1 and 0 ≤ ṡ² ≤ ceiling, both ends of an interval with one s̈."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.identical = True
-
-        def compute_constraint_params(self, *_: object, **__: object) -> tuple[object, ...]:
-            collocated = scaled.a, scaled.b, scaled.c, np.eye(count), np.ones(count)
-            a, b, c, f, g, *_ = canlinear_colloc_to_interpolate(*collocated, None, None, grid, identical=True)
-            return a, b, c, f, g, None, np.stack([np.zeros(len(grid)), scaled.ceiling], axis=1)
-
-    class Line(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
-        """The path as TOPP-RA asks for it; the rows know it already."""
-
-        dof = 1
-        path_interval = np.array([0.0, 1.0])
-        waypoints = None
-
-        def __call__(self, s: Array, order: int = 0) -> Array:
-            return np.zeros((np.size(s), 1))
-
-    algorithm = TOPPRA([Rows()], Line(), grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
-    first, last = (speed / float(np.sqrt(unit)) for speed in speeds)
-    _, speed, _, _ = algorithm.compute_parameterization(first, last, return_data=True)
-    if speed is None or not np.all(np.isfinite(speed)):
-        return None
-    return np.asarray(speed, dtype=float) ** 2 * unit
-
-
-@cache
-def load_toppra() -> None:
-    """Import toppra, silent but for critical faults; whoever imports from it afterwards finds it loaded.
-
-    While it is imported, UNUSED are stand-ins whose names load the real module when they are called or looked into, so that
-    the rest of toppra works as ever.
-    """
-    with _standing_in(UNUSED):
-        package = importlib.import_module("toppra")
-    package.setup_logging("CRITICAL")
-
-
-@contextmanager
-def _standing_in(names: tuple[str, ...]) -> Iterator[None]:
-    """Stand-ins for those modules of the names, parents first, that are not loaded yet."""
-    absent = [] if "toppra" in sys.modules else [name for name in names if name not in sys.modules]
-    for name in absent:
-        parent, _, child = name.rpartition(".")
-        sys.modules[name] = _Module(name)
-        if parent in absent:
-            setattr(sys.modules[parent], child, sys.modules[name])
-    try:
-        yield
-    finally:
-        for name in absent:
-            del sys.modules[name]
-
-
-class _Module(ModuleType):
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return _Name(self.__name__, name)
-
-
-class _Name:
-    """A function or class of a module that is not loaded until this is used."""
-
-    def __init__(self, module: str, name: str) -> None:
-        self._where = module, name
-
-    def _real(self) -> Any:
-        module, name = self._where
-        return getattr(importlib.import_module(module), name)
-
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
-        return self._real()(*arguments, **options)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._real(), name)

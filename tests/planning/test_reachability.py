@@ -1,0 +1,101 @@
+"""The passes over all intervals at once against toppra's, one interval after the other, and against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ssm_planner.planning.retiming.constraints import LinearConstraints
+from ssm_planner.planning.retiming.reachability import fastest
+from ssm_planner.typing import Array
+
+POINTS = 120
+AGREES = 2e-5
+"""toppra has absolute tolerances: it stays off bounds, or exceeds them, by up to 1e-8."""
+KEPT = 1e-12
+
+
+def random_rows(rng: np.random.Generator, grid: Array, *, viscous: bool) -> LinearConstraints:
+    """Accelerations and torques along a random smooth path: both signs of a, of b and of c; some rows without a."""
+    count = int(rng.integers(2, 8))
+    phase, turns = rng.uniform(0, 6, (3, count)), rng.uniform(0.5, 6, (3, count))
+    a, b, c = np.sin(turns[:, None] * grid[:, None] + phase[:, None])
+    c *= rng.uniform(0.0, 1.05)  # above 1: a motor too weak to stand still there
+    if viscous:
+        a[:, 0], b[:, 0] = 0.0, np.abs(b[:, 0])
+    ceiling = rng.uniform(0.5, 5) * (1.2 + np.sin(rng.uniform(1, 9) * grid))
+    rows = np.concatenate([a, -a], axis=1), np.concatenate([b, -b], axis=1), np.concatenate([c, -c], axis=1)
+    return LinearConstraints(*rows, np.zeros_like(rows[0]), ceiling)
+
+
+def by_toppra(grid: Array, rows: LinearConstraints, speeds: tuple[float, float]) -> Array | None:
+    toppra = pytest.importorskip("toppra")
+    from toppra.constraint import LinearConstraint
+    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
+
+    toppra.setup_logging("CRITICAL")
+    count = rows.a.shape[1]
+
+    class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
+        def __init__(self) -> None:
+            super().__init__()
+            self.identical = True
+
+        def compute_constraint_params(self, *_: object, **__: object) -> tuple[object, ...]:
+            collocated = rows.a, rows.b, rows.c, np.eye(count), np.ones(count)
+            a, b, c, f, g, *_ = canlinear_colloc_to_interpolate(*collocated, None, None, grid, identical=True)
+            return a, b, c, f, g, None, np.stack([np.zeros(len(grid)), rows.ceiling], axis=1)
+
+    class Line(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc, name-defined]
+        dof, path_interval, waypoints = 1, np.array([0.0, 1.0]), None
+
+        def __call__(self, s: Array, order: int = 0) -> Array:
+            return np.zeros((np.size(s), 1))
+
+    algorithm = toppra.algorithm.TOPPRA([Rows()], Line(), grid, solver_wrapper="seidel")
+    _, speed, _, _ = algorithm.compute_parameterization(*speeds, return_data=True)
+    return None if speed is None or not np.isfinite(speed).all() else np.asarray(speed) ** 2
+
+
+def duration(grid: Array, speed_squared: Array) -> float:
+    speed = np.sqrt(speed_squared)
+    return float((2 * np.diff(grid) / (speed[1:] + speed[:-1])).sum())
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_as_fast_as_toppra_and_within_the_rows(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grid = np.sort(np.concatenate([[0.0, 1.0], rng.uniform(0, 1, POINTS - 2)]))
+    rows = random_rows(rng, grid, viscous=seed % 3 == 0)
+    speeds = (0.0, 0.0) if seed % 2 else tuple(np.sqrt(rows.ceiling[[0, -1]]) * rng.uniform(0, 0.5, 2))
+    mine, other = fastest(grid, rows, (speeds[0], speeds[1])), by_toppra(grid, rows, (speeds[0], speeds[1]))
+    assert (mine is None) == (other is None)
+    if mine is None or other is None:
+        return
+    assert duration(grid, mine) == pytest.approx(duration(grid, other), rel=AGREES)
+    acceleration = np.diff(mine) / (2 * np.diff(grid))
+    for end, x in ((slice(None, -1), mine[:-1]), (slice(1, None), mine[1:])):
+        value = rows.a[end] * acceleration[:, None] + rows.b[end] * x[:, None] + rows.c[end]
+        assert value.max() <= 1 + KEPT * (1 + np.abs(rows.a[end] * acceleration[:, None]).max())
+    assert (mine <= rows.ceiling * (1 + KEPT)).all()
+    assert mine[0] == pytest.approx(speeds[0] ** 2, abs=KEPT)
+    assert mine[-1] == pytest.approx(speeds[1] ** 2, abs=KEPT)
+
+
+def test_a_limit_on_acceleration_alone_gives_the_triangle() -> None:
+    grid = np.linspace(0, 1, 201)
+    both = np.ones((201, 2)) * [0.5, -0.5]  # |s̈| ≤ 2
+    rows = LinearConstraints(both, 0 * both, 0 * both, 0 * both, np.full(201, 100.0))
+    found = fastest(grid, rows, (0.0, 0.0))
+    assert found is not None
+    assert found == pytest.approx(4 * np.minimum(grid, 1 - grid), abs=1e-12)
+
+
+def test_a_speed_that_cannot_be_had_at_an_end_gives_none() -> None:
+    grid = np.linspace(0, 1, 11)
+    both = np.ones((11, 2)) * [1.0, -1.0]
+    rows = LinearConstraints(both, 0 * both, 0 * both, 0 * both, np.full(11, 9.0))
+    assert fastest(grid, rows, (0.0, 1.0)) is not None
+    assert fastest(grid, rows, (0.0, 1.5)) is None
+    assert fastest(grid, rows, (1.5, 0.0)) is None
+    assert fastest(grid, rows, (0.0, 3.1)) is None
