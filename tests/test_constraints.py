@@ -1,0 +1,44 @@
+"""The tested set of versions is complete: pip has nothing to search for, and a fresh machine gets what was tested."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+PINS = Path(__file__).parent.parent / "constraints.txt"
+EXTRAS = ("test", "docs", "lint", "bench", "dask", "optuna", "ros2", "completion")
+
+
+def needed(name: str, extras: frozenset[str], seen: set[tuple[str, frozenset[str]]]) -> Iterator[str]:
+    """Installed distributions that one needs with these extras, however far down."""
+    if (name, extras) in seen:
+        return
+    seen.add((name, extras))
+    try:
+        found = distribution(name)
+    except PackageNotFoundError:  # of an extra that is not installed
+        return
+    yield name
+    for text in found.requires or ():
+        requirement = Requirement(text)
+        wanted = requirement.marker is None or any(requirement.marker.evaluate({"extra": e}) for e in ("", *extras))
+        if wanted:
+            yield from needed(canonicalize_name(requirement.name), frozenset(requirement.extras), seen)
+
+
+def test_every_package_that_is_installed_has_a_version_in_the_tested_set() -> None:
+    pins: set[str] = set()
+    for line in PINS.read_text(encoding="utf-8").splitlines():
+        if line and not line.startswith("#"):
+            requirement = Requirement(line)
+            name = canonicalize_name(requirement.name)
+            if requirement.marker is None or requirement.marker.evaluate():
+                assert name not in pins, f"{name} stands twice"
+                pins.add(name)
+    names = set(needed("ssm-planner", frozenset(EXTRAS), set())) - {"ssm-planner"}
+    assert len(names) > 50
+    assert not names - pins
