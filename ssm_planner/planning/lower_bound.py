@@ -1,45 +1,139 @@
-"""Durations that no motion can beat, in closed form: each joint alone, on the fastest S-curve from rest to rest."""
+"""Durations that no motion can beat, in closed form: each joint, and each limited rate, alone; S-curves from rest to rest."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.problem.limits import TASK
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.problem.limits import TASK, TipSpeed
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
-MOVES = 1e-12
+MOVES, ROUNDING = 1e-12, 1e-9
+NONE = TaskLimits()
 
 
-def lower_bound(robot: Robot, points: Array, *, at_rest: bool = True) -> float:
-    """The largest single-joint optimum through points (k + 1, 4): each joint alone, everything else ignored, s.
+AT_REST = np.zeros((2, 4))
 
-    A joint turns back only at the points, as the planner's joints do. at_rest: the motion begins and ends at rest; else
-    only velocities bound it.
+
+def lower_bound(robot: Robot, points: Array, speeds: Array = AT_REST, limits: TaskLimits = NONE) -> float:
+    """A duration that no motion through points (k + 1, 4) beats: everything but one joint at a time ignored, s.
+
+    speeds (2, 4): q̇ at both ends. The larger of two: the slowest joint over the whole way, and the sum over the stretches
+    between points of the slowest joint there, whose speed at the points within is free. Joint 4 keeps what the rate of depth
+    and the tip's speed allow; the tip goes straight.
     """
-    return max(_time(robot, joint, points[:, joint], at_rest) for joint in range(4))
+    most = [joint.velocity for joint in robot.joints]
+    tip = next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
+    most[3] = min(most[3], tip, limits.rates.get("depth", math.inf))
+    joints = range(4)
+    whole = max(_time(robot, i, positions=points[:, i], speeds=speeds[:, i], velocity=most[i]) for i in joints)
+    if len(points) == 2:
+        return max(whole, _straight_ways(robot, points, tip).sum())
+    steps, last = np.diff(points, axis=0), len(points) - 2
+    stretches = _straight_ways(robot, points, tip)
+    for k, step in enumerate(steps):
+        begin, end = (speeds[0] if k == 0 else (None,) * 4), (speeds[1] if k == last else (None,) * 4)
+        times = [fastest(step[i], most[i], robot.joints[i].acceleration, (begin[i], end[i])) for i in joints]
+        stretches[k] = max(stretches[k], *times)
+    return max(whole, float(stretches.sum()))
 
 
-def rate_bound(start: Array, end: Array, rates: Mapping[str, float]) -> float:
-    """The time that the rates (by name in TASK) allow for the way from start to end in task coordinates, (4,), s."""
-    way = np.abs(end - start)
-    return max((float(way[TASK.index(name)]) / rate for name, rate in rates.items()), default=0.0)
+def _straight_ways(robot: Robot, points: Array, speed: float) -> Array:
+    """Time of the tip straight from point to point at a speed, (k,), s; points in the joints (k + 1, 4)."""
+    if math.isinf(speed):
+        return np.zeros(len(points) - 1)
+    tips = tip_position(Mechanism.from_geometry(robot.geometry), points)
+    return np.asarray(np.linalg.norm(np.diff(tips, axis=0), axis=1) / speed)
 
 
-def _time(robot: Robot, i: int, positions: Array, at_rest: bool) -> float:
+def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> float:
+    """The time that limits on the rates of angles allow between task coordinates at both ends (2, 4), s.
+
+    rates (2, 4): at both ends.
+    """
+    bound = 0.0
+    for name, rate in limits.rates.items():
+        if name == "depth":  # it is joint 4's
+            continue
+        k, way = TASK.index(name), float(np.diff(ends[:, TASK.index(name)])[0])
+        acceleration = angular_acceleration(robot, name, limits)
+        speeds = (None, None) if math.isinf(acceleration) else (float(rates[0, k]), float(rates[1, k]))
+        bound = max(bound, fastest(way, rate, acceleration, speeds))
+    return bound
+
+
+def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
+    """What the accelerations of roll, tilt or spin stay below, as those of the joints and their velocities do, rad/s².
+
+    The tool's axis turns about joint 2 on a circle of radius sin β, so that as functions of θ2, with φ the tilt,
+    |φ'| ≤ sin β and |φ''| ≤ (sin β + |cos φ| sin² β)/sin φ, and of the azimuth ζ = ψ − θ1
+    |ζ'| ≤ sin β/sin φ and |ζ''| ≤ (sin β + 2 |cos φ| sin² β/sin φ)/sin φ; of that of spin the same with α.
+    """
+    mechanism, (first, second, third, _) = Mechanism.from_geometry(robot.geometry), robot.joints
+    low, high = limits.ranges.get("tilt", (-math.pi, math.pi))
+    if not (-math.pi < low < high < 0 or 0 < low < high < math.pi):
+        return math.inf
+    sine = min(abs(math.sin(low)), abs(math.sin(high)))
+    radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
+    once, twice = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
+    along = radius * once * second.acceleration + (radius + twice * radius**2) / sine * second.velocity**2
+    return along + {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
+
+
+def fastest(
+    way: float, velocity: float, acceleration: float, speeds: tuple[float | None, float | None] = (0.0, 0.0)
+) -> float:
+    """The shortest time over a way of either sign with |v| and |a| limited, from one speed to another; None: free ones, s."""
+    begin, end = (None if speed is None else float(math.copysign(1.0, way)) * speed for speed in speeds)
+    way, known = abs(way), [speed for speed in (begin, end) if speed is not None]
+    velocity = max([velocity, *map(abs, known)])
+    if begin is None or end is None:
+        if not known:
+            return way / velocity
+        # at the free end it is as fast as the way allows
+        top = min(math.sqrt(known[0] ** 2 + 2 * acceleration * way), velocity)
+        ramp = (top - known[0]) / acceleration
+        return ramp + (way - (top**2 - known[0] ** 2) / (2 * acceleration)) / top if top > 0 else ramp
+    direct = (begin + end) / 2 * abs(end - begin) / acceleration
+    if abs(way - direct) <= MOVES + ROUNDING * abs(direct):
+        return abs(end - begin) / acceleration
+    if way < direct:  # it overshoots and comes back
+        way, begin, end = -way, -begin, -end
+    squares = (begin**2 + end**2) / 2
+    top = min(math.sqrt(acceleration * way + squares), velocity)
+    ramps = (2 * top - begin - end) / acceleration
+    return ramps + (way - (top**2 - squares) / acceleration) / top if top > 0 else ramps
+
+
+def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: float) -> float:
     """Shortest time of one joint alone through its positions (k + 1,), s."""
     joint = robot.joints[i]
+    acceleration, steps = joint.acceleration, np.diff(positions)
     runs = _runs(positions)
-    if not at_rest:
-        return sum(runs) / joint.velocity
-    # where it turns back its velocity is zero, but with a jerk limit its acceleration need not be
-    jerk = joint.jerk if len(runs) == 1 else None
-    return sum(rest_to_rest(run, joint.velocity, joint.acceleration, jerk).duration for run in runs)
+    if not speeds.any():
+        # where it turns back its velocity is zero, but with a jerk limit its acceleration need not be
+        jerk = joint.jerk if len(runs) == 1 else None
+        return sum(rest_to_rest(run, velocity, acceleration, jerk).duration for run in runs)
+    moved = steps[np.abs(steps) > MOVES]
+    if len(runs) < 2:
+        return fastest(float(moved.sum()), velocity, acceleration, (speeds[0], speeds[1]))
+    # where it turns back it rests, beyond the point if it cannot stop before
+    ends = speeds * np.sign(moved[[0, -1]])
+    for k, speed in zip((0, -1), ends, strict=True):
+        runs[k] = max(runs[k], max(speed, 0.0) ** 2 / (2 * acceleration))
+    middle = sum(fastest(run, velocity, acceleration) for run in runs[1:-1])
+    return (
+        fastest(runs[0], velocity, acceleration, (ends[0], 0.0))
+        + middle
+        + fastest(runs[-1], velocity, acceleration, (0.0, ends[1]))
+    )
 
 
 def _runs(positions: Array) -> list[float]:

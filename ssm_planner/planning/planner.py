@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import (
     duration_too_short,
@@ -325,9 +326,11 @@ class _PhasePlanner:
 
     def _lower_bound(self, phase: Phase) -> float:
         """A duration that no motion between the ends of the phase can beat, s."""
-        at_rest = not (phase.qd_start.any() or phase.qd_end.any())
-        rates = rate_bound(phase.start, phase.end, self.problem.rates)
-        return max(lower_bound(self.problem.robot, phase.points, at_rest=at_rest), rates)
+        robot, limits = self.problem.robot, self.problem.task_limits
+        speeds = np.stack([phase.qd_start, phase.qd_end])
+        rates = task_rates(self.mechanism, phase.points[[0, -1]], speeds)
+        found = rate_bound(robot, np.stack([phase.start, phase.end]), rates, limits)
+        return max(lower_bound(robot, phase.points, speeds, limits), found)
 
 
 def _lasting(motion: Motion, duration: float) -> Motion:
