@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ssm_planner.plans import PhaseSummary
     from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
     from ssm_planner.problem.drive import Drive, DriveKind, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
-    from ssm_planner.problem.limits import Limit, SpeedLimit, TaskRange, TaskRate, TipSpeed
+    from ssm_planner.problem.limits import Limit, SpeedLimit, StopTravel, TaskRange, TaskRate, TipSpeed, ToolLimit
     from ssm_planner.problem.motion import Dwell, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
     from ssm_planner.problem.motor import Motor
     from ssm_planner.problem.posterior import Posterior, Ripple
@@ -80,12 +80,12 @@ __all__ = [
     "PredictionBand", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording",
     "RecordingError", "Requirements", "Rig", "Ripple", "Robot", "Samples", "Scan", "Scenario", "ScrewEnds", "Search",
     "Side", "Sign", "SimulationResult", "Sizing", "Span", "SpeedLimit", "SpeedRange", "SsmPlannerError", "State",
-    "Stops", "Straight", "Study", "StudyProgress", "StudyResult", "Task", "TaskLimits", "TaskRange", "TaskRate",
-    "ThermalModel", "Tip", "TipSpeed", "ToolPose", "TorqueBreakdown", "TorqueMap", "Tracking", "Trajectory",
-    "TrajectoryError", "Variable", "Varied", "Vector", "Verdict", "Workspace", "WorstSpeed", "check", "check_speeds",
-    "compare", "controlled_stops", "deg", "design_region", "export", "fk", "identify", "ik", "load_controller",
-    "load_drive", "load_motor", "load_plan", "load_problem", "load_robot", "load_study", "mNm", "mm", "ms", "plan",
-    "predict", "report", "rpm", "simulate", "size", "study", "workspace",
+    "StopTravel", "Stops", "Straight", "Study", "StudyProgress", "StudyResult", "Task", "TaskLimits", "TaskRange",
+    "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolLimit", "ToolPose", "TorqueBreakdown", "TorqueMap",
+    "Tracking", "Trajectory", "TrajectoryError", "Variable", "Varied", "Vector", "Verdict", "Workspace", "WorstSpeed",
+    "check", "check_speeds", "compare", "controlled_stops", "deg", "design_region", "export", "fk", "identify", "ik",
+    "load_controller", "load_drive", "load_motor", "load_plan", "load_problem", "load_robot", "load_study", "mNm",
+    "mm", "ms", "plan", "predict", "report", "rpm", "simulate", "size", "study", "workspace",
 ]  # fmt: skip
 
 _HOMES = {
@@ -112,7 +112,7 @@ _HOMES = {
         "ssm_planner.planning.reason": "Reason",
         "ssm_planner.plans": "PhaseSummary",
         "ssm_planner.problem.drive": "Drive DriveKind Friction FrictionLawName Ratings Rig ScrewEnds",
-        "ssm_planner.problem.limits": "Limit SpeedLimit TaskRange TaskRate TipSpeed",
+        "ssm_planner.problem.limits": "Limit SpeedLimit StopTravel TaskRange TaskRate TipSpeed ToolLimit",
         "ssm_planner.problem.motion": "Dwell Free Joints Line Motion Point Scan Straight Task Tip",
         "ssm_planner.problem.motor": "Motor",
         "ssm_planner.problem.posterior": "Posterior Ripple",

@@ -32,7 +32,7 @@ from ssm_planner.loading.schema import (
 )
 from ssm_planner.loading.schema import Field as Reader
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRate
+from ssm_planner.problem.limits import TASK, Limit, TaskRate, ToolLimit
 from ssm_planner.problem.motion import LARGEST_GRID, Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.value import Bound
@@ -112,8 +112,8 @@ def _rate(name: str, bound: Bound | None = None) -> Any:
     return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound or Bound())]
 
 
-def _speed(kind: type[SpeedLimit]) -> Any:
-    """The largest speed of the tool, in the unit of its limit."""
+def _largest(kind: type[ToolLimit]) -> Any:
+    """The largest value of a limit of the tool, in its unit."""
     (of, *_) = (name for name, each in KINDS.items() if each.unit == kind.unit)
     return Annotated[Any, quantity(of, Bound(above=0.0))]
 
@@ -183,7 +183,7 @@ EntryModel = model_from(
     },
     base=_EntryModel,
 )
-_SPEEDS = {kind.field: optional(_speed(kind), kind.__doc__ or "") for kind in SpeedLimit.__subclasses__()}
+_OF_TOOL = {kind.field: optional(_largest(kind), kind.__doc__ or "") for kind in ToolLimit.kinds()}
 _RATES = {TaskRate.field_of(name): optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.") for name in TASK}
 _WITHIN = {
     "friction": optional(
@@ -192,7 +192,7 @@ _WITHIN = {
     ),
     "payload": optional(Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."),
 }
-LimitsModel = model_from({**RANGES, **_SPEEDS, **_RATES, **_WITHIN})
+LimitsModel = model_from({**RANGES, **_OF_TOOL, **_RATES, **_WITHIN})
 RatesModel = model_from({name: optional(_rate(name), f"Of the {name}.") for name in TASK})
 _PAUSE = quantity("time", Bound(at_least=0.0))
 _DUTY = Annotated[
@@ -277,11 +277,11 @@ def _places(model: Any) -> dict[str, Place]:
 
 
 def _speeds(model: Any) -> Iterable[Limit]:
-    """Limits on the rates of task coordinates and on speeds of the tool."""
+    """Limits on the rates of task coordinates and of the tool."""
     for name in TASK:
         if (largest := getattr(model, TaskRate.field_of(name))) is not None:
             yield TaskRate(name, largest)
-    for kind in SpeedLimit.__subclasses__():
+    for kind in ToolLimit.kinds():
         if (largest := getattr(model, kind.field, None)) is not None:
             yield kind(largest)
 

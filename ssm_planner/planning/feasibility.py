@@ -24,6 +24,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joint_rates, task_from_joints
 from ssm_planner.planning.phases import Phase, straight_path
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
@@ -213,7 +214,7 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
         _refuse_off_line(problem, phase, key, rate)
     qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
     step = phase.points[1] - phase.points[0] if at_start else phase.points[-1] - phase.points[-2]
-    reason = _too_fast(problem, phase, key, qd, step)
+    reason = _too_fast(problem, mechanism, (phase, key), qd, step)
     return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
 
 
@@ -230,8 +231,9 @@ def _refuse_off_line(problem: Problem, phase: Phase, key: str, rate: Array) -> N
         )
 
 
-def _too_fast(problem: Problem, phase: Phase, key: str, qd: Array, step: Array) -> Reason | None:
-    """A joint that would be faster than its limit, or move against its way in a free motion; step (4,): that way."""
+def _too_fast(problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd: Array, step: Array) -> Reason | None:
+    """A joint faster than its limit, or moving against its way (4,) in a free motion; a tip that takes too far to stop."""
+    phase, key = end
     place = f"{phase.motion.name}, {key.replace('_', ' ')}"
     for i, joint in enumerate(problem.robot.joints):
         limit = joint.limit(JointVelocity)
@@ -248,7 +250,19 @@ def _too_fast(problem: Problem, phase: Phase, key: str, qd: Array, step: Array) 
                 "add a point where it turns, or leave this rate out"
             )
             return Reason(Direction(joint.name), place, float(np.sign(step[i])), float(np.sign(qd[i])), text)
-    return None
+    return _too_far_to_stop(problem, mechanism, phase.points[0 if key == "start_rate" else -1], qd, place)
+
+
+def _too_far_to_stop(problem: Problem, mechanism: Mechanism, q: Array, qd: Array, place: str) -> Reason | None:
+    """Rates from which the tip travels too far until it can stand."""
+    limit = problem.stop_travel
+    if limit is None:
+        return None
+    travel = float(braking_travel(mechanism, problem.robot, q[None], qd[None])[0])
+    if travel <= limit.largest * (1 + TOLERANCE):
+        return None
+    text = f"the tip needs {1e3 * travel:.4g} mm to stop, {1e3 * limit.largest:.4g} mm are allowed ({place})"
+    return Reason(limit, place, travel, limit.largest, text)
 
 
 def _too_near(problem: Problem, phase: Phase) -> Reason | None:

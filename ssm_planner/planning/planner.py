@@ -28,8 +28,9 @@ from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
 from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, StraightPath
-from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime, retime_motion
+from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -194,11 +195,34 @@ class _PhasePlanner:
             return planned
         if phase.path is not None and (guess is None or guess <= FAR * motion.duration):
             return planned
+        again = retime_motion(self._way(phase, motion), self.problem.robot, self.problem.task_limits)
+        return replace(planned, toppra_duration=again.duration if again.converged else None)
+
+    def _way(self, phase: Phase, motion: PhaseSolution) -> MotionPath:
+        """The path that a motion of the phase takes."""
         trajectory = Trajectory(motion.breaks, motion.coefficients, ())
         signs = np.sign(np.diff(phase.points, axis=0)) if phase.path is None else phase.path.directions[1]
-        path = MotionPath(self.mechanism, trajectory, motion.borders / trajectory.duration, signs)
-        again = retime_motion(path, self.problem.robot, self.problem.task_limits)
-        return replace(planned, toppra_duration=again.duration if again.converged else None)
+        return MotionPath(self.mechanism, trajectory, motion.borders / trajectory.duration, signs)
+
+    def _slowed_to_stop(self, phase: Phase, motion: PhaseSolution) -> PhaseSolution:
+        """A free motion timed again by TOPP-RA, along its own path, where the tip would travel too far to stop."""
+        limit = self.problem.stop_travel
+        if limit is None or not motion.solved:
+            return motion
+        path = self._way(phase, motion)
+        samples = path.trajectory.sample(np.linspace(0.0, motion.duration, POINTS))
+        if braking_travel(self.mechanism, self.problem.robot, samples.q, samples.qd).max() <= limit.largest:
+            return motion
+        # at rest the pace is that of nothing, and the motion's own leaves no margin
+        pace = 1.0 if phase.qd_start.any() else 1 - 2 * BETWEEN
+        found = retime_motion(path, with_margin(self.strict, BETWEEN), self.problem.task_limits, pace=pace)
+        if not found.solved:
+            return replace(motion, status=found.status, message=found.message)
+        slowed = motion_along(path, found)
+        if phase.motion.duration is not None:
+            slowed = slowed.slower(min(slowed.duration / phase.motion.duration, 1.0))
+        borders = np.interp(path.knots, found.s, found.times) * slowed.duration / found.duration
+        return replace(motion, breaks=slowed.breaks, coefficients=slowed.coefficients, borders=borders)
 
     def _retimed(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:
         """A straight motion timed by TOPP-RA alone."""
@@ -308,7 +332,7 @@ class _PhasePlanner:
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
         )
-        return self._planned(phase, direct, motion, None)
+        return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:
         return retime(path, robot, limits=self.problem.task_limits, speeds=speeds, static=static)

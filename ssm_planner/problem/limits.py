@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
+SPARE = 2e-3
+"""Share by which a limit on stops is tightened beyond the excess; twice that is what one that is just enough leaves."""
 TO_MOVE = 5e-3
 """Share of a torque or an acceleration beyond what is needed at least: with none the motion creeps, or is the only one."""
 
@@ -266,24 +268,36 @@ class TaskRange(Between):
 
 
 @dataclass(frozen=True)
-class SpeedLimit(Symmetric):
-    """|v| ≤ largest, v being linear in the joints' rates: kinematics/forward.py has the Jacobian.
+class ToolLimit(Symmetric):
+    """|value| ≤ largest, of the tool as a whole. A subclass needs `name`, `field` and, where it is not m, `unit`."""
 
-    A subclass needs `name`, `field` and, where it is not m/s, `unit`.
-    """
-
-    order = 1
     name: ClassVar[str]
     field: ClassVar[str]
     """Its key in a problem file and in plan.json."""
     largest: Positive
-    unit = "m/s"
+    unit = "m"
+
+    @classmethod
+    def kinds(cls) -> tuple[type[ToolLimit], ...]:
+        """Those that a problem may have."""
+        return (*SpeedLimit.__subclasses__(), StopTravel)
 
     def trials(self) -> tuple[float, ...]:
         return (2 * self.largest,)
 
     def on(self, problem: P) -> P:
         return _with_own(problem, self)
+
+
+@dataclass(frozen=True)
+class SpeedLimit(ToolLimit):
+    """|v| ≤ largest, v being linear in the joints' rates: kinematics/forward.py has the Jacobian.
+
+    A subclass needs `name`, `field` and, where it is not m/s, `unit`.
+    """
+
+    order = 1
+    unit = "m/s"
 
 
 @dataclass(frozen=True)
@@ -328,6 +342,22 @@ class TipSpeed(SpeedLimit):
 
     name = "tip speed"
     field = "tip_speed"
+
+
+@dataclass(frozen=True)
+class StopTravel(ToolLimit):
+    """Of the tip's distance from where it was, during the quickest controlled stop from any instant."""
+
+    name = "stop travel"
+    field = "stop_travel"
+    order = 2
+
+    def tightened(self, worst: float, bound: float) -> StopTravel:
+        # the way of a stop goes with the planner's estimate of it, so that more than the excess is not needed
+        return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - SPARE))
+
+    def enough(self, needed: float) -> float:
+        return (1 + 2 * SPARE) * needed
 
 
 @dataclass(frozen=True)
@@ -537,9 +567,19 @@ class Limited:
         return {limit.coordinate: limit.largest for limit in self.limits if isinstance(limit, TaskRate)}
 
     @property
+    def of_tool(self) -> tuple[ToolLimit, ...]:
+        """Limits on speeds of the tool and on its stops."""
+        return tuple(limit for limit in self.limits if isinstance(limit, ToolLimit))
+
+    @property
     def speeds(self) -> tuple[SpeedLimit, ...]:
         """Limits on speeds of the tool."""
         return tuple(limit for limit in self.limits if isinstance(limit, SpeedLimit))
+
+    @property
+    def stop_travel(self) -> StopTravel | None:
+        """On the way of the tip while it stops."""
+        return next((limit for limit in self.limits if isinstance(limit, StopTravel)), None)
 
     @property
     def tip_speed(self) -> float | None:
@@ -551,9 +591,9 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
     """Limits of the task as a tuple. Raises ProblemError for what is none, and for one given twice."""
     found = tuple(limits)
     for limit in found:
-        if not isinstance(limit, (TaskRange, TaskRate, SpeedLimit)):
+        if not isinstance(limit, (TaskRange, TaskRate, ToolLimit)):
             raise ProblemError(
-                "not a limit of the task", key=where, value=limit, allowed="TaskRange, TaskRate, TipSpeed"
+                "not a limit of the task", key=where, value=limit, allowed="TaskRange, TaskRate, TipSpeed, StopTravel"
             )
         if [other.key for other in found].count(limit.key) > 1:
             raise ProblemError("given twice", key=where, value=limit.name, allowed="each limit once")

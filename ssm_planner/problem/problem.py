@@ -250,6 +250,7 @@ class Problem(Value, Limited):
             self._check_point(place, point)
         self._check_durations()
         self._check_range()
+        self._check_stops()
         if self.planner == "toppra":
             self._check_for_toppra()
 
@@ -346,6 +347,18 @@ class Problem(Value, Limited):
                 reason = f"nothing is known of how far the friction of {drive.name} (joint {joint.name}) may be off"
                 allowed = "drives with posterior, covariance or friction_ranges, or no range of friction"
                 raise self._wrong("friction", reason, allowed)
+
+    def _check_stops(self) -> None:
+        """The way of a stop can be limited: there is one from every instant, along the path, without jerk limits."""
+        if self.stop_travel is None:
+            return
+        if any(self.end_rate.values()):
+            reason = "a motion that ends while it moves leaves no path to stop on"
+            raise self._wrong("end_rate", reason, "a motion that ends at rest, or no stop_travel", dict(self.end_rate))
+        jerk = next((joint.name for joint in self.robot.joints if joint.jerk is not None), None)
+        if jerk is not None:
+            reason = f"the jerk of joint {jerk} is limited, and the quickest stop begins at once"
+            raise self._wrong("limits", reason, "a robot without jerk limits, or no stop_travel", "stop_travel")
 
     def check_total(self) -> None:
         """Raises ProblemError where the duration of the whole contradicts those of its motions; the planner says so too."""

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.limits import TASK, Limit, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.limits import TASK, Limit, TaskRange, TaskRate, ToolLimit
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -135,8 +135,8 @@ def _motion_from(data: Any, where: str) -> Motion:
 
 
 def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
-    """Limits of the task as plan.json states them: ranges and rates by coordinate, speeds by their field, the eye."""
-    speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.speeds}}
+    """Limits of the task as plan.json states them: ranges and rates by coordinate, the tool's by field, the eye."""
+    speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
     stated = {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
     return stated | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
 
@@ -189,7 +189,7 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
         limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
         rates = _by_task(Positive, problem.get("rates"), "problem.rates")
         limits += [TaskRate(name, rate) for name, rate in rates.items()]
-        for kind in SpeedLimit.__subclasses__():
+        for kind in ToolLimit.kinds():
             largest = converted(Positive | None, problem.get(kind.field), f"problem.{kind.field}")
             limits += [] if largest is None else [kind(largest)]
         eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)

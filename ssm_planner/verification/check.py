@@ -8,8 +8,12 @@ static friction. Motor torques are held against what the motors may give for all
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from ssm_planner.dynamics.transmission import self_locking_margin
-from ssm_planner.problem.limits import SelfLocking
+from ssm_planner.problem.limits import ENDS, JUMPS, ContinuousTorque, SelfLocking
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
@@ -21,8 +25,12 @@ from ssm_planner.verification.limits import Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
 from ssm_planner.verification.polylines import linear_limits
 from ssm_planner.verification.sampled_extremes import SampledExtremes
+from ssm_planner.verification.stops import StopMotions, quickest_stops
 
 RATE = 10_000.0
+RATE_OF_STOPS = 1000.0
+CLOSER = 21
+"""Instants about the one with the farthest stop that are looked at again."""
 INSTANTS = 3_000_000
 """A trajectory so long that it would have more instants at the given rate is sampled at a lower one first."""
 NONE = TaskLimits()
@@ -75,6 +83,8 @@ def check(
     found = _worst_of_each(found)
     found += end_checks(trajectory, robot, limits, straight)
     found += _locking(robot)
+    if not straight:
+        found += _farthest_stop(trajectory, robot, limits)
     certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
@@ -112,3 +122,34 @@ def _locking(robot: Robot) -> list[LimitCheck]:
         found = LimitCheck(limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit)
         checks.append(found)
     return checks
+
+
+def check_stops(stops: StopMotions, motion: Trajectory, robot: Robot, limits: TaskLimits) -> Certificate:
+    """Of all stops together, one after the other: what holds of a motion as a whole, and between two stops, left out."""
+    listed = [each for each in stops.motions if each is not None] or [motion]
+    breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([np.diff(each.breaks) for each in listed]))])
+    joined = Trajectory(breaks, np.concatenate([each.coefficients for each in listed]), ())
+    limits = replace(limits, limits=tuple(limit for limit in limits.limits if limit is not limits.stop_travel))
+    found = check(joined, robot, limits, rate=RATE_OF_STOPS)
+    whole = (*JUMPS, ContinuousTorque.name, *ENDS)
+    kept = tuple(each for each in found.limits if each.name not in whole)
+    return Certificate(kept, found.interpolation, found.instants, found.unchecked)
+
+
+def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
+    """Way of the tip in the farthest of the stops, each of which keeps the other limits; nothing where it is not limited."""
+    limit = limits.stop_travel
+    if limit is None:
+        return []
+    stops = quickest_stops(motion, robot)
+    k = int(np.argmax(stops.travel))
+    near = np.linspace(stops.time[max(k - 1, 0)], stops.time[min(k + 1, len(stops.time) - 1)], CLOSER)
+    closer = quickest_stops(motion, robot, near)
+    travel, time = np.append(stops.travel, closer.travel), np.append(stops.time, closer.time)
+    k = int(np.argmax(travel))
+    found = LimitCheck.of(limit, float(travel[k]), float(motion.breaks[0] + time[k]))
+    worst = check_stops(stops, motion, robot, limits).worst
+    if worst.passed and stops.ends:
+        return [found]
+    reason = f"a stop exceeds {worst.name} of {worst.joint or 'the tool'}" if stops.ends else "the motion ends moving"
+    return [replace(found, margin=min(found.margin, worst.margin, 0.0 if stops.ends else -1.0), case=reason)]

@@ -43,7 +43,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     local = fit(path, (RigidBody.from_robot(robot),), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
-    limits = {**joint_limits(robot), "speeds": np.array([0.02])}
+    limits = {**joint_limits(robot), "speeds": np.array([0.02]), "stop": np.array([1e9])}
     numbers = StraightElement.layout.pack(**limits, time_scale=1.7)
     return StraightElement(robot=robot, jerk=True, aim=aim), [z, sigma, local, numbers]
 
@@ -56,7 +56,7 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     sigma = rng.choice([-1.0, 1.0], 4)
     position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
     z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
-    limits = {**joint_limits(robot), "speeds": np.array([0.02])}
+    limits = {**joint_limits(robot), "speeds": np.array([0.02]), "stop": np.array([1e9])}
     numbers = FreeElement.layout.pack(
         **{"q0": first, "d": unit, **limits, "rate": [0.4, 0.5, 0.6]},
         **{"range_centre": [0.1, -0.2], "range_half_width": [0.4, 0.7], "retina_easing": 1e-6, "time_scale": 1.7},

@@ -7,6 +7,7 @@ Of a robot, its limits are parameters of the program (`joint_limits`), the rest 
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -16,17 +17,29 @@ import numpy as np
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
-from ssm_planner.kinematics.forward import JACOBIANS
+from ssm_planner.kinematics.forward import JACOBIANS, speed_bounds
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import JointAcceleration, JointJerk, JointVelocity, MotorTorque
+from ssm_planner.problem.limits import (
+    JointAcceleration,
+    JointJerk,
+    JointVelocity,
+    MotorTorque,
+    SpeedLimit,
+    StopTravel,
+    TipSpeed,
+    ToolLimit,
+)
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 UNLIMITED = 1e9
-LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "cooling": 4, "speeds": len(JACOBIANS)}
-"""Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool. cooling: what a
-second of every motor at its nominal torque costs, in seconds."""
+LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "cooling": 4, "speeds": len(JACOBIANS), "stop": 1}
+"""Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool and of its stops.
+cooling: what a second of every motor at its nominal torque costs, in seconds."""
+
+
+TIP = list(JACOBIANS).index(TipSpeed)
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]:
@@ -43,6 +56,20 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]
         limits["velocity"][i] = min(limits["velocity"][i], motor.max_speed / drive.ratio)
         limits["torque"][i] = motor.max_torque
     return limits
+
+
+def tool_limits(limits: Iterable[ToolLimit]) -> dict[str, Array]:
+    """The limits of the tool by their names in LIMITS: speeds (kinds,), stop (1,)."""
+    limits = tuple(limits)
+    stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
+    speeds = speed_bounds((limit for limit in limits if isinstance(limit, SpeedLimit)), UNLIMITED)
+    return {"speeds": speeds, "stop": np.array([stop])}
+
+
+def tool_names(limits: Iterable[ToolLimit], moving: Iterable[int]) -> set[RowName]:
+    """Of the rows of these limits; moving: the joints that move."""
+    joints = {limit.name: moving if isinstance(limit, StopTravel) else (None,) for limit in limits}
+    return {(name, None if i is None else int(i)) for name, each in joints.items() for i in each}
 
 
 def with_margin(robot: Robot, share: float) -> Robot:
@@ -110,11 +137,16 @@ class Instant:
 
 
 def kinematic_rows(at: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
-    """Speeds of the tool; velocity, acceleration and, where asked for, jerk of every joint."""
+    """Speeds of the tool; velocity, acceleration and, where asked for, jerk of every joint; how far the tip goes to stop
+    (`retiming.constraints.braking_travel`)."""
     rows, bounds = speed_rows(at), at.limits
+    tip = at.speeds[TIP] / (2 * bounds.stop)
     for i, joint in enumerate(joints):
-        senses = (1, -1) if joint.drive is None else (at.sigma[i],)
-        rows += [PathConstraint(JointVelocity.name, i, sense * at.qd_hull[i] / bounds.velocity[i]) for sense in senses]
+        for sense in (1, -1) if joint.drive is None else (at.sigma[i],):
+            speed = sense * at.qd_hull[i]
+            rows.append(PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i]))
+            for braking in (0, -sense * at.qdd[i]):
+                rows.append(PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i]))
         for side in (1, -1):
             rows.append(PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / bounds.acceleration[i]))
             if jerk:

@@ -15,10 +15,18 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.eye import retina_row
-from ssm_planner.kinematics.forward import speed_bounds, tip_position
+from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_of_joints
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk, torque_names
+from ssm_planner.planning.ocp.constraints import (
+    UNLIMITED,
+    RowName,
+    joint_limits,
+    limits_jerk,
+    tool_limits,
+    tool_names,
+    torque_names,
+)
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
 from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
@@ -191,7 +199,7 @@ class _FreeProblem(OcpProblem):
         problem = self.problem
         rows: set[RowName] = {(TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges}
         rows |= {(TaskRate.name_of(name), None) for name in RATED if name in problem.rates}
-        rows |= {(limit.name, None) for limit in problem.speeds}
+        rows |= tool_names(problem.speeds, ())
         if problem.eye is not None:
             rows |= {(limit.name, None) for limit in problem.eye.limits}
         rows = rows.union(*(torque_names(problem.robot, int(i)) for i in self.moving))
@@ -216,7 +224,7 @@ class _FreeProblem(OcpProblem):
             q0=self.points[0],
             d=self.unit,
             **self.joint_limits,
-            speeds=speed_bounds(problem.speeds, UNLIMITED),
+            **tool_limits(problem.speeds),
             range_centre=ranges.mean(axis=1) + self._whole_turns,
             range_half_width=(ranges[:, 1] - ranges[:, 0]) / 2,
             rate=[problem.rates.get(name, UNLIMITED) for name in RATED],

@@ -13,9 +13,16 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.forward import speed_bounds
 from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.ocp.constraints import UNLIMITED, RowName, joint_limits, limits_jerk, torque_names
+from ssm_planner.planning.ocp.constraints import (
+    UNLIMITED,
+    RowName,
+    joint_limits,
+    limits_jerk,
+    tool_limits,
+    tool_names,
+    torque_names,
+)
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.models import StraightElement, fit, fit_of, fits_hold
@@ -23,7 +30,7 @@ from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpStructure
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
-from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, SpeedLimit
+from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, ToolLimit
 from ssm_planner.problem.problem import Objective, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
@@ -75,7 +82,7 @@ def solve_straight(
         directions=signs,
         robot=robot,
         path=path,
-        limited=limits.speeds,
+        limited=limits.of_tool,
         fastest=fastest,
         speeds=np.array(speeds) * scale,
         starting=np.full(4, speeds[0] == 0.0),
@@ -105,8 +112,7 @@ def retimed_pieces(path: StraightPath, retiming: Retiming, end_speed: float) -> 
 class _StraightProblem(OcpProblem):
     robot: Robot
     path: StraightPath
-    limited: tuple[SpeedLimit, ...]
-    """Speeds of the tool."""
+    limited: tuple[ToolLimit, ...]
     fastest: float
     """Largest ṡ that the rates of the task coordinates allow, in scaled time."""
     speeds: Array
@@ -130,7 +136,7 @@ class _StraightProblem(OcpProblem):
             rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
             if self.robot.joints[i].jerk is not None:
                 rows.add((JointJerk.name, int(i)))
-        rows |= {(limit.name, None) for limit in self.limited}
+        rows |= tool_names(self.limited, np.flatnonzero(moving))
         return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows)))
 
     @cached_property
@@ -140,7 +146,7 @@ class _StraightProblem(OcpProblem):
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
         limits = StraightElement.layout.pack(
-            **self.joint_limits, speeds=speed_bounds(self.limited, UNLIMITED), time_scale=self.time_scale
+            **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
         )
         return self.sigma, self._fitted(elements), limits
 

@@ -23,10 +23,11 @@ from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.forward import tool_speed
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, Mask
@@ -122,6 +123,8 @@ class PathLimits:
     """Largest ṡ² that the speed limits allow, (n,)."""
     starts: Mask
     """Where joints start from rest, (n, 4)."""
+    stops: Array | None
+    """|J q'| / (2d) (n,) of a limit d on the way of a stop."""
 
     @classmethod
     def along(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
@@ -132,7 +135,16 @@ class PathLimits:
         bodies = map(RigidBody.from_robot, robot.loads)
         loads = tuple(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies)
         ceiling = _speed_ceiling(path, samples, robot, limits)
-        return cls(robot, samples, loads, directions=signs[interval], ceiling=ceiling, starts=path.starts(samples))
+        speed = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq)
+        return cls(
+            robot,
+            samples,
+            loads,
+            directions=signs[interval],
+            ceiling=ceiling,
+            starts=path.starts(samples),
+            stops=None if limits.stop_travel is None else speed / (2 * limits.stop_travel.largest),
+        )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
         """Rows for the joints' accelerations and the motors' torques.
@@ -140,12 +152,15 @@ class PathLimits:
         speed_squared (n,): ṡ² at which the friction coefficient is taken, that of the previous pass. static_start: friction
         is static where joints start.
 
-        Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. Torque: see `_torque_rows`.
+        Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max, and (2) of `braking_travel`. Torque: see `_torque_rows`.
         """
         rows: list[tuple[PathTerm, float]] = []
         for i, joint in enumerate(self.robot.joints):
             acceleration = PathTerm(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
             rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
+            if self.stops is not None:
+                braking = PathTerm(b=self.stops * np.abs(self.samples.dq[:, i]))
+                rows.append((braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration))
         for i, _, motor in motorised(self.robot.joints):
             for load, drive, sides in self.robot.actuations(i):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
@@ -190,10 +205,24 @@ class PathLimits:
         return [*driving, -PathTerm(bound.a, bound.b + bound.k / np.sqrt(self.ceiling), bound.c)]
 
 
-def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
-    """Largest ṡ² (n,) at which joints, motors, tool and task coordinates keep their speed limits.
+def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:
+    """Way of the tip (n,), m, from q and q̇ (n, 4) until rest, where every joint brakes evenly by its largest acceleration.
 
-    The speeds are |q'_i| ṡ, r |q'_i| ṡ, |J(q) q'| ṡ and |dtask/ds| ṡ.
+    Along a path q(s) a joint that brakes by itself too leaves less: while at every point s̈ ≤ −|J q'|/(2d) ṡ² is within the
+    accelerations, for every speed up to ṡ, d(ṡ²)/ds = 2 s̈ takes ṡ to 0 within a way of d. So the limit d holds where
+
+        |J q'| |q'_i| ṡ² / (2d) − min(0, ± (q'_i s̈ + q''_i ṡ²)) ≤ q̈_i,max,                                          (2)
+
+    + where joint i goes forwards. It is sufficient; motors that cannot brake as hard are left to the check.
+    """
+    limit = np.array([joint.acceleration for joint in robot.joints])
+    return np.asarray(tool_speed(TipSpeed, mechanism, q, qd) * (np.abs(qd) / limit).max(axis=1) / 2)
+
+
+def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
+    """Largest ṡ² (n,) at which joints, motors, tool and task coordinates keep their speed limits, and stops theirs.
+
+    The speeds are |q'_i| ṡ, r |q'_i| ṡ, |J(q) q'| ṡ and |dtask/ds| ṡ; for stops see `braking_travel`.
     """
     limit = np.array([joint.velocity for joint in robot.joints])
     for i, drive, motor in motorised(robot.joints):
@@ -203,6 +232,9 @@ def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: 
         for bound in limits.speeds:
             slope = tool_speed(type(bound), path.mechanism, samples.q, samples.dq)
             speed = np.minimum(speed, bound.largest / slope)
+        if limits.stop_travel is not None:
+            travel = braking_travel(path.mechanism, robot, samples.q, samples.dq)
+            speed = np.minimum(speed, np.sqrt(limits.stop_travel.largest / travel))
         if limits.rates:
             slope = np.abs(task_rates(path.mechanism, samples.q, samples.dq))
             for name, rate in limits.rates.items():

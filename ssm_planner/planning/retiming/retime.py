@@ -18,6 +18,7 @@ from ssm_planner.planning.retiming.paths import JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array
 
 POINTS = 1000
@@ -84,14 +85,39 @@ def retime(
     return _retimed(grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0)
 
 
-def retime_motion(path: MotionPath, robot: Robot, limits: TaskLimits, points: int = POINTS) -> Retiming:
-    """Time-optimal motion along the path that a motion took: about as fast as that, or faster where it was no optimum."""
+def retime_motion(
+    path: MotionPath, robot: Robot, limits: TaskLimits, points: int = POINTS, pace: float = 1.0
+) -> Retiming:
+    """Time-optimal motion along the path that a motion took: about as fast as that, or faster where it was no optimum.
+
+    pace: of both ends, relative to that motion.
+    """
     grid = path.grid(points)
-    speed = 1 / path.trajectory.duration
+    speed = pace / path.trajectory.duration
     path_limits = PathLimits.along(path, grid, robot, limits)
     # where all joints rest nothing limits ṡ
     path_limits = replace(path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2))
     return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
+
+
+def motion_along(path: MotionPath, found: Retiming) -> Trajectory:
+    """The motion along a path at the pace that `retime_motion` found: quintics from grid point to grid point.
+
+    The points to both sides of a break of the path become one on it, where its acceleration may jump.
+    """
+    motion = path.trajectory
+    t, x = found.s * motion.duration, found.speed_squared * motion.duration**2
+    behind = np.searchsorted(t, motion.breaks[1:-1])
+    x[behind - 1] = (x[behind - 1] + x[behind]) / 2
+    t[behind - 1] = motion.breaks[1:-1]
+    t, x = np.delete(t, behind), np.delete(x, behind)
+    pull = (np.diff(x) / (2 * np.diff(t)))[:, None]
+    ends = [
+        (at.q, at.qd * np.sqrt(square)[:, None], at.qdd * square[:, None] + at.qd * pull)
+        for at, square in ((motion.sample(t[:-1], "right"), x[:-1]), (motion.sample(t[1:], "left"), x[1:]))
+    ]
+    breaks = _times(t, x)
+    return Trajectory(breaks, hermite(breaks, ends[0], ends[1]), ())
 
 
 def _retimed(

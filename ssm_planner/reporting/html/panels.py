@@ -158,7 +158,7 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     """(limit, from, to, unit) of everything that limits the tool."""
     found = [(limit.name, limit.low, limit.high, limit.unit) for limit in limits.limits if isinstance(limit, TaskRange)]
     rates = sorted((r for r in limits.limits if isinstance(r, TaskRate)), key=lambda r: TASK.index(r.coordinate))
-    found += [(limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.speeds)]
+    found += [(limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.of_tool)]
     eye = limits.eye
     if eye is not None:
         about = (f"radius {1e3 * eye.radius:g} mm", f"shaft radius {1e3 * eye.shaft_radius:g} mm")

@@ -1,0 +1,92 @@
+"""A limit on how far the tip goes until it can stand: planned for, checked by other code, refused and relaxed by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.retiming.constraints import braking_travel
+from ssm_planner.plans import load_plan
+from ssm_planner.problem.limits import StopTravel
+from ssm_planner.problem.problem import Problem
+from ssm_planner.stopping import controlled_stops
+from ssm_planner.verification.check import check
+
+ROOT = Path(__file__).parents[2]
+
+
+def limited(name: str, largest: float) -> Problem:
+    return StopTravel(largest).on(load_problem(ROOT / "problems" / f"{name}.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("name", "largest"),
+    [("tilt_insert", 0.5e-3), ("eye_approach", 0.5e-3), ("waypoints", 1e-3), ("laser_scan", 0.2e-3)],
+)
+def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_path: Path) -> None:
+    """Straight, free, through points, scanned; the way is nearly used up, and a plan read back holds the limit."""
+    problem = limited(name, largest)
+    found = plan(problem)
+    assert found.reason is None, found.reason
+    (line,) = (each for each in found.certificate.limits if each.name == StopTravel.name)
+    assert 0.98 * largest < line.worst <= largest
+    stops = controlled_stops(found.motion, found.robot, found.limits, 2500)
+    assert stops.passed
+    assert stops.travel.max() <= largest * (1 + 1e-4)
+    again = load_plan(found.write(tmp_path / "plan.json"))
+    assert again.problem.stop_travel == StopTravel(largest)
+
+
+def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
+    """While the tool tilts about the remote centre its tip stands there: that phase is as fast as without the limit."""
+    free, slow = plan(load_problem(ROOT / "problems" / "tilt_insert.yaml")), plan(limited("tilt_insert", 0.5e-3))
+    tilt, insert = zip((p.duration for p in free.phases), (p.duration for p in slow.phases), strict=True)
+    assert tilt[1] == pytest.approx(tilt[0], rel=1e-4)
+    # at constant speed v the tip stops within v²/2a: v = √(2 a d), and 20 mm take 20 mm / v and one ramp more
+    a = slow.robot.joints[3].acceleration
+    v = np.sqrt(2 * a * 0.5e-3)
+    assert insert[1] == pytest.approx(0.02 / v + v / a, rel=0.02)
+    assert insert[1] > 1.5 * insert[0]
+
+
+def test_the_check_finds_what_a_planner_without_the_limit_exceeds() -> None:
+    found = load_plan(ROOT / "results" / "tilt_insert" / "plan.json")
+    certificate = check(found.motion, found.robot, StopTravel(1e-3).on(found.limits))
+    (broken,) = certificate.violations
+    assert broken.name == StopTravel.name
+    assert broken.worst == pytest.approx(found.stops.travel.max(), rel=2e-3)
+
+
+def test_the_planner_s_estimate_is_that_of_joints_that_brake_evenly() -> None:
+    robot = load_problem(ROOT / "problems" / "tilt_insert.yaml").robot
+    qd = np.array([[0.0, 0.0, 0.0, -0.01]])
+    travel = braking_travel(Mechanism.from_geometry(robot.geometry), robot, np.array([[0.3, 0.5, 0.2, -0.01]]), qd)
+    assert travel[0] == pytest.approx(0.01**2 / (2 * robot.joints[3].acceleration))
+
+
+def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
+    problem = replace(limited("tilt_insert", 0.2e-3), start_rate={"depth": 0.01})
+    problem = replace(problem, motion=problem.motion[1:])
+    found = plan(problem)
+    assert found.reason is not None
+    assert isinstance(found.reason.limit, StopTravel)
+    assert found.reason.required == pytest.approx(0.01**2 / (2 * problem.robot.joints[3].acceleration))
+    assert "stop travel of" in str(found.reason.relaxation)
+    assert "takes" in str(found.reason.relaxation)
+
+
+def test_what_leaves_no_way_to_stop_is_refused() -> None:
+    problem = limited("tilt_insert", 0.5e-3)
+    with pytest.raises(ProblemError, match="leaves no path to stop on"):
+        replace(problem, end_rate={"depth": 0.01})
+    first, *others = problem.robot.joints
+    jerky = replace(problem.robot, joints=(replace(first, jerk=100.0), *others))
+    with pytest.raises(ProblemError, match="jerk of joint roll"):
+        replace(problem, robot=jerky)
