@@ -158,14 +158,14 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
     lines += [f"Front in {', '.join(study.minimise)}: {len(front)} candidates"]
     for row in front[:SHOWN]:
         figures = ", ".join(f"{name} {row.figures[name]:.4g}" for name in study.minimise)
-        chosen = ", ".join(f"{path} {value}" for path, value in row.design.items())
+        chosen = ", ".join(f"{path} {value}" for path, value in study.whole(row.design, row.figures).items())
         lines.append(f"  {row.number:>6}  {figures}  ({chosen})")
     if len(front) > SHOWN:
         lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
     own = ", ".join(f"{name} {number(result.own.figures.get(name), 4)}" for name in study.minimise)
     lines += [
         "",
-        f"The study's own robot as it stands: {result.own.state}, {own}; {len(result.better)} of the front beat it",
+        f"{study.own_words}: {result.own.state}, {own}; {len(result.better)} of the front beat it",
     ]
     lines += ["", "Why candidates fall out", *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN])]
     return [*lines, "", *study.notes, *(f"file: {path}" for path in files.values())]

@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
-from ssm_planner.planning.planner import PlannedPhase, PlannerResult, plan_motion
+from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
@@ -54,7 +54,10 @@ def plan(
     change of a limit with which there is a motion.
     """
     begin = time.perf_counter()
-    planned, certificate, reason = _attempt(problem, progress, found)
+    # what gives cures is the motion that runs too warm: where none are asked for, none is planned
+    hot = None if relaxations else hopelessly_hot(problem)
+    outcome: Outcome = (PlannerResult("infeasible", None, (), hot), None, hot)
+    planned, certificate, reason = _attempt(problem, progress, found) if hot is None else outcome
     if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
@@ -101,7 +104,7 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
 def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:
     """Plan, check, and where a motor gets too hot trade time for heat; the reason where there is no certified motion."""
     outcome = _tightened(problem, progress, found)
-    if not _excess(outcome):
+    if not _excess(outcome) or hopelessly_hot(problem) is not None:
         return outcome
     progress("slowing down, for a motor gets too hot")
     return _Cooling(problem, progress, found, outcome).best() or outcome

@@ -1,11 +1,13 @@
 """What stands in the way of a motion, told without a solver: ranges, the eye, end speeds, weak motors, short durations.
 
 `infeasible_place` looks along straight paths and at the points of other motions, `with_boundary_rates` at the speeds with
-which all motions begin and end, `no_motion`, where a solver found none, at what may be the cause.
+which all motions begin and end, `motor_too_hot` at the heat of the slowest motion, `no_motion`, where a solver found none,
+at what may be the cause.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -16,12 +18,13 @@ from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import breakaway_torque
+from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque_rows
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joint_rates, task_from_joints
+from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase, straight_path
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
@@ -29,6 +32,7 @@ from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
+    ContinuousTorque,
     Direction,
     Duration,
     JointAcceleration,
@@ -336,6 +340,71 @@ def _starting_torque(path: JointPath, i: int, drive: Drive, s: Array, gravity: A
     before, after = (np.clip(np.searchsorted(knots, s, side=side) - 1, 0, len(sign) - 1) for side in ("left", "right"))
     torques = [np.abs(breakaway_torque(drive, gravity, sign[k], mu)) * np.abs(sign[k]) for k in (before, after)]
     return np.maximum(*torques)
+
+
+def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
+    """The motor whose continuous torque no motion keeps, however slowly it runs; None where that is not certain.
+
+    In a straight phase from rest to rest that moves a joint one way, the mean of its motor torque is at least a
+    (`_least_mean_torque`), so the mean square is at least a². Over phases of durations T_k, of which a joint stands in
+    those that have a = 0, and a pause P: RMS² ≥ Σ a_k² T_k / (Σ T_k + P). In each T_k that is monotone, so the least is at an
+    end: with every T_k at its lower bound, or with one of them infinite. A phase without a duration asked for that the joint
+    may stand in allows any RMS. Stribeck friction counts at its least, ripple not at all.
+    """
+    pause, robot = problem.duty, problem.robot
+    if pause is None:
+        return None
+    worst: tuple[float, Reason] | None = None
+    for i, drive, motor in motorised(robot.joints):
+        moving = rest = 0.0
+        slowest = np.inf
+        for phase in phases:
+            mean, asked = _least_mean_torque(problem, phase, i, drive), phase.motion.duration
+            least = asked or lower_bound(robot, phase.points)
+            moving, rest = moving + mean**2 * least, rest + least
+            slowest = slowest if asked else min(slowest, mean)
+        needed = min(slowest, math.sqrt(moving / (rest + pause)))
+        if needed > motor.nominal_torque * (1 + TOLERANCE) and (
+            worst is None or needed / motor.nominal_torque > worst[0]
+        ):
+            joint = robot.joints[i]
+            text = (
+                f"the motor of joint {joint.name} would run at an RMS torque of at least {1e3 * needed:.4g} mN·m however "
+                "slowly it moves, against friction and load alone; it may do "
+                f"{1e3 * motor.nominal_torque:.4g} mN·m for all time"
+            )
+            reason = Reason(joint.limit(ContinuousTorque), None, needed, motor.nominal_torque, text)
+            worst = needed / motor.nominal_torque, reason
+    return None if worst is None else worst[1]
+
+
+def _least_mean_torque(problem: Problem, phase: Phase, i: int, drive: Drive) -> float:
+    """A torque, N·m, that the mean of motor i's over a phase does not fall below; 0 where the joint may stand or turn back.
+
+    The load's share of the torque is the larger of two lines in F, so it is above c F of any slope c between theirs; here c
+    is that of slow motion. Of F = A s̈ + B ṡ² + C the mean over a motion from rest to rest is that of (B − A') ṡ² + C, of all
+    other inertia 0, and ṡ is at most what the joints' velocities allow.
+    """
+    if phase.path is None or drive.kind == "antibacklash_screw" or phase.qd_start.any() or phase.qd_end.any():
+        return 0.0
+    signs = np.unique(phase.path.directions[1][:, i])
+    if len(signs) != 1 or signs[0] == 0:
+        return 0.0
+    sign = float(signs[0])
+    way = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES))
+    inertia, speed, static = (
+        each[:, i] for each in RigidBody.from_robot(problem.robot).path_load(way.q, way.dq, way.ddq)
+    )
+    velocity = np.array([joint.velocity for joint in problem.robot.joints])
+    fastest = np.min(velocity / np.maximum(np.abs(way.dq), 1e-12), axis=1)
+    friction = friction_of(drive)
+    inertial = np.abs(speed - np.gradient(inertia, way.s)) * fastest**2 + friction.b_ov * np.abs(way.dq[:, i]) * fastest
+    # in the direction of motion the torque is b_c + max(up E, down E)
+    effort = sign * static + friction.b_oc
+    up, down = (float(slope) for slope in motor_torque_rows(drive, int(sign), friction.mu).slope)
+    slope = up if effort.min() > 0 else down if effort.max() < 0 else min(max(0.0, down), up)
+    least = friction.b_c + slope * effort - abs(slope) * inertial
+    return max(0.0, float(least.min()))
 
 
 def duration_too_short(name: str, asked: float, needed: float) -> Reason:

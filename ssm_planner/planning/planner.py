@@ -14,6 +14,7 @@ from ssm_planner.planning.feasibility import (
     duration_too_short,
     durations_disagree,
     infeasible_place,
+    motor_too_hot,
     motor_too_weak,
     nearest_to_eye,
     no_motion,
@@ -133,6 +134,12 @@ def feasible_phases(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase
             return with_boundary_rates(problem, mechanism, phases)
         reasons.append(reason)
     return (), reasons[0]
+
+
+def hopelessly_hot(problem: Problem) -> Reason | None:
+    """The motor whose continuous torque no motion keeps, however slow; None where that is not certain without planning."""
+    phases, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    return None if reason is not None else motor_too_hot(problem, phases)
 
 
 def _with_durations(

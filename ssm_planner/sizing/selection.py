@@ -7,6 +7,7 @@ that need draws of the friction.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -167,7 +168,7 @@ def select(
     for load in duty.loads(payload):
         own = [Part(load.drive.name, load.drive)]
         options = gears.get(load.joint) or own
-        found.append(_select(load, motors, options, conditions, inertias[load.joint]))
+        found.append(select_joint(load, motors, options, conditions, inertias[load.joint]))
     return tuple(found)
 
 
@@ -196,13 +197,14 @@ def _balance(motor: Motor, hot: bool) -> tuple[float, float]:
     return resistance(motor, at) / torque_constant(motor, at), torque_constant(motor, at)
 
 
-def _select(
+def select_joint(
     load: JointLoad,
     motors: Sequence[Part[Motor]],
     gears: Sequence[Part[Drive]],
     conditions: Conditions,
-    inertia: float,
+    inertia: float = math.nan,
 ) -> JointSelection:
+    """Judge every motor with every gear on one joint; inertia: largest of the moved bodies about its axis, kg·m² or kg."""
     fleet = _Fleet([part.of for part in motors], conditions, load.duration + conditions.pause)
     rows = [_judged(replace(load, drive=gear.of), fleet, conditions) for gear in gears]
     answers = {name: np.stack([answer[name] for answer, _, _ in rows]) for name in rows[0][0]}

@@ -48,12 +48,12 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         if row.state not in ("done", "waiting"):
             stages.setdefault(row.stage or row.state, []).append(row)
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
-    header = ["number", *(_title(name) for name in names), *study.paths]
+    header = ["number", *(title_of(name) for name in names), *study.paths, *(each.path for each in study.selected)]
     cells = [
         [
             str(row.number),
             *(number(_factor(name) * row.figures[name], 5) for name in names),
-            *map(str, row.design.values()),
+            *map(str, study.whole(row.design, row.figures).values()),
         ]
         for row in front[:SHOWN]
     ]
@@ -66,7 +66,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
             {"stage": stage, "count": len(each), "example": each[0].reason}
             for stage, each in sorted(stages.items(), key=lambda item: -len(item[1]))
         ],
-        "objectives": [_title(name) for name in study.minimise],
+        "objectives": [title_of(name) for name in study.minimise],
         "sensitivity": sensitivity(study, rows),
         "front": {"header": header, "rows": cells},
     }
@@ -75,14 +75,12 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
 def _own(study: Study, own: Candidate, front: Sequence[Candidate]) -> list[str]:
     """What the study's own robot reaches, and how many of the front are better."""
     if own.state != "done":
-        return [f"The study's own robot as it stands: {own.state}; {own.reason or ''}"]
+        return [f"{study.own_words}: {own.state}; {own.reason or ''}"]
     known = [name for name in study.minimise if own.figures.get(name) is not None]
-    reached = ", ".join(f"{_title(name)} {number(_factor(name) * own.figures[name], 5)}" for name in known)
+    reached = ", ".join(f"{title_of(name)} {number(_factor(name) * own.figures[name], 5)}" for name in known)
     sign = {name: -1.0 if name.endswith("margin") else 1.0 for name in known}
     better = [row for row in front if all(sign[n] * row.figures[n] < sign[n] * own.figures[n] for n in known)]
-    notes = [
-        f"The study's own robot as it stands: {reached}. {len(better)} candidates of the front are better in all of these."
-    ]
+    notes = [f"{study.own_words}: {reached}. {len(better)} candidates of the front are better in all of these."]
     missing = [name for name in study.minimise if name not in known]
     if missing:
         notes.append(f"Not known of it: {', '.join(missing)}.")
@@ -93,9 +91,9 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
     """What the script reads: columns over all candidates."""
     figures = _figures(study, rows)
     best = {row.number for row in front}
-    columns = [_choices(study, path, rows) for path in study.paths]
+    columns = [choices_at(study, path, rows) for path in study.paths]
     columns += [
-        {"title": _title(name), "at": [_scaled(name, row.figures) for row in rows], "labels": None} for name in figures
+        {"title": title_of(name), "at": [scaled(name, row.figures) for row in rows], "labels": None} for name in figures
     ]
     return {
         "names": [*study.paths, *figures],
@@ -124,7 +122,8 @@ def _figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
     return [*(name for name in study.minimise if name in names), *others]
 
 
-def _choices(study: Study, path: str, rows: Sequence[Candidate]) -> dict[str, Any]:
+def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> dict[str, Any]:
+    """What the rows chose at a path, as numbers in the unit of its title; of named entries their places and labels."""
     variable = study.vary[study.paths.index(path)]
     if isinstance(variable, Varied):
         values: list[float] = [float(row.design[path].split()[0]) for row in rows]
@@ -139,7 +138,7 @@ def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[dict[str, Any]]
     done = [row for row in rows if row.state == "done"]
     found = []
     for path in study.paths:
-        at = np.array(_choices(study, path, done)["at"], dtype=float)
+        at = np.array(choices_at(study, path, done)["at"], dtype=float)
         shares = []
         for name in study.minimise:
             value = np.array([row.figures.get(name) for row in done], dtype=float)
@@ -172,11 +171,13 @@ def _factor(name: str) -> float:
     return shown(UNITS[name.split(".")[0]])[1] if name.split(".")[0] in UNITS else 1.0
 
 
-def _title(name: str) -> str:
+def title_of(name: str) -> str:
+    """A figure's name with the unit in which it is shown."""
     unit = shown(UNITS[name.split(".")[0]])[0] if name.split(".")[0] in UNITS else ""
     return f"{name.replace('_', ' ')} {unit}".strip()
 
 
-def _scaled(name: str, figures: Mapping[str, Any]) -> float | None:
+def scaled(name: str, figures: Mapping[str, Any]) -> float | None:
+    """A figure in that unit; None where it is not known."""
     value = figures.get(name)
     return None if value is None else float(value) * _factor(name)

@@ -15,12 +15,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.errors import ProblemError
-from ssm_planner.loading.load import problem_from_dict
-from ssm_planner.pipeline.run import plan
-from ssm_planner.plans import Plan
-from ssm_planner.problem.problem import Problem
-from ssm_planner.sizing.size import Sizing, size_motion
+from ssm_planner.studies.evaluation import Evaluation
+from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate, Store, key_of, write_table
@@ -38,8 +34,6 @@ PAGE_EVERY = 10.0
 """Seconds between pages while it runs, at least."""
 AHEAD = 8
 """Candidates given to an executor for each worker that it has, so that none waits for the driver."""
-MARGINS = ("torque", "continuous_torque", "speed", "heat", "voltage")
-"""Checks of a motor whose margins count."""
 
 StudyProgress = Callable[[int, int, dict[str, int]], None]
 """Called with the candidates that are done, their number, and how many are in each state."""
@@ -72,8 +66,13 @@ class StudyResult:
 
     @property
     def better(self) -> tuple[Candidate, ...]:
-        """The candidates that are better than the study's own robot in one objective and in none worse."""
+        """The candidates that are better than the study's own robot in one objective and in none worse.
+
+        None where one of its objectives is not known, or it does not do what is required.
+        """
         names = self.study.minimise
+        if not pareto((self.own,), names):
+            return ()
         return tuple(row for row in self.front if pareto((self.own, row), names) == (row,))
 
     @property
@@ -112,6 +111,7 @@ def study(
     result = StudyResult(of, rows, folder, finished, own)
     write_table(rows, folder / TABLE)
     write_study_page(of, (own, *rows), result.front, folder / PAGE, finished=True)
+    write_study_figures(of, own, rows, result.front, folder)
     return result
 
 
@@ -233,85 +233,6 @@ class _Driver:
         self._progress(sum(self._states.values()), self._total, self._states)
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """One candidate planned over every motion, checked and sized: what a worker does. It travels as a pickle."""
-
-    study: Study
-
-    def __call__(self, number: int, design: Design) -> Candidate:
-        """The candidate's row; a fault of this program becomes the state failed."""
-        try:
-            return self._row(number, design)
-        except ProblemError as error:
-            return Candidate(number, "infeasible", design, "design", str(error))
-        except Exception as error:  # noqa: BLE001 one candidate's fault must not end the study
-            return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
-
-    def _row(self, number: int, design: Design) -> Candidate:
-        figures: dict[str, Any] = {}
-        sizings: list[Sizing] = []
-        for name, problem in problems_of(self.study, design):
-            found = plan(problem, relaxations=False)
-            if not found.passed or found.trajectory is None:
-                reason = "no motion found" if found.reason is None else found.reason.message
-                return Candidate(number, "infeasible", design, "plan", f"{name}: {reason}", figures=figures)
-            figures[f"duration.{name}"] = found.trajectory.duration
-            sizings.append(size_motion(found.trajectory, problem.robot))
-        figures |= {"duration": sum(figures.values()), **_of_motors(sizings), **_of_geometry(problem)}
-        margin = figures["motor_margin"]
-        if margin is not None and margin < self.study.require.motor_margin:
-            reason = (
-                f"a motor margin of {100 * margin:.4g} %, required are {100 * self.study.require.motor_margin:.4g} %"
-            )
-            return Candidate(number, "infeasible", design, "motors", reason, figures=figures)
-        return Candidate(number, "done", design, figures=figures)
-
-
-def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
-    """The motions of a study with a candidate as their robot. Raises ProblemError."""
-    tree = study.resolved(design)
-    for name, motion in study.motions.items():
-        yield name, problem_from_dict({"name": name, **motion, "robot": tree})
-
-
-def plans_of(study: Study, design: Design) -> dict[str, Plan]:
-    """The candidate's plans, made again, by motion."""
-    return {name: plan(problem) for name, problem in problems_of(study, design)}
-
-
-def _of_motors(sizings: Sequence[Sizing]) -> dict[str, Any]:
-    """Smallest margin of any motor in any motion, the largest torques by joint, and the mass of the motors; SI."""
-    margins = []
-    figures: dict[str, Any] = {}
-    masses: dict[str, float | None] = {}
-    for verdict in (verdict for sizing in sizings for verdict in sizing.verdicts):
-        margins += [check.margin for check in verdict.checks if check.name in MARGINS and check.margin is not None]
-        for name, value in (
-            ("peak_torque", verdict.requirement.peak_torque),
-            ("rms_torque", verdict.requirement.rms_torque),
-        ):
-            key = f"{name}.{verdict.joint}"
-            figures[key] = max(value, figures.get(key, 0.0))
-        masses[verdict.joint] = verdict.motor.mass
-    known = [mass for mass in masses.values() if mass is not None]
-    figures["motor_margin"] = min(margins, default=None)
-    figures["peak_torque"] = max(
-        (value for key, value in figures.items() if key.startswith("peak_torque.")), default=None
-    )
-    figures["motor_mass"] = sum(known) if len(known) == len(masses) and known else None
-    return figures
-
-
-def _of_geometry(problem: Problem) -> dict[str, Any]:
-    from ssm_planner.kinematics.mechanism import Mechanism
-    from ssm_planner.kinematics.workspace import tilt_interval
-
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    low, high = tilt_interval(mechanism)
-    return {"alpha": mechanism.alpha, "beta": mechanism.beta, "tilt_low": low, "tilt_high": high}
-
-
 def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
     """The done rows that no other dominates; rows without one of the figures are left out."""
     signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
@@ -330,7 +251,8 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
 
 def context_of(study: Study) -> str:
     """What a result depends on besides the design: robot, motions, catalogues, what is required, and the version."""
-    contents = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
+    contents: dict[str, Any] = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
+    contents |= {v.path: [v.select, v.contents] for v in study.selected}
     what: Mapping[str, Any] = {
         "robot": study.robot,
         "motions": study.motions,

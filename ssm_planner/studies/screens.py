@@ -188,9 +188,10 @@ class Screens:
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._loads(family, q)
         found: list[Fallen | None] = [None] * len(designs)
+        selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             for joint, members in self._groups(name, designs):
-                if joint.drive is None or joint.motor is None or joint.drive.friction is None:
+                if joint.drive is None or joint.motor is None or joint.drive.friction is None or name in selected:
                     continue
                 sign = direction[members, :, k]
                 torque = np.abs(breakaway_torque(joint.drive, load[members, :, k], np.where(sign == 0, 1.0, sign)))

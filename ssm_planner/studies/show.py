@@ -12,7 +12,8 @@ from ssm_planner.atomic import replacing
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.reporting.html.report import write_report
-from ssm_planner.studies.run import STORE, plans_of
+from ssm_planner.studies.evaluation import plans_of
+from ssm_planner.studies.run import STORE
 from ssm_planner.studies.store import Candidate, Store
 from ssm_planner.studies.study import Study
 
@@ -37,10 +38,14 @@ def shown(study: Study, folder: Path, number: int) -> list[Path]:
     place.mkdir(parents=True, exist_ok=True)
     robot = place / "robot.yaml"
     with replacing(robot) as temporary:
-        text = yaml.safe_dump(_named(study.resolved(row.design), study, number), sort_keys=False, allow_unicode=True)
+        text = yaml.safe_dump(
+            _named(study.resolved(study.whole(row.design, row.figures)), study, number),
+            sort_keys=False,
+            allow_unicode=True,
+        )
         temporary.write_text(f"# Candidate {number} of the study {study.name}.\n{text}", encoding="utf-8")
     written = [robot]
-    for name, plan in plans_of(study, row.design).items():
+    for name, plan in plans_of(study, row).items():
         if not plan.passed:
             reason = "" if plan.reason is None else plan.reason.message
             raise ProblemError(f"candidate {number} has no plan of {name}: {reason}")
@@ -63,7 +68,7 @@ def compared(study: Study, folder: Path, first: int, second: int) -> dict[str, A
     return {
         "study": study.name,
         "numbers": [first, second],
-        "design": _pairs(a.design, b.design),
+        "design": _pairs(study.whole(a.design, a.figures), study.whole(b.design, b.figures)),
         "figures": _pairs(a.figures, b.figures),
     }
 

@@ -23,6 +23,8 @@ OBJECTIVES = ("duration", "motor_mass", "motor_margin", "peak_torque", "reach_ma
 """What `minimise` may name; the margins are made large."""
 GEARS = ("worm", "screw")
 """Ends of a path that stand for the gear of a drive: `joints.tilt.drive.worm`."""
+PACE = "pace"
+"""A path of no robot: by how much slower than the fastest motion the motion is that parts are selected for, 1 or more."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,8 @@ class Choice:
 
     path: str
     contents: Mapping[str, Any]
+    select: str | None = None
+    """Not searched: the first of this rank that holds what the fastest motion, at the candidate's pace, demands."""
 
     def at(self, place: float) -> str:
         """The choice at a place in [0, 1]."""
@@ -98,10 +102,13 @@ class Study:
     robot: Mapping[str, Any]
     motions: Mapping[str, Mapping[str, Any]]
     vary: tuple[Variable, ...]
+    """What is searched."""
     require: Requirements
     minimise: tuple[str, ...]
     search: Search
     file: str | None = None
+    selected: tuple[Choice, ...] = ()
+    """Motors and gears that follow from the demands of a candidate's motions."""
 
     @cached_property
     def paths(self) -> tuple[str, ...]:
@@ -112,12 +119,24 @@ class Study:
     def notes(self) -> list[str]:
         """What a reader of the results has to know."""
         fixed = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
-        if not fixed or not any(path.startswith("geometry.") or path.endswith(".motor") for path in self.paths):
+        paths = [*self.paths, *(choice.path for choice in self.selected)]
+        if not fixed or not any(path.startswith("geometry.") or path.endswith(".motor") for path in paths):
             return []
         return [
             f"Bodies as the robot file gives them ({', '.join(fixed)}): they turn with the axes, but keep mass, centre and "
             "inertia whatever geometry and motors are chosen; bodies given by parts would follow."
         ]
+
+    @property
+    def own_words(self) -> str:
+        """What the study's own robot is, to which candidates are compared."""
+        if self.selected:
+            return "The study's own robot with motors and gears selected in the same way, at pace 1"
+        return "The study's own robot as it stands"
+
+    def whole(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
+        """What was chosen for a candidate, and what was selected for it as its figures say."""
+        return {**design, **{each.path: figures[each.path] for each in self.selected if each.path in figures}}
 
     def designs(self) -> Iterator[Design]:
         """The candidates of a search that is not adaptive, in order."""
@@ -136,8 +155,8 @@ class Study:
     def resolved(self, design: Design) -> dict[str, Any]:
         """What the robot file of a candidate says; with an empty design the study's own robot."""
         tree = copy.deepcopy(dict(self.robot))
-        for variable in self.vary:
-            if variable.path not in design:
+        for variable in (*self.vary, *self.selected):
+            if variable.path not in design or variable.path == PACE:
                 continue
             chosen = design[variable.path]
             _put(tree, variable.path, variable.contents[chosen] if isinstance(variable, Choice) else chosen)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,9 +17,11 @@ from ssm_planner.loading.schema import Field as Share
 from ssm_planner.loading.schema import Model, Reference, Text, Truth, interval, located, quantity, validated, wrong
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.value import Bound
+from ssm_planner.sizing.selection import RANKS
 from ssm_planner.studies.study import (
     GEARS,
     OBJECTIVES,
+    PACE,
     Choice,
     Requirements,
     Search,
@@ -76,7 +80,7 @@ class StudyModel(Model):
     motions: Annotated[list[Text], Field(min_length=1, max_length=50)]
     """Problem files, or shipped names; the candidate takes the place of their robot."""
     vary: dict[str, Any]
-    """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE}."""
+    """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE, select: mass}; pace."""
     require: RequirementsModel = RequirementsModel()
     """What a candidate must do."""
     minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]  # a tuple of texts
@@ -104,12 +108,15 @@ def study_from(section: Section) -> Study:
     if not model.vary:
         raise section.error("nothing varies", "vary", allowed="at least one path of the robot file")
     vary = tuple(_variable(section.sub("vary", path), path, robot) for path in model.vary)
+    selected = tuple(each for each in vary if isinstance(each, Choice) and each.select is not None)
+    _check_selection(section, vary, selected)
     with located(section):
         study = Study(
             name=model.name or section.name,
             robot=robot,
             motions=motions,
-            vary=vary,
+            vary=tuple(each for each in vary if each not in selected),
+            selected=selected,
             require=Requirements(**dict(model.require)),
             minimise=tuple(model.minimise),
             search=Search(**dict(model.search)),
@@ -133,8 +140,10 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
     if not known(robot, path):
         raise section.error("the robot file has no such place", show=False, allowed="such as geometry.alpha")
     value = section.value
-    if not isinstance(value, dict) or set(value) not in ({"from", "to"}, {"choices"}, {"catalogue"}):
-        raise section.error("not a way to vary", allowed="{from: …, to: …}, {choices: [ … ]} or {catalogue: FILE}")
+    ways = ({"from", "to"}, {"choices"}, {"catalogue"}, {"catalogue", "select"})
+    if not isinstance(value, dict) or set(value) not in ways:
+        allowed = "{from: …, to: …}, {choices: [ … ]}, {catalogue: FILE} or {catalogue: FILE, select: mass}"
+        raise section.error("not a way to vary", allowed=allowed)
     if "from" in value:
         return _span(section, path)
     if "choices" in value:
@@ -147,7 +156,28 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
             content = follow(section, "choices", i, kind=path.split(".")[-1]).value if file else choice
             contents[str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))] = content
         return Choice(path, contents)
-    return Choice(path, catalogue(section, path))
+    select = value.get("select")
+    if select is not None and select not in RANKS:
+        raise section.error("not a rank known here", "select", allowed=", ".join(RANKS))
+    return Choice(path, catalogue(section, path), select)
+
+
+def _check_selection(section: Section, vary: Sequence[Variable], selected: Sequence[Choice]) -> None:
+    """Raises ProblemError where only what is selected varies, or a pace is none."""
+    if len(selected) == len(vary):
+        raise section.error("nothing is searched", "vary", show=False, allowed="at least one path without select")
+    for choice in selected:
+        if not choice.path.startswith("joints.") or choice.path.split(".")[-1] not in ("motor", *GEARS):
+            raise section.error("no motor and no gear: not selected", "vary", choice.path, show=False)
+    for pace in (each for each in vary if each.path == PACE):
+        given = [pace.at(0.0)] if isinstance(pace, Varied) else [str(each) for each in pace.contents]
+        try:
+            good = all(1.0 <= float(each) < math.inf for each in given)
+        except ValueError:
+            good = False
+        if not good or not selected:
+            reason = "not a pace" if selected else "nothing is selected, so the pace changes nothing"
+            raise section.error(reason, "vary", PACE, allowed="numbers of at least 1, beside {catalogue: …, select: …}")
 
 
 def _span(section: Section, path: str) -> Varied:

@@ -18,8 +18,9 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
+from ssm_planner.studies.evaluation import Evaluation, problems_of
 from ssm_planner.studies.page import explained, write_study_page
-from ssm_planner.studies.run import Evaluation, pareto, problems_of
+from ssm_planner.studies.run import StudyResult, pareto
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate
@@ -300,3 +301,84 @@ def test_a_page_of_many_candidates_is_made_in_time(tmp_path):
     begin = time.process_time()
     write_study_page(of, (rows[0], *rows), pareto(rows, of.minimise), tmp_path / "page.html", finished=True)
     assert time.process_time() - begin < 2.0
+
+
+PARTS = {
+    "joints.roll.motor": {"catalogue": str(CATALOGUE), "select": "mass"},
+    "joints.tilt.motor": {"catalogue": str(CATALOGUE), "select": "mass"},
+}
+
+
+def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin():
+    """Against the one-by-one verdict of every motor on the demands of the plan: no lighter one has the margin."""
+    from ssm_planner.sizing.size import size_motion
+    from ssm_planner.studies.evaluation import plans_of
+
+    of = study(vary={**GEOMETRY, **PARTS}, require={"motor_margin": "20 %"})
+    row = Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})
+    assert row.state == "done"
+    assert row.figures["motor_margin"] >= 0.2
+    made = plans_of(of, row)["tilt_insert"]
+    assert made.passed
+    assert made.duration == pytest.approx(row.figures["duration"], rel=1e-4)  # the limits of these motors do not bind
+    for path in PARTS:
+        variable = next(each for each in of.selected if each.path == path)
+        joint = ("roll", "tilt").index(path.split(".")[1])
+        chosen = made.problem.robot.joints[joint].motor
+        for label in variable.contents:
+            design = {**row.design, **{p: row.figures[p] for p in PARTS}, path: label}
+            ((_, problem),) = problems_of(of, design)
+            if problem.robot.joints[joint].motor.mass >= chosen.mass:
+                continue
+            verdict = size_motion(made.trajectory, problem.robot).verdicts[joint]
+            assert min(check.margin for check in verdict.checks if check.margin is not None) < 0.2
+
+
+def test_a_slower_pace_allows_lighter_motors_and_none_is_said():
+    pace = {"pace": {"choices": [1, 2]}}
+    of = study(vary={**GEOMETRY, **PARTS, **pace}, require={"motor_margin": "20 %"})
+    design = {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"}
+    fast, slow = (Evaluation(of)(0, {**design, "pace": pace}) for pace in ("1", "2"))
+    assert fast.state == slow.state == "done"
+    assert slow.figures["motor_mass"] <= fast.figures["motor_mass"]
+    assert fast.figures["duration"] <= slow.figures["duration"] <= 2 * fast.figures["duration"] + 1e-9
+    none = Evaluation(replace(of, require=replace(of.require, motor_margin=0.9)))(0, {**design, "pace": "1"})
+    assert (none.state, none.stage) == ("infeasible", "selection")
+    assert "none of 48 motors holds" in none.reason
+
+
+def test_a_margin_required_of_the_motors_is_kept_by_the_motion():
+    """A motor whose torque the fastest motion uses up: the motion is slower, and has the margin."""
+    motor = {"name": "m", "source": "s", "nominal_torque": "33 mN*m", "max_torque": "33 mN*m", "max_speed": "20000 rpm"}
+    rows = []
+    for margin in (0, 0.2):
+        of = study(vary={**GEOMETRY, "joints.roll.motor": {"choices": [motor]}}, require={"motor_margin": margin})
+        rows.append(
+            Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg", "joints.roll.motor": "m"})
+        )
+    assert [row.state for row in rows] == ["done", "done"]
+    assert rows[1].figures["motor_margin"] >= 0.2
+    assert rows[0].figures["duration"] <= rows[1].figures["duration"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"vary": PARTS}, "nothing is searched"),
+        ({"vary": {**GEOMETRY, "pace": {"choices": [1, 2]}}}, "nothing is selected"),
+        ({"vary": {**GEOMETRY, **PARTS, "pace": {"choices": [0.5, 2]}}}, "not a pace"),
+        ({"vary": {**GEOMETRY, "joints.roll.motor": {"catalogue": str(CATALOGUE), "select": "price"}}}, "not a rank"),
+    ],
+)
+def test_a_selection_that_cannot_be_is_named(change, words):
+    with pytest.raises(ProblemError, match=words):
+        study(**change)
+
+
+def test_nothing_beats_a_robot_of_unknown_mass():
+    """The published motors' mass is not stated: which candidates are lighter is not known."""
+    own = Candidate(-1, "done", {}, figures={"duration": 3.0, "motor_mass": None})
+    row = Candidate(0, "done", {}, figures={"duration": 2.0, "motor_mass": 0.1})
+    result = StudyResult(study(minimise=["duration", "motor_mass"]), (row,), Path(), True, own)
+    assert result.front == (row,)
+    assert result.better == ()

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -255,21 +256,33 @@ def _solvers(
     return cold, warm
 
 
-@lru_cache(maxsize=64)
-def _solved(transcription: Transcription, inputs: tuple[tuple[str, bytes], ...]) -> tuple[str, int, InitialPoint]:
-    """Ipopt's message, iterations and solution: trials of relaxations and second attempts ask for most of them again."""
+Solved = tuple[str, int, InitialPoint]
+"""Ipopt's message, iterations and solution."""
+KEPT_SOLUTIONS = 64
+"""Of each program, for as long as the program itself is kept."""
+_solutions: WeakKeyDictionary[Transcription, dict[tuple[tuple[str, bytes], ...], Solved]] = WeakKeyDictionary()
+
+
+def _solved(transcription: Transcription, inputs: tuple[tuple[str, bytes], ...]) -> Solved:
+    """Kept from an earlier call or solved: trials of relaxations and second attempts ask for most of them again."""
+    kept = _solutions.setdefault(transcription, {})
+    if inputs in kept:
+        return kept[inputs]
     arguments = {name: np.frombuffer(values) for name, values in inputs}
     solver = transcription.warm if "lam_g0" in arguments else transcription.cold
     result, stats = ipopt(solver, **arguments)
     seconds = sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f"))
     function_store.note_time(transcription.element, seconds)
     x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
-    return str(stats["return_status"]), int(stats["iter_count"]), InitialPoint(x, (lam_x, lam_g))
+    if len(kept) == KEPT_SOLUTIONS:
+        del kept[next(iter(kept))]
+    kept[inputs] = str(stats["return_status"]), int(stats["iter_count"]), InitialPoint(x, (lam_x, lam_g))
+    return kept[inputs]
 
 
 def forget_solutions() -> None:
     """Solve again what has been solved already: for measuring how long it takes."""
-    _solved.cache_clear()
+    _solutions.clear()
 
 
 def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
