@@ -79,6 +79,8 @@ class PhaseSummary:
     """Of the inverse kinematics, ±1; None for a phase without a path of its own."""
     iterations: int
     """Of the solver."""
+    solver: str = "Ipopt"
+    """That found the motion: "Ipopt", "structured" (`planner: fast`), "TOPP-RA"; "" where the arm stands."""
 
     @property
     def disagreement(self) -> str | None:

@@ -20,6 +20,7 @@ ROOMS = (
         "trajectory",
         "problem",
         "codegen",
+        "interior",
         "kinematics",
         "dynamics",
         "loading",

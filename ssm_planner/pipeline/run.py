@@ -98,6 +98,7 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
         task_end=tuple(phase.end.tolist()),
         branch=phase.branch,
         iterations=planned.motion.iterations,
+        solver=planned.motion.solver,
     )
 
 

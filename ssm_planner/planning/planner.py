@@ -237,7 +237,7 @@ class _PhasePlanner:
         retiming = self._retime(path, with_margin(self.strict, BETWEEN), speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
-        motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]))
+        motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver="TOPP-RA")
         return PlannedPhase(phase, motion, retiming.duration, self._lower_bound(phase))
 
     def _straight(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:
@@ -262,6 +262,7 @@ class _PhasePlanner:
             objective=problem.objective,
             duration=asked,
             speeds=speeds,
+            fast=problem.planner == "fast",
         )
         return self._planned(phase, path, motion, None if asked else retiming.duration)
 
@@ -338,6 +339,7 @@ class _PhasePlanner:
             cooling=self.cooling,
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
+            fast=self.problem.planner == "fast",
         )
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None)
 

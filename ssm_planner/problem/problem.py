@@ -167,7 +167,7 @@ class TaskLimits(Limited):
 
 
 Objective = Literal["time", "time then heat", "effort"]
-Planner = Literal["optimal", "toppra"]
+Planner = Literal["optimal", "fast", "toppra"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,8 @@ class Problem(Value, Limited):
     duty: Annotated[NotNegative, Quantity("time")] | None = 0.0
     """Pause before the motion repeats, in which motors cool, s. Done once (None), continuous torque is no limit."""
     planner: Planner = "optimal"
-    """"toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
+    """"optimal": by Ipopt. "fast": the same optimal control problems by the structured solver, Ipopt where that does not
+    converge. "toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
     friction: Positive | None = None
     """Share of what is known of the drives' friction within which motor torques hold, as 0.95; None: friction as stated."""
     payload: Interval | None = None

@@ -169,6 +169,14 @@ def summary_lines(plan: Plan) -> list[str]:
     return lines
 
 
+def solvers(plan: Plan) -> str:
+    """Which found the phases; Ipopt's are named, for the structured solver did not converge there."""
+    by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
+    if not by_ipopt:
+        return "structured"
+    return "Ipopt" if len(by_ipopt) == len(plan.phases) else f"structured; Ipopt in {', '.join(by_ipopt)}"
+
+
 def range_lines(plan: Plan) -> list[str]:
     """What a range of friction and payload costs, and where in it each motor has most to do."""
     friction, payload = plan.problem.friction, plan.problem.payload
@@ -195,6 +203,8 @@ def verdicts(plan: Plan) -> list[str]:
     if plan.duration is not None and plan.toppra_duration:
         more = percent(plan.duration / plan.toppra_duration - 1, 3)
         lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
+    if plan.problem.planner == "fast" and plan.phases:
+        lines.append(f"solver       {solvers(plan)}")
     lines += range_lines(plan)
     lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:

@@ -36,6 +36,7 @@ PARTS = (
     "kinematics",
     "identification",
     "stages",
+    "structured",
     "growth",
     "process",
     "simulation",

@@ -72,10 +72,11 @@ def solve_free(
     duration: float | None = None,
     speeds: tuple[Array, Array] | None = None,
     count: int = ELEMENTS,
+    fast: bool = False,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
-    strict, cooling: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
+    strict, cooling, fast: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     """
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
@@ -92,10 +93,14 @@ def solve_free(
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
+        sizes = tuple(sum(guess.arcs) for guess in guesses)
         structure = NlpStructure(
             moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
-            segment_sizes=tuple(sum(guess.arcs) for guess in guesses),
-            block_sizes=blocks_of([n for guess in guesses for n in guess.arcs]),
+            segment_sizes=sizes,
+            # one time for each segment; beside an eye more of them, for its row switches at the port
+            block_sizes=sizes
+            if fast and problem.eye is None
+            else blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
             velocity_limits=True,
             joints=True,
@@ -108,6 +113,7 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
+            fast=fast,
             directions=np.sign(way),
             problem=problem,
             mechanism=mechanism,
@@ -267,4 +273,12 @@ class _FreeProblem(OcpProblem):
             (joints(after[0], 0), joints(after[1], 1), joints(pieces.a1, 2)),
         )
         borders = breaks[[*solution.structure.borders, n]]
-        return PhaseSolution("solved", solution.message, solution.iterations, breaks, coefficients, borders=borders)
+        return PhaseSolution(
+            "solved",
+            solution.message,
+            solution.iterations,
+            breaks,
+            coefficients,
+            solver=solution.solver,
+            borders=borders,
+        )

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
+from ssm_planner.interior.solve import State
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
+Solver = Literal["structured", "Ipopt"]
 LARGEST_BLOCK = 20
 """Elements of a block; more freedom than this leaves the optimisation undecided about where to put its elements."""
 
@@ -158,6 +161,8 @@ class InitialPoint:
 
     x: Array
     multipliers: tuple[Array, Array] | None = None
+    structured: State | None = None
+    """Of the structured solver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +185,7 @@ class Guess:
 
 @dataclass(frozen=True, eq=False)
 class NlpSolution:
-    """What Ipopt found; message: its return status."""
+    """What a solver found; message: its return status, in Ipopt's words."""
 
     message: str
     structure: NlpStructure
@@ -191,6 +196,7 @@ class NlpSolution:
     iterations: int
     point: InitialPoint
     """For a warm start from here."""
+    solver: Solver = "Ipopt"
 
     @property
     def status(self) -> str:
@@ -217,6 +223,8 @@ class PhaseSolution:
     """Ends of the pieces, (n + 1,) from 0, s."""
     coefficients: Array = field(default_factory=lambda: np.zeros((0, 6, 4)))
     """(n, 6, 4)."""
+    solver: str = ""
+    """Which found it; "" where none was needed."""
     borders: Array = field(default_factory=lambda: np.zeros(0))
     """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
 

@@ -25,7 +25,9 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
     split,
 )
+from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
+from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array, Indices
 
@@ -63,6 +65,8 @@ HEAT_ROUNDS = 4
 """The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
+OF_EYE = {RetinaClearance.name, LensClearance.name}
+"""Rows beside which the structured solver takes longer than Ipopt, or does not converge."""
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -87,6 +91,8 @@ class OcpProblem(ABC):
     """Of every joint in every segment: +1, −1 or 0, (k, 4)."""
     starting: Array
     """Which joints begin the motion at rest, (4,), bool."""
+    fast: bool = False
+    """By the structured solver, and by Ipopt where that does not converge."""
     shortest: float = SHORTEST
     """Least time of a block, as a share of the guess's."""
 
@@ -231,12 +237,17 @@ class _Refinement:
 
     def solve(self, aim: Aim, duration: tuple[float, float] | None) -> NlpSolution:
         """Transcribe and solve."""
-        program = Transcription.of(self.problem.structure, self.problem.element(self.active, aim))
+        structure, element = self.problem.structure, self.problem.element(self.active, aim)
         is_active = [name in self.active for name in self.problem.row_names]
         data = self.problem.data(self.elements, self.backoff[:, is_active])
         if duration is not None:
             data = data.least_cost(duration, time=float(aim == "cooling"))
-        return program.solve(data, self.start)
+        beside_eye = any(name in OF_EYE for name, _ in self.active)
+        if self.problem.fast and not beside_eye:
+            found = solve_structured(structure, element, data, self.start)
+            if found.solved:
+                return found
+        return Transcription.of(structure, element).solve(data, self.start)
 
     def activated(self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool) -> _Refinement:
         """With the missed rows active too, from the solution or, where it went astray, from the guess."""

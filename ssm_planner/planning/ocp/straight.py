@@ -53,12 +53,13 @@ def solve_straight(
     duration: float | None = None,
     speeds: tuple[float, float] = (0.0, 0.0),
     count: int = ELEMENTS,
+    fast: bool = False,
 ) -> PhaseSolution:
     """Motion along the path, from TOPP-RA's motion as guess.
 
     strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
     cooling: as in constraints.LIMITS, (4,).
-    duration: asked for, s; speeds: ṡ at both ends, 1/s.
+    duration: asked for, s; speeds: ṡ at both ends, 1/s. fast: by the structured solver, Ipopt where that does not converge.
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
@@ -79,6 +80,7 @@ def solve_straight(
         times=mesh.times,
         joint_limits=joint_limits(strict or robot, cooling),
         time_scale=scale,
+        fast=fast,
         directions=signs,
         robot=robot,
         path=path,
@@ -94,7 +96,15 @@ def solve_straight(
     elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     breaks, coefficients = joint_pieces(path, elements, SUBDIVISION, speeds[1])
     borders = np.interp(knots, np.append(elements[:, 0], 1.0), breaks[::SUBDIVISION])
-    return PhaseSolution("solved", solution.message, solution.iterations, breaks, coefficients, borders=borders)
+    return PhaseSolution(
+        "solved",
+        solution.message,
+        solution.iterations,
+        breaks,
+        coefficients,
+        solver=solution.solver,
+        borders=borders,
+    )
 
 
 def retimed_pieces(path: StraightPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:

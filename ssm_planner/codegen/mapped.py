@@ -1,0 +1,45 @@
+"""CasADi Functions at many points at once, called again and again: no object is made for a call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.typing import Array
+
+
+class Mapped:
+    """A CasADi Function (z, *p, multipliers if any) at n elements, dense: (n, size) or (n, rows, columns)."""
+
+    def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
+        shared = [i + 1 for i, values in enumerate(parameters) if values.ndim == 1]
+        mapped = function.map(function.name(), "serial", count, shared, [])
+        buffer: Any
+        buffer, self._trigger = mapped.buffer()
+        self._arguments = [np.empty((count, function.size1_in(0)))]
+        self._arguments += [np.ascontiguousarray(values, dtype=float) for values in parameters]
+        if function.n_in() > len(self._arguments):
+            self._arguments.append(np.empty((count, function.size1_in(len(self._arguments)))))
+        self._results = [np.empty((count, function.nnz_out(i))) for i in range(function.n_out())]
+        for i, values in enumerate(self._arguments):
+            buffer.set_arg(i, values.data)
+        for i, values in enumerate(self._results):
+            buffer.set_res(i, values.data)
+        self._buffer = buffer
+        self._shapes = [(count, *function.size_out(i)) for i in range(function.n_out())]
+        self._places = [np.array(function.sparsity_out(i).get_triplet(), dtype=int) for i in range(function.n_out())]
+
+    def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
+        self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
+        if multipliers is not None:
+            self._arguments[-1][...] = multipliers
+        self._trigger()
+        found = []
+        for values, shape, (row, column) in zip(self._results, self._shapes, self._places, strict=True):
+            whole = np.zeros(shape)
+            whole[:, row, column] = values
+            found.append(whole[..., 0] if shape[2] == 1 else whole)
+        return found

@@ -1,0 +1,174 @@
+"""The program of `transcription`, solved by the structured interior point (`interior`), which knows that it is a chain.
+
+The dynamics hold by construction and limits of ü and jerk are linear in an element, so the only equalities left are where a
+coordinate passes a point, or stands there, of a jerk-limited motion of several segments, and a given duration.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ssm_planner.interior.problem import Point, Program, RowGroup
+from ssm_planner.interior.solve import solve
+from ssm_planner.interior.spline import Spline
+from ssm_planner.planning.ocp.compiled import function_store
+from ssm_planner.planning.ocp.element import ElementModel
+from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, cubics
+from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
+from ssm_planner.typing import Array, Indices
+
+ITERATIONS = 120
+"""At most; then Ipopt solves."""
+SLOWER = 1.2
+"""By how much a guess is slowed down: fewer of its rows are exceeded then."""
+SAME = 1e-12
+"""Bounds that differ by less are one value."""
+Equalities = tuple[Indices, Indices, Array]
+_NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
+
+
+def solve_structured(structure: NlpStructure, element: ElementModel, data: NlpData, start: InitialPoint) -> NlpSolution:
+    """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged."""
+    program = program_of(structure, element, data)
+    outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=ITERATIONS)
+    m, state = structure.coordinates, outcome.state
+    elements, times = outcome.z[:, : 4 * m + 1], state.point.times
+    x = np.append(elements[:, :-1].ravel(), times)
+    message = "Solve_Succeeded" if outcome.converged else "Structured_Solver_Not_Converged"
+    point = InitialPoint(x, structured=state)
+    return NlpSolution(
+        message, structure, elements, times, iterations=outcome.iterations, point=point, solver="structured"
+    )
+
+
+def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
+    """The program of this structure, element model and data."""
+    n, m = structure.elements, structure.coordinates
+    # the whole motion is stretched with its times, unless it begins or ends at speed
+    at_speed = data.lower[0, m : 2 * m].any() or data.end[m:].any()
+    spline = Spline(
+        "bspline" if structure.smooth else "hermite",
+        m,
+        data.fractions,
+        structure.block,
+        None if at_speed else float(data.least_times.sum()),
+    )
+    free, _, equal = _boundary(structure, spline, data)
+    matrix, bound = _linear_rows(structure, data)
+    functions = function_store.functions(element).by_name()
+    every = np.arange(n)
+    groups = []
+    if element.row_names or "cost" in functions:
+        path_bound = np.tile(data.path_bound, (1, 3))
+        groups.append(RowGroup(functions, data.element_parameters, every, path_bound, data.weights[1]))
+    if np.isfinite(data.breakaway_bound).any():
+        at, side = np.array(structure.breakaways).T
+        sigma, *others = data.element_parameters
+        parameters = sigma[side], *(values if values.ndim == 1 else values[at] for values in others)
+        groups.append(RowGroup(_breakaway(element), parameters, at, data.breakaway_bound))
+    return Program(
+        spline=spline,
+        groups=tuple(groups),
+        matrix=matrix,
+        bound=bound,
+        free=free,
+        equal=equal,
+        least_times=data.least_times,
+        duration=data.duration,
+        time_weight=data.weights[0],
+        smoothing=SMOOTHING / data.acceleration**2 if structure.joints else np.zeros(m),
+        even=EVEN if len(data.least_times) > 1 else 0.0,
+    )
+
+
+def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[Array, Array, Equalities]:
+    """Which unknowns are free, (rows, m), the values of the others, and what else is given of the elements' states."""
+    n, m = structure.elements, structure.coordinates
+    same = np.vstack([_same(data)[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
+    given = np.vstack([data.lower[:, : 2 * m], data.end])
+    if spline.kind == "hermite":
+        return ~same.reshape(spline.rows, m), given.reshape(spline.rows, m), _NONE
+    free, values = np.ones((spline.rows, m), dtype=bool), np.zeros((spline.rows, m))
+    moving = structure.moving
+    for k, i in np.argwhere(~moving):
+        free[spline.local[k], i], values[spline.local[k], i] = False, given[k, i]
+    equal: list[tuple[Any, Any, Any]] = []
+    # ends: u given, ü = 0; u̇ = 0, or at speed
+    for rows, k, speed, entries in (
+        ((0, 1, 2), 0, given[0, m:], (m, 2 * m)),
+        ((-1, -2, -3), n - 1, given[-1, m:], (4 * m + 1, 3 * m)),
+    ):
+        values[list(rows)] = given[k + (k > 0), :m]
+        free[rows[0]] = False
+        free[list(rows[1:])] &= speed != 0
+        for i in np.flatnonzero(speed):
+            equal += [(k, entries[0] + i, speed[i]), (k, entries[1] + i, 0.0)]
+    # points on the way, which the coordinate comes from and leaves
+    for k in structure.borders[1:]:
+        equal += [(k, e, given[k, e]) for e in np.flatnonzero(same[k]) if moving[k - 1, e % m] and moving[k, e % m]]
+    if not equal:
+        return free, values, _NONE
+    at, entry, value = np.array(equal).T
+    return free, values, (at.astype(int), entry.astype(int), value)
+
+
+def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
+    """A (l, 5 m + 1) and bounds (n, l) of u̇ at the start and between, ü and jerk."""
+    n, m = structure.elements, structure.coordinates
+    chosen = np.r_[m : 4 * m, 4 * m + 1 : 5 * m + 1]
+    one = np.eye(5 * m + 1)[chosen]
+    same = _same(data)
+    between = data.velocity if structure.velocity_limits else (data.velocity[0], np.full((n, m), np.inf))
+    lower, upper = (
+        np.hstack([np.where(same, sign * np.inf, bound)[:, m:], middle])
+        for sign, bound, middle in zip((-1, 1), (data.lower, data.upper), between, strict=True)
+    )
+    matrix, bound = np.vstack([one, -one]), np.hstack([upper, -lower])
+    if structure.smooth and structure.joints:
+        rise = np.zeros((m, 5 * m + 1))
+        rise[:, 2 * m : 3 * m], rise[:, 3 * m : 4 * m] = np.diag(-n / data.jerk), np.diag(n / data.jerk)
+        fall = -rise
+        rise[:, 4 * m] = fall[:, 4 * m] = -n
+        matrix = np.vstack([matrix, rise, fall])
+        bound = np.hstack([bound, np.where(np.tile(structure.moving, 2), 0.0, np.inf)])
+    return matrix, bound
+
+
+def _same(data: NlpData) -> Array:
+    """Which states of the elements are given, (n, 4 m)."""
+    return np.asarray(data.upper - data.lower <= SAME)
+
+
+def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array) -> Point:
+    """Unknowns of a guess (variables of `transcription`)."""
+    n, m = structure.elements, structure.coordinates
+    states, times = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
+    times = np.maximum(times, 1.001 * data.least_times)
+    if data.duration == (0.0, np.inf):
+        orders = np.repeat([0, 1, 2, 2], m)
+        states, times = states / SLOWER**orders, times * SLOWER
+    h = times[structure.block] * data.fractions
+    pieces = cubics(np.column_stack([states, h]))
+    u, v = np.vstack([pieces.u, data.end[:m]]), np.vstack([pieces.v, data.end[m:]])
+    acceleration = np.vstack([pieces.a0[:1], (pieces.a1[:-1] + pieces.a0[1:]) / 2, pieces.a1[-1:]])
+    c = program.spline.unknowns(u, v, acceleration, h)
+    _, values, _ = _boundary(structure, program.spline, data)
+    return Point(np.where(program.free, c, values), times)
+
+
+@lru_cache(maxsize=32)
+def _breakaway(element: ElementModel) -> dict[str, ca.Function]:
+    """Breakaway rows with their derivatives, as functions of RowGroup."""
+    function = element.breakaway
+    symbols = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
+    rows = function(*symbols)
+    lam = ca.SX.sym("lam", rows.numel())
+    return {
+        "rows": ca.Function("rows", symbols, [ca.densify(rows)]),
+        "jacobian": ca.Function("jacobian", symbols, [ca.jacobian(rows, symbols[0])]),
+        "hessian": ca.Function("hessian", [*symbols, lam], [ca.hessian(ca.dot(lam, rows), symbols[0])[0]]),
+    }
