@@ -49,7 +49,7 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         "--tip-error", type=quantity_argument("length"), help="largest tip error that passes (default 0.1 mm)"
     )
     parser.add_argument("--travel", type=quantity_argument("length"), help="largest way of the tip without power")
-    output_arguments(parser, "write simulation.json, recordings and figures")
+    output_arguments(parser, "write simulation.json, a page, recordings and figures")
 
 
 def run_simulate(options: argparse.Namespace) -> int:
@@ -69,10 +69,12 @@ def run_simulate(options: argparse.Namespace) -> int:
 
     def write(folder: Path) -> dict[str, Path]:
         from ssm_planner.reporting.figures.plan import write_simulation_figures
+        from ssm_planner.reporting.html.simulation import write_simulation_page
         from ssm_planner.simulation.recorder import write_recordings
 
         recordings = {f"recording_{joint}": path for joint, path in write_recordings(result, folder).items()}
-        return {**recordings, **write_simulation_figures(result, folder)}
+        page = write_simulation_page(plan, result, folder / "simulation.html")
+        return {"page": page, **recordings, **write_simulation_figures(result, folder)}
 
     document["files"] = write_results(options.output, "simulation", document, write)
     progress("done")
@@ -120,34 +122,10 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
 
 def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
     """The verdict with its reasons, tracking, motors, stops with power beside those without."""
-    from ssm_planner.display import fixed, number
-    from ssm_planner.problem.robot import JOINTS
-    from ssm_planner.reporting.text import Table
+    from ssm_planner.reporting.text import simulation_tables
 
-    errors = [
-        (
-            each.joint,
-            number(1e3 * each.worst, 4),
-            number(1e3 * each.rms, 4),
-            "mm" if each.joint == JOINTS[3] else "mrad",
-        )
-        for each in result.tracking
-    ]
     lines = ["PASSED" if result.passed else "NOT PASSED", *(f"reason: {reason}" for reason in result.reasons), ""]
-    lines += [*Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)).lines(), ""]
-    motors = [
-        (
-            motor.joint,
-            *(number(1e3 * torque, 4) for torque in (motor.peak_torque, motor.limit)),
-            "SATURATED" if motor.saturated else "no",
-            fixed(motor.following_error, 0),
-            str(motor.window),
-            "TRIPPED" if motor.tripped else "no",
-        )
-        for motor in result.motors
-    ]
-    header = ("motor", "peak mN·m", "largest mN·m", "saturated", "following error inc", "window inc", "tripped")
-    lines += [*Table(header, motors, (1, 2, 4, 5)).lines(), ""]
+    lines += [line for table in simulation_tables(result) for line in (*table.lines(), "")]
     losses = result.losses
     lines.append(f"tip error     {1e3 * result.tip_error:.4g} mm")
     held = "holds" if result.holds else "DOES NOT HOLD"

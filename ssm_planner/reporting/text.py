@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ssm_planner.display import NOTHING, columns, fixed, number, percent, signed, words
 from ssm_planner.problem.limits import JUMPS, READ_IN, MotorTorque
+from ssm_planner.problem.robot import JOINTS
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
@@ -20,6 +21,7 @@ from ssm_planner.verification.certificate import LimitCheck
 
 if TYPE_CHECKING:  # `check` prints tables and never loads the planner
     from ssm_planner.plans import PhaseSummary, Plan
+    from ssm_planner.simulation.simulate import SimulationResult
 
 SizingObject = Mapping[str, Any]
 """What `size --json` prints and plan.json holds."""
@@ -478,3 +480,24 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
     if joint.adequate is None:
         return "not known: what would decide it stands below" if joint.candidates else "no motor given"
     return "no motor of the list suffices" if len(joint.candidates) > 1 else "the motor does NOT suffice"
+
+
+def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
+    """Tracking errors joint by joint, and what the motors did, of a simulated playback."""
+    errors = []
+    for each in result.tracking:
+        unit = "mm" if each.joint == JOINTS[3] else "mrad"
+        errors.append((each.joint, *(number(1e3 * value, 4) for value in (each.worst, each.rms)), unit))
+    motors = [
+        (
+            motor.joint,
+            *(number(1e3 * torque, 4) for torque in (motor.peak_torque, motor.limit)),
+            "SATURATED" if motor.saturated else "no",
+            fixed(motor.following_error, 0),
+            str(motor.window),
+            "TRIPPED" if motor.tripped else "no",
+        )
+        for motor in result.motors
+    ]
+    header = ("motor", "peak mN·m", "largest mN·m", "saturated", "following error inc", "window inc", "tripped")
+    return Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)), Table(header, motors, (1, 2, 4, 5))

@@ -15,7 +15,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.plans import load_plan
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
+from ssm_planner.reporting.html.simulation import write_simulation_page
 from ssm_planner.reporting.text import motors_verdict
+from ssm_planner.simulation.simulate import Scenario, simulate
 
 from .conftest import PLAN, Visit
 from .page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
@@ -186,6 +188,24 @@ def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> Non
         assert number(page.inner_text(f'[data-channel="{side} q1"]')) == pytest.approx(np.rad2deg(q[1]), abs=0.00051)
     assert "+25.00 %" in page.inner_text("header")
     assert page.evaluate("SSM.scene.robots.length") == 2
+    assert opened.said == []
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_a_simulated_arm_moves_beside_the_planned_one(visit: Open, tmp_path: Path, width: int) -> None:
+    plan = load_plan(PLAN)
+    result = simulate(plan, Scenario(stall=("tilt", 1.0)))
+    opened = visit(write_simulation_page(plan, result, tmp_path / "simulation.html").as_uri(), width=width)
+    page = opened.page
+    page.evaluate("SSM.player.at(1.5)")
+    t = page.evaluate("SSM.player.times[SSM.player.index]")
+    for side, q in (("planned", result.planned), ("simulated", result.q)):
+        shown = number(page.inner_text(f'[data-channel="{side} q1"]'))
+        assert shown == pytest.approx(np.rad2deg(np.interp(t, result.time, q[:, 1])), abs=0.002)
+    mechanism = Mechanism.from_geometry(plan.robot.geometry)
+    tip = tip_position(mechanism, np.array([[np.interp(t, result.time, column) for column in result.q.T]]))[0]
+    np.testing.assert_allclose(page.evaluate("SSM.scene.tip(1)"), tip, atol=1e-5)
+    assert page.evaluate(OVERFLOW) == []
     assert opened.said == []
 
 

@@ -26,7 +26,9 @@ from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
 from ssm_planner.reporting.html.panels import active_stretches
 from ssm_planner.reporting.html.report import report_data, write_report
+from ssm_planner.reporting.html.simulation import simulation_data, write_simulation_page
 from ssm_planner.reporting.text import Table
+from ssm_planner.simulation.simulate import Scenario, simulate
 from ssm_planner.verification.check import check
 
 PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"
@@ -175,6 +177,27 @@ def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
         assert "Tip to retina" in write_comparison(*map(load_plan, pair), tmp_path / "comparison.html").read_text(
             encoding="utf-8"
         )
+
+
+def test_a_simulated_playback_stands_beside_its_plan(tmp_path: Path) -> None:
+    """Slower, and with a motor held fast: positions, errors and torques are those of the simulation."""
+    plan = load_plan(PLAN)
+    result = simulate(plan, Scenario(speed=0.5, stall=("tilt", 2.0)))
+    data = simulation_data(plan, result)
+    planned, simulated = (
+        {name: np.frombuffer(base64.b64decode(values), dtype="<f8") for name, values in side.items()}
+        for side in data["channels"]
+    )
+    t = simulated["t"]
+    assert t[-1] == pytest.approx(result.time[-1])
+    for i in (0, 1, 2, 3):
+        np.testing.assert_allclose(simulated[f"q{i}"], np.interp(t, result.time, result.q[:, i]), atol=1e-12)
+        np.testing.assert_allclose(simulated[f"q{i}"] - planned[f"q{i}"], simulated[f"error{i}"], atol=2e-5)
+    assert np.abs(simulated["error1"]).max() > 1.0
+    shown = {panel["title"] for panel in data["panels"]}
+    assert shown >= {"Tip, away from the plan", "roll", "tilt", "insertion"}
+    text = write_simulation_page(plan, result, tmp_path / "simulation.html").read_text(encoding="utf-8")
+    assert "the following error left its window" in text
 
 
 @given(TEXT)

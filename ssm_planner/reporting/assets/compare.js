@@ -1,12 +1,12 @@
-// Two plans over each other: A solid and dark, B dashed.
+// Two motions over each other, plans A and B or planned and simulated: the first solid and dark, the second dashed.
 "use strict";
 (() => {
   const data = SSM.data();
   const channels = data.channels.map(SSM.channels);
   const times = channels[0].t;
-  const names = ["A", "B"];
+  const names = data.names ?? ["A", "B"];
   const player = new SSM.Player(document.getElementById("player"), times, []);
-  player.listen(SSM.compareNow(document.getElementById("now"), data, channels));
+  player.listen(SSM.compareNow(document.getElementById("now"), data, channels, names));
   const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, []);
   for (const panel of data.panels) {
     plots.add(panel, times, () => panel.sides.map((side) => ({

@@ -75,8 +75,8 @@ SSM.timeline = (container, data, player) => {
   });
 };
 
-// joint values of two plans at the shown instant
-SSM.compareNow = (container, data, channels) => {
+// joint values of two motions at the shown instant
+SSM.compareNow = (container, data, channels, names) => {
   const degrees = 180 / Math.PI;
   const cells = [];
   const rows = data.joints.map((joint, i) => {
@@ -84,7 +84,7 @@ SSM.compareNow = (container, data, channels) => {
     const row = SSM.element("tr", {}, SSM.element("th", { scope: "row" }, `${joint.name}, ${unit}`));
     for (const [channel, factor, digits] of [[`q${i}`, scale, 3], [`qd${i}`, scale, 2], [`tau${i}`, 1000, 3]]) {
       for (const side of [0, 1]) {
-        const node = SSM.element("td", { class: "number", "data-channel": `${"AB"[side]} ${channel}` });
+        const node = SSM.element("td", { class: "number", "data-channel": `${names[side]} ${channel}` });
         if (channel in channels[side]) cells.push({ node, values: channels[side][channel], factor, digits });
         else node.textContent = "–";
         row.append(node);
@@ -92,11 +92,12 @@ SSM.compareNow = (container, data, channels) => {
     }
     return row;
   });
-  const heads = ["joint", "q A", "q B", "q̇ A /s", "q̇ B /s", "mN·m A", "mN·m B"].map((text) => SSM.element("th", { scope: "col" }, text));
+  const heads = ["joint", ...[["q", ""], ["q̇", " /s"], ["mN·m", ""]].flatMap(([value, per]) => names.map((name) => `${value} ${name}${per}`))]
+    .map((text) => SSM.element("th", { scope: "col" }, text));
   const table = SSM.element("table", {}, SSM.element("thead", {}, SSM.element("tr", {}, ...heads)), SSM.element("tbody", {}, ...rows));
   const key = (side, text) => SSM.element("span", { class: "key" }, SSM.swatch(data.colours[side], SSM.dashes[side]), text);
   container.replaceChildren(SSM.element("div", { class: "scroll" }, table),
-    SSM.element("p", {}, key(0, "A, solid in 3D"), " ", key(1, "B, orange and translucent in 3D")));
+    SSM.element("p", {}, key(0, `${names[0]}, solid in 3D`), " ", key(1, `${names[1]}, orange and translucent in 3D`)));
   return (index) => {
     for (const { node, values, factor, digits } of cells) node.textContent = SSM.fixed(factor * values[index], digits);
   };
