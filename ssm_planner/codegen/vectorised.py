@@ -133,7 +133,7 @@ def _names() -> dict[int, str]:
 
 MANY = 200
 """Samples from which on `call` lets NumPy run a Function: the same numbers."""
-BLOCK = 4096
+BLOCK = 8192
 """Samples at a time: the registers stay in the cache."""
 
 

@@ -138,6 +138,11 @@ class RigidBody:
         a, b, c = call(self._path_load, q, dq, ddq)
         return a, b, c
 
+    def parts(self, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
+        """M(q) q̈, C(q, q̇) q̇ and g(q), whose sum are the joint efforts, (n, 4) each."""
+        inertia, velocity, gravity = call(self._parts, q, qd, qdd)
+        return inertia, velocity, gravity
+
     def mass_matrix(self, q: Array) -> Array:
         """M(q), (n, 4, 4), symmetric, for q (n, 4)."""
         return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
@@ -162,6 +167,14 @@ class RigidBody:
         still = self.symbolic(q, zero, zero)
         parts: Any = [self.symbolic(q, zero, dq) - still, self.symbolic(q, dq, ddq) - still, still]
         return ca.Function("path_load", [q, dq, ddq], ca.cse(parts))
+
+    @cached_property
+    def _parts(self) -> ca.Function:
+        q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
+        zero = ca.SX.zeros(4)
+        still = self.symbolic(q, zero, zero)
+        parts: Any = [self.symbolic(q, zero, qdd) - still, self.symbolic(q, qd, zero) - still, still]
+        return ca.Function("parts", [q, qd, qdd], ca.cse(parts))
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
@@ -105,6 +106,36 @@ class Body(Value):
             raise self._wrong("inertia", reason, POSSIBLE)
 
 
+@lru_cache(maxsize=256)
+def _limits(
+    name: str,
+    slides: bool,
+    kinematic: tuple[Range, float, float, float | None],
+    motor: tuple[float, float, float] | None,
+    drive: tuple[bool, float | None],
+) -> tuple[Limit, ...]:
+    """Of a joint: checks and plans ask for them again and again.
+
+    kinematic: position, velocity, acceleration, jerk; motor: largest speed and torque, nominal torque; drive: whether a nut
+    has to stay in contact, and the lowest friction coefficient that has to lock.
+    """
+    position, velocity, acceleration, jerk = kinematic
+    found: list[Limit] = [
+        JointPosition(name, *position, slides),
+        JointVelocity(name, velocity, slides),
+        JointAcceleration(name, acceleration, slides),
+    ]
+    if jerk is not None:
+        found.append(JointJerk(name, jerk, slides))
+    if motor is not None:
+        found += [MotorSpeed(name, motor[0]), MotorTorque(name, motor[1]), ContinuousTorque(name, motor[2])]
+    if drive[0]:
+        found.append(NutContact(name))
+    if drive[1] is not None:
+        found.append(SelfLocking(name, drive[1]))
+    return tuple(found)
+
+
 @dataclass(frozen=True, eq=False)
 class Joint(Value):
     """Limits and actuation of one joint; rad or m and their time derivatives."""
@@ -157,23 +188,16 @@ class Joint(Value):
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Everything that limits this joint, its motor and its drive."""
-        name, drive, motor, slides = self.name, self.drive, self.motor, self.kind == "prismatic"
-        found: list[Limit] = [
-            JointPosition(name, *self.position, slides),
-            JointVelocity(name, self.velocity, slides),
-            JointAcceleration(name, self.acceleration, slides),
-        ]
-        if self.jerk is not None:
-            found.append(JointJerk(name, self.jerk, slides))
-        if drive is not None and motor is not None:
-            found += [MotorSpeed(name, motor.max_speed), MotorTorque(name, motor.max_torque)]
-            found.append(ContinuousTorque(name, motor.nominal_torque))
-        if drive is not None and drive.kind == "antibacklash_screw":
-            found.append(NutContact(name))
+        drive, motor, friction = self.drive, self.motor, None
         if drive is not None and drive.self_locking and drive.friction is not None:
-            friction = drive.friction
-            found.append(SelfLocking(name, friction.mu if friction.mu_lowest is None else friction.mu_lowest))
-        return tuple(found)
+            friction = drive.friction.mu if drive.friction.mu_lowest is None else drive.friction.mu_lowest
+        return _limits(
+            self.name,
+            self.kind == "prismatic",
+            (self.position, self.velocity, self.acceleration, self.jerk),
+            None if drive is None or motor is None else (motor.max_speed, motor.max_torque, motor.nominal_torque),
+            (drive is not None and drive.kind == "antibacklash_screw", friction),
+        )
 
     def limit(self, kind: type[L]) -> L:
         """The limit of one kind. Raises KeyError where there is none."""

@@ -82,8 +82,8 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
 def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
     """Factor on the torque at which the steady winding temperature peaks at `limit`; 0 where the surroundings do.
 
-    The rise is a convex function of the factor squared, so the chord from below undershoots: regula falsi with bisection
-    where the upper end has no steady state.
+    The rise is a convex function of the factor squared, so the chord undershoots and moves the lower end alone: regula falsi
+    with the upper end's excess halved from the second such step on (Illinois), and bisection where that has no steady state.
     """
     allowed = limit - model.ambient
     if allowed <= 0:
@@ -98,14 +98,17 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
     while high_rise < allowed:
         low, low_rise, high = high, high_rise, 1.01 * high * allowed / high_rise
         high_rise = rise(high)
+    undershot = False
     for _ in range(STEPS):
         share = (allowed - low_rise) / (high_rise - low_rise) if np.isfinite(high_rise) else 0.5
         middle = low + np.clip(share, 0.01, 0.99) * (high - low)
         middle_rise = rise(middle)
         if middle_rise <= allowed:
             low, low_rise = middle, middle_rise
+            high_rise = allowed + (high_rise - allowed) / 2 if undershot else high_rise
         else:
             high, high_rise = middle, middle_rise
+        undershot = middle_rise <= allowed
         if allowed - low_rise < CLOSE:
             break
     return float(np.sqrt(low))

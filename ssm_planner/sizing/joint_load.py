@@ -14,7 +14,7 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices
 
 RATE = 2000.0
@@ -123,11 +123,7 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     """Loads of all driven joints over a motion, at least at `rate` (Hz) and wherever a joint starts, turns or arrives."""
     piece, local, first, last = _instants(trajectory, robot, rate)
     samples = trajectory.sample_pieces(piece, local)
-    body = RigidBody.from_robot(robot)
-    zero = np.zeros_like(samples.q)
-    gravity = body.inverse_dynamics(samples.q, zero, zero)
-    at_speed = body.inverse_dynamics(samples.q, samples.qd, zero)
-    inertia = body.inverse_dynamics(samples.q, samples.qd, samples.qdd) - at_speed
+    inertia, velocity, gravity = RigidBody.from_robot(robot).parts(samples.q, samples.qd, samples.qdd)
     after, starting = directions(robot, samples, 1)
     before, _ = directions(robot, samples, -1)
     direction = np.where(last[:, None], before, after)
@@ -144,7 +140,7 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
             qd=samples.qd[:, i],
             qdd=samples.qdd[:, i],
             inertia=inertia[:, i],
-            velocity=at_speed[:, i] - gravity[:, i],
+            velocity=velocity[:, i],
             gravity=gravity[:, i],
             direction=direction[:, i],
             breakaway=breakaway[:, i],
@@ -197,12 +193,19 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
 
 def _turns(trajectory: Trajectory, piece: Indices, low: Array, high: Array, joint: Indices) -> Array:
     """Local times between low and high at which joints turn back, to the last digit (bisection)."""
-    each = np.arange(len(piece))
-    sign = np.sign(trajectory.sample_pieces(piece, low).qd[each, joint])
-    for _ in range(60):
+    coefficients = trajectory.pieces(piece)[np.arange(len(piece)), 1:, joint] * np.arange(1, DEGREE + 1)
+
+    def ahead(t: Array) -> Array:
+        value = np.zeros_like(t)
+        for coefficient in coefficients.T[::-1]:
+            value = value * t + coefficient
+        return np.sign(value)
+
+    sign = ahead(low)
+    for _ in range(60 if len(piece) else 0):
         middle = (low + high) / 2
-        ahead = np.sign(trajectory.sample_pieces(piece, middle).qd[each, joint]) == sign
-        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+        before = ahead(middle) == sign
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
     return high
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
@@ -52,7 +52,7 @@ class LimitCheck:
 
     def to_dict(self) -> dict[str, Any]:
         """An entry of `limits` in what `check --json` prints; SI."""
-        return asdict(self)
+        return dict(vars(self))
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> LimitCheck:
