@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ssm_planner.kinematics.workspace import DesignRegion, Extreme, design_region
     from ssm_planner.loading.load import Problem, load_controller, load_drive, load_motor, load_problem, load_robot
     from ssm_planner.pipeline.folder import Plan, load_plan
-    from ssm_planner.pipeline.run import Progress, plan
+    from ssm_planner.pipeline.run import Progress, Replanner, plan
     from ssm_planner.planning.reason import Reason
     from ssm_planner.plans import PhaseSummary
     from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
@@ -78,8 +78,8 @@ __all__ = [
     "Matrix", "Motion", "Motor", "MotorRequirement", "MotorUse", "MotorVerdict", "NotNegative", "Objective",
     "PhaseSummary", "Plan", "Planner", "Point", "Positive", "Posterior", "PowerLosses", "Prediction",
     "PredictionBand", "Problem", "ProblemError", "Progress", "Range", "Ratings", "Reason", "Recording",
-    "RecordingError", "Requirements", "Rig", "Ripple", "Robot", "Samples", "Scan", "Scenario", "ScrewEnds", "Search",
-    "Side", "Sign", "SimulationResult", "Sizing", "Span", "SpeedLimit", "SpeedRange", "SsmPlannerError", "State",
+    "RecordingError", "Replanner", "Requirements", "Rig", "Ripple", "Robot", "Samples", "Scan", "Scenario", "ScrewEnds",
+    "Search", "Side", "Sign", "SimulationResult", "Sizing", "Span", "SpeedLimit", "SpeedRange", "SsmPlannerError", "State",
     "StopTravel", "Stops", "Straight", "Study", "StudyProgress", "StudyResult", "Task", "TaskLimits", "TaskRange",
     "TaskRate", "ThermalModel", "Tip", "TipSpeed", "ToolLimit", "ToolPose", "TorqueBreakdown", "TorqueMap",
     "Tracking", "Trajectory", "TrajectoryError", "Variable", "Varied", "Vector", "Verdict", "Workspace", "WorstSpeed",
@@ -108,7 +108,7 @@ _HOMES = {
         "ssm_planner.kinematics.workspace": "DesignRegion Extreme design_region",
         "ssm_planner.loading.load": "Problem load_drive load_motor load_problem load_robot load_controller",
         "ssm_planner.pipeline.folder": "Plan load_plan",
-        "ssm_planner.pipeline.run": "Progress plan",
+        "ssm_planner.pipeline.run": "Progress Replanner plan",
         "ssm_planner.planning.reason": "Reason",
         "ssm_planner.plans": "PhaseSummary",
         "ssm_planner.problem.drive": "Drive DriveKind Friction FrictionLawName Ratings Rig ScrewEnds",

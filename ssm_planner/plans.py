@@ -8,7 +8,7 @@ import math
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -54,12 +54,15 @@ UNITS = {
 def software() -> dict[str, str]:
     """Versions of what makes a plan, by name."""
     versions = {"python": platform.python_version()}
-    for name in ("ssm-planner", "casadi", "numpy", "scipy"):
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "unknown"
-    return versions
+    return versions | {name: _version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")}
+
+
+@cache
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"
 
 
 @dataclass(frozen=True)

@@ -4,55 +4,56 @@ from __future__ import annotations
 
 import math
 import re
-from functools import lru_cache
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import pint
+from collections import Counter
 from dataclasses import dataclass
+from functools import lru_cache
 
 deg, rpm = math.pi / 180, math.pi / 30
 """In SI: `85 * deg` is an angle in rad, `8000 * rpm` a speed in rad/s."""
 mm, mNm, ms = 1e-3, 1e-3, 1e-3
 """In SI: `20 * mm` is a length in m, `80 * mNm` a torque in N·m, `50 * ms` a time in s."""
 
-_DEFINITIONS = """\
-pico- = 1e-12 = p-
-nano- = 1e-9 = n-
-micro- = 1e-6 = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-meter = [length] = m = metre
-second = [time] = s = sec
-minute = 60 second = min
-hour = 3600 second = h
-kilogram = [mass] = kg
-gram = 1e-3 kilogram = g
-ampere = [current] = A
-kelvin = [temperature] = K
-degree_Celsius = kelvin; offset: 273.15 = degC
-radian = [angle] = rad
-degree = 0.017453292519943295 radian = deg
-turn = 6.283185307179586 radian = rev = revolution
-revolutions_per_minute = turn / minute = rpm
-newton = kilogram * meter / second ** 2 = N
-newton_meter = newton * meter = Nm
-joule = newton * meter = J
-hertz = 1 / second = Hz
-watt = joule / second = W
-volt = watt / ampere = V
-ohm = volt / ampere
-inch = 25.4e-3 meter = in
-"""
-"""The units these files need. Angle is a dimension of its own here, so that neither `5` nor `5 mm` passes for one."""
+Dimensions = tuple[tuple[str, int], ...]
+"""Powers of the base dimensions, sorted; none of a pure number."""
+
+_PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
+_PREFIXES |= {"pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "kilo": 1e3, "mega": 1e6}
+LONGEST_SYMBOL = 3
+"""Shorter names have no plural."""
+_BASES = {
+    "length": "m meter metre",
+    "time": "s second sec",
+    "mass": "kg kilogram",
+    "current": "A ampere",
+    "temperature": "K kelvin degC degree_Celsius",
+    "angle": "rad radian",
+}
+"""Angle is a dimension of its own here, so that neither `5` nor `5 mm` passes for one."""
+_DERIVED = {
+    "min minute": (60.0, "s"),
+    "h hour": (3600.0, "s"),
+    "g gram": (1e-3, "kg"),
+    "deg degree": (deg, "rad"),
+    "turn rev revolution": (2 * math.pi, "rad"),
+    "rpm revolutions_per_minute": (1.0, "turn/min"),
+    "N newton": (1.0, "kg*m/s^2"),
+    "Nm newton_meter": (1.0, "N*m"),
+    "J joule": (1.0, "N*m"),
+    "Hz hertz": (1.0, "1/s"),
+    "W watt": (1.0, "J/s"),
+    "V volt": (1.0, "W/A"),
+    "ohm": (1.0, "V/A"),
+    "in inch": (25.4e-3, "m"),
+}
+"""The units these files need, by the others."""
+_ZERO = {"degC": 273.15, "degree_Celsius": 273.15}
+"""Of a scale of temperatures in K; within a compound such as K/W a degree is a kelvin."""
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 _FACTOR = r"[A-Za-z_]+(?:(?:\^|\*\*)-?[1-9])?"
-# Checked before pint sees the text: pint would go and compute m**9**9**9.
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/]\s*|\s+){_FACTOR})*")
+_FACTORS = re.compile(r"(/?)\s*([A-Za-z_]+)(?:(?:\^|\*\*)(-?[1-9]))?")
 _VECTOR = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]\s*(.*?)\s*", re.DOTALL)
 _SPELLINGS = {
     "−": "-",
@@ -140,14 +141,15 @@ def interval(value: object, kind: str) -> tuple[float, float]:
 
 
 def _convert(magnitude: float, unit: str, wanted: Kind) -> float:
-    found = _unit(unit, wanted)
-    registry = _registry()
-    for other in (wanted.unit, *wanted.others):
-        target = registry.parse_units(other)
-        if found.dimensionality == target.dimensionality:
-            result = float(registry.Quantity(magnitude, found).to(target).magnitude)
-            return _plausible(result, wanted, f"{magnitude:g} {unit}")
-    raise BadQuantity(f"{magnitude:g} {unit} is {_name(found)}, not {wanted.name}", wanted.expected)
+    if _UNIT.fullmatch(unit) is None:
+        raise BadQuantity(f"{unit[:40]!r} is not a unit", f"{wanted.expected}; units are joined by * and /, powers ^2")
+    try:
+        factor, dimensions = _parsed(unit)
+    except KeyError as error:
+        raise BadQuantity(f"unknown unit {error.args[0]!r}", wanted.expected) from None
+    if dimensions in (_parsed(other)[1] for other in (wanted.unit, *wanted.others)):
+        return _plausible(magnitude * factor + _ZERO.get(unit, 0.0), wanted, f"{magnitude:g} {unit}")
+    raise BadQuantity(f"{magnitude:g} {unit} is {_name(dimensions)}, not {wanted.name}", wanted.expected)
 
 
 def _plausible(value: float, wanted: Kind, written: str) -> float:
@@ -162,45 +164,49 @@ def _plausible(value: float, wanted: Kind, written: str) -> float:
     return value
 
 
-def _unit(text: str, wanted: Kind) -> pint.Unit:
-    import pint
-
-    if _UNIT.fullmatch(text) is None:
-        raise BadQuantity(f"{text[:40]!r} is not a unit", f"{wanted.expected}; units are joined by * and /, powers ^2")
-    try:
-        return _parse_unit(text)
-    except pint.errors.UndefinedUnitError as error:
-        names = error.unit_names
-        unknown = names if isinstance(names, str) else ", ".join(names)  # type: ignore[unreachable]
-        raise BadQuantity(f"unknown unit {unknown!r}", wanted.expected) from None
-    except (pint.errors.PintError, ValueError) as error:
-        raise BadQuantity(f"{text[:40]!r} is not a unit: {error}", wanted.expected) from None
+@lru_cache(maxsize=256)
+def _parsed(text: str) -> tuple[float, Dimensions]:
+    """Factor to SI and dimensions of a unit such as N*m*s/rad. Raises KeyError with the name of an unknown one."""
+    factor, powers = 1.0, Counter[str]()
+    for slash, name, exponent in _FACTORS.findall(text):
+        power = int(exponent or 1) * (-1 if slash else 1)
+        scale, dimensions = _named(name)
+        factor *= scale**power
+        powers.update({dimension: power * own for dimension, own in dimensions})
+    return factor, tuple(sorted((name, power) for name, power in powers.items() if power))
 
 
 @lru_cache(maxsize=256)
-def _parse_unit(text: str) -> pint.Unit:
-    return _registry().parse_units(re.sub(r"\s*([*/^])\s*", r"\1", text))
+def _named(name: str) -> tuple[float, Dimensions]:
+    """Of one unit, which may have a prefix and, written out, the s of a plural. Raises KeyError."""
+    for written in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
+        for prefix, factor in _PREFIXES.items():
+            found = _plain(written.removeprefix(prefix)) if written.startswith(prefix) else None
+            if found is not None:
+                return factor * found[0], found[1]
+    raise KeyError(name)
 
 
-@lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry[float]:
-    import pint
+def _plain(name: str) -> tuple[float, Dimensions] | None:
+    """Of one unit without a prefix."""
+    for dimension, names in _BASES.items():
+        if name in names.split():
+            return 1.0, ((dimension, 1),)
+    for names, (factor, unit) in _DERIVED.items():
+        if name in names.split():
+            scale, dimensions = _parsed(unit)
+            return factor * scale, dimensions
+    return None
 
-    # A list of just these units loads in milliseconds; pint's own list takes as long as importing pint.
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
-    registry.load_definitions(_DEFINITIONS.splitlines())
-    return registry
 
-
-def _name(unit: pint.Unit) -> str:
+def _name(dimensions: Dimensions) -> str:
     """What a unit measures, in words where this program knows a word."""
-    registry = _registry()
     for kind in KINDS.values():
-        if registry.parse_units(kind.unit).dimensionality == unit.dimensionality:
+        if _parsed(kind.unit)[1] == dimensions:
             return kind.name
-    if not unit.dimensionality:
+    if not dimensions:
         return "a pure number"
-    return "a " + " ".join(f"{name}^{power:g}" if power != 1 else name for name, power in unit.dimensionality.items())
+    return "a " + " ".join(f"[{name}]^{power}" if power != 1 else f"[{name}]" for name, power in dimensions)
 
 
 def _spell(text: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -94,6 +95,26 @@ def test_refuses(value: object, kind: str, parts: tuple[str, ...]) -> None:
         number(value) if kind == "number" else quantity(value, kind)
     for part in parts:
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "temperature"])
+def test_as_pint_converts(kind: str) -> None:
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    text = KINDS[kind].example
+    expected = registry.Quantity(text.replace("1/s", "/s")).to(KINDS[kind].unit).magnitude
+    assert quantity(text, kind) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("text", ["3 kilograms", "2 kilogram", "40 g", "40 grams"])
+def test_units_written_out_have_plurals(text: str) -> None:
+    amount, unit = text.split()
+    assert quantity(text, "mass") == pytest.approx(float(amount) * (1e-3 if unit[0] == "g" else 1.0))
+
+
+@pytest.mark.parametrize("text", ["3 cms", "3 kmm", "3 s_", "3 mmm"])
+def test_neither_two_prefixes_nor_plurals_of_symbols(text: str) -> None:
+    with pytest.raises(BadQuantity, match="unknown unit"):
+        quantity(text, "length")
 
 
 @given(NUMBERS)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import RLock
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
-from ssm_planner.problem.motion import Motion, Scan
+from ssm_planner.problem.motion import Free, Motion, Point, Scan, Straight, Task
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
@@ -33,6 +35,9 @@ RESERVE, STEPS = 2e-3, 6
 """Share of the heat allowed that the fastest motion may leave, and trials to find it."""
 BARELY = 1e-6
 """Share by which a rest is longer than what cools, for rounding."""
+
+_ONE_AT_A_TIME = RLock()
+"""Programs and solutions that plans share are for one thread at a time; two would not be faster, for Python runs one."""
 
 Progress = Callable[[str], None]
 Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
@@ -51,8 +56,19 @@ def plan(
     Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
     planned again. found: called with each motion before it is checked; cured: with the problem that a relaxation gives.
     Never raises for an infeasible problem: the plan then holds the reason, and unless `relaxations` is false the smallest
-    change of a limit with which there is a motion.
+    change of a limit with which there is a motion. Threads may call it; they wait for each other.
     """
+    with _ONE_AT_A_TIME:
+        return _plan(problem, progress, found, relaxations, cured)
+
+
+def _plan(
+    problem: Problem,
+    progress: Progress,
+    found: Callable[[Trajectory], None],
+    relaxations: bool,
+    cured: Callable[[Problem], None],
+) -> Plan:
     begin = time.perf_counter()
     # what gives cures is the motion that runs too warm: where none are asked for, none is planned
     hot = None if relaxations else hopelessly_hot(problem)
@@ -76,6 +92,51 @@ def plan(
         nominal_duration=_nominal(problem, progress) if reason is None else None,
         solve_time=time.perf_counter() - begin,
     )
+
+
+@dataclass(frozen=True)
+class Replanner:
+    """Plans one problem again and again, from other starts and to other targets: for control loops and studies.
+
+    What does not depend on those, programs and compiled functions, is built once and kept, of the last dozen structures of
+    motions: memory does not grow. A plan is the same to the last bit whatever was planned before. Threads may share it.
+    """
+
+    problem: Problem
+    """Everything but what `plan` is given."""
+
+    def plan(self, start: Point | None = None, target: Point | None = None) -> Plan:
+        """Plan from another start, and to another target of the last motion that has one; rad, m.
+
+        Task coordinates that a Task does not name are those of the problem's own. The plan has passed the check, or holds the
+        reason, without a search for limits that would help. Raises ProblemError for points that cannot be, and for a target
+        where no motion has one, or only task coordinates belong.
+        """
+        first = self.problem.start if start is None else _merged(self.problem.start, start)
+        motion = self.problem.motion if target is None else self._to(target)
+        return plan(replace(self.problem, start=first, motion=motion), relaxations=False)
+
+    def _to(self, target: Point) -> tuple[Motion, ...]:
+        motions = list(self.problem.motion)
+        last = next((k for k in reversed(range(len(motions))) if isinstance(motions[k], (Straight, Free))), None)
+        entry = None if last is None else motions[last]
+        if last is None or not isinstance(entry, (Straight, Free)):
+            raise ProblemError("no motion of this problem has a target", key="target", value=target)
+        if isinstance(entry, Free):
+            motions[last] = replace(entry, to=_merged(entry.to, target))
+        elif isinstance(target, Task):
+            motions[last] = unchecked(entry, **target.given)
+        else:
+            reason = "a straight motion is one of task coordinates"
+            raise ProblemError(reason, key="target", value=target, allowed="roll, tilt, spin, depth")
+        return tuple(motions)
+
+
+def _merged(own: Point, other: Point) -> Point:
+    """The other point, with what it leaves out of task coordinates."""
+    if isinstance(own, Task) and isinstance(other, Task):
+        return unchecked(own, **other.given)
+    return other
 
 
 def _nominal(problem: Problem, progress: Progress) -> float | None:
