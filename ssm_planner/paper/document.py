@@ -44,7 +44,7 @@ class Document:
 def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) -> Document:
     """Every section, computed. Raises RecordingError where the rigs' table of figures cannot be read."""
     progress("Table I, workspace, choice of the axes")
-    sections = [workspace_section(inputs.robot), design_section(inputs.robot)]
+    sections = [workspace_section(inputs.robot), design_section(inputs.robot, inputs.eye)]
     progress("Table II and its maps")
     sections.append(friction_section(inputs.robot))
     rigs = []

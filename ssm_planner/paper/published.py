@@ -14,7 +14,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_motorisation, load_problem
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Task
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.problem import Eye, Problem
 from ssm_planner.problem.robot import Robot
 
 DRIVEN = ("roll", "tilt", "insertion")
@@ -102,10 +102,11 @@ RIGS: Mapping[str, str] = {
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Problem of Table III's motions with its robot, motorisation runs by name, rigs by name."""
+    """Problem of Table III's motions with its robot, the eye, motorisation runs by name, rigs by name."""
 
     folder: Path
     problem: Problem
+    eye: Eye
     motorisations: dict[str, Motorisation]
     rigs: dict[str, Drive]
     recordings: Path
@@ -127,9 +128,13 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
     names = ("paper", "package")
     problem = load_problem(problems / "tilt_insert.yaml")
     _check(problem)
+    eye = load_problem(problems / "eye_approach.yaml").eye
+    if eye is None:
+        raise ProblemError("missing: the eye of §IV-A", file=problems / "eye_approach.yaml", key="eye")
     return Inputs(
         problems,
         problem,
+        eye,
         {name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
         {name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
         recordings,

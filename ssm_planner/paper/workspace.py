@@ -14,9 +14,16 @@ from ssm_planner.kinematics.workspace import DesignRegion, design_region, joint_
 from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section
+from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.figures.style import LIMIT, SIZE, finish, legend, new_figure
-from ssm_planner.reporting.figures.workspace import design_region_figure, reachable_set_figure
+from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, legend, legend_above, new_figure
+from ssm_planner.reporting.figures.workspace import (
+    axes_figure,
+    design_region_figure,
+    pointings,
+    reachable_set_figure,
+)
+from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +112,11 @@ def tilt_range(robot: Robot) -> TiltRange:
 def workspace_section(robot: Robot) -> Section:
     """Table I, why it differs, and the pictures."""
     mechanism = Mechanism.from_geometry(robot.geometry)
-    figures = {"tilt_disks": tilt_disks(mechanism), "reachable_set": reachable_set_figure(mechanism)}
+    figures = {
+        "axes": axes_figure(mechanism),
+        "tilt_disks": tilt_disks(mechanism),
+        "reachable_set": reachable_set_figure(mechanism),
+    }
     return Section("workspace", {"tilt": tilt_range(robot)}, figures)
 
 
@@ -138,8 +149,8 @@ def design_choice() -> DesignChoice:
     )
 
 
-def design_section(robot: Robot) -> Section:
-    """The axes, the other required ranges, and what of the separation can be said."""
+def design_section(robot: Robot, eye: Eye) -> Section:
+    """The axes, the other required ranges, the eye that they are for, and what of the separation can be said."""
     choice, mechanism = design_choice(), Mechanism.from_geometry(robot.geometry)
     low, high = robot.joints[3].position
     across, beside, along = robot.bodies[3].com
@@ -151,4 +162,49 @@ def design_section(robot: Robot) -> Section:
         "beside": math.hypot(across, beside),
     }
     figure = design_region_figure(choice.region, (mechanism.alpha, mechanism.beta), size=(4.6, 4.6))
-    return Section("design", values, {"design": figure})
+    return Section("design", values, {"design": figure, "eye_sections": eye_sections(mechanism, eye)})
+
+
+def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
+    """The eye with the required ranges of tilt (roll 0) and of roll (tilt in the middle), from the port to the retina; mm."""
+    from matplotlib.patches import Circle, Ellipse, Polygon
+
+    figure = new_figure(7.2, 4.2)
+    middle = (TABLE_I[0] + TABLE_I[1]) / 2.0
+    sweep = np.linspace(-0.5, 0.5, 91)
+    tilts, rolls = middle + published.REQUIRED_TILT * sweep, published.REQUIRED_ROLL * sweep
+    about_tilt = mechanism.insertion_sign * pointings(mechanism, tilts, np.zeros(len(sweep))).T
+    about_roll = mechanism.insertion_sign * pointings(mechanism, middle, rolls).T
+    views = (
+        (0, about_tilt, "tilt", published.REQUIRED_TILT, "section through ω₁, roll 0°", "along ω₁ (mm)"),
+        (1, about_roll, "roll", published.REQUIRED_ROLL, "seen along ω₁", "across ω₁ (mm)"),
+    )
+    for axes, (i, ways, name, extent, title, label) in zip(figure.subplots(1, 2, sharey=True), views, strict=True):
+        centre = _mm(eye.centre, i)
+        axes.add_patch(Circle(centre, 1e3 * eye.radius, fill=False, edgecolor="black", label="retina"))
+        kept = 1e3 * (eye.radius - eye.clearance)
+        axes.add_patch(Circle(centre, kept, fill=False, label="clearance", edgecolor="0.45", linestyle=(0, (4, 2))))
+        if eye.lens is not None:
+            widths = _mm(2 * np.sqrt(eye.lens.frame**2 @ eye.lens.semi_axes**2), i)
+            axes.add_patch(Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens"))
+        ends = 1e3 * (ways * _to_retina(eye, ways)[:, None])[:, [i, 2]]
+        outline = np.vstack([np.zeros(2), ends])
+        axes.add_patch(Polygon(outline, color=COLOURS[0], alpha=0.25, linewidth=0, label="required range"))
+        for end in ends[[0, -1]]:
+            axes.plot(*zip((0.0, 0.0), end, strict=True), color=COLOURS[0], linewidth=1.0)
+        axes.plot([0.0], [0.0], "o", color="black", markersize=4, label="port, RCM")
+        finish(axes, label, "up (mm)" if i == 0 else "", f"{name} {math.degrees(extent):.0f}°, {title}")
+        axes.set(xlim=(centre[0] - 13.0, centre[0] + 13.0), ylim=(-21.0, 5.0), aspect="equal")
+    legend_above(figure, figure.axes[0], 5)
+    return figure
+
+
+def _mm(vector: Array, i: int) -> tuple[float, float]:
+    """Component i and the height of a vector (3,), m, in mm."""
+    return 1e3 * float(vector[i]), 1e3 * float(vector[2])
+
+
+def _to_retina(eye: Eye, ways: Array) -> Array:
+    """Distances from the port to the retina along unit directions (n, 3), m, (n,)."""
+    along = ways @ eye.centre
+    return np.asarray(along + np.sqrt(along**2 - eye.centre @ eye.centre + eye.radius**2))

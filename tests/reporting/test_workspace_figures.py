@@ -59,7 +59,7 @@ def test_design_region_figure_draws_margins_and_choice(mechanism):
 @pytest.mark.parametrize(("alpha", "beta"), [(1.0, 1.0), (2.5, 1.5), (math.pi - 1.0, 1.0)])
 def test_figures_of_unusual_mechanisms_are_drawn(alpha, beta, tmp_path):
     paths = publish_figures(workspace_figures(Mechanism.from_angles(alpha, beta)), tmp_path / "new")
-    assert sorted(Path(path).suffix for path in paths.values()) == [".pdf"] * 3 + [".png"] * 3
+    assert sorted(Path(path).suffix for path in paths.values()) == [".pdf"] * 4 + [".png"] * 4
     assert all(Path(path).stat().st_size > 1000 for path in paths.values())
 
 

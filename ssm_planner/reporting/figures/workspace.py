@@ -26,10 +26,14 @@ from ssm_planner.typing import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+AXES = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion")
+"""Each axis with the joints on it."""
+
 
 def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
-    """The three figures of one mechanism, by file name."""
+    """The figures of one mechanism, by file name."""
     return {
+        "axes": axes_figure(mechanism),
         "reachable_set": reachable_set_figure(mechanism),
         "theta2_against_tilt": theta2_figure(mechanism),
         "joint_speeds": joint_speed_figure(mechanism),
@@ -45,6 +49,47 @@ def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dic
             png, pdf = save_figure(figure, temporary / name).values()
             paths |= {name: str(folder / png.name), f"{name}_pdf": str(folder / pdf.name)}
     return paths
+
+
+def axes_figure(mechanism: Mechanism) -> Figure:
+    """The numbering: the axes through the remote centre at q = 0, what turns about them, and the angles between them."""
+    figure = new_figure(5.2, 4.6)
+    axes = figure.add_subplot(projection="3d")
+    directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
+    for k, (axis, name) in enumerate(zip(directions, AXES, strict=True)):
+        axes.plot(*np.outer(axis, (0.0, 1.15)), color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6)
+        axes.text(*(1.3 * axis), name, ha="center", va="center", fontsize=SIZE, color=COLOURS[k])
+    alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
+    tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
+    angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
+    for first, second, radius, name in angles:
+        arc = radius * _between(directions[first], directions[second])
+        axes.plot(*arc, color="black", linewidth=1.0)
+        middle = arc[:, arc.shape[1] // 2]
+        axes.text(*(middle * (1 + 0.08 / radius)), name, ha="left", va="center", fontsize=SIZE - 1)
+    axes.plot([0.0], [0.0], [0.0], "o", color="black", markersize=6)
+    axes.text(
+        *(-0.1 * mechanism.omega1 - 0.08 * mechanism.omega3), "RCM, port", ha="right", va="center", fontsize=SIZE - 1
+    )
+    inwards = mechanism.insertion_sign * mechanism.omega3
+    axes.quiver(*np.zeros(3), *(0.35 * inwards), color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25)
+    axes.text(*(0.48 * inwards), "depth", ha="center", va="center", fontsize=SIZE - 1)
+    points = np.array([*(1.3 * np.array(directions)), 0.48 * inwards])
+    middle, half = (points.max(axis=0) + points.min(axis=0)) / 2, np.ptp(points, axis=0).max() / 2
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.3)
+    axes.set(**{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)})
+    axes.set_axis_off()
+    axes.view_init(elev=38.0, azim=-68.0)
+    return figure
+
+
+def _between(start: Array, end: Array, count: int = 61) -> Array:
+    """(3, count) unit directions on the short way from one to another."""
+    angle = np.arccos(np.clip(start @ end, -1.0, 1.0))
+    share = np.linspace(0.0, 1.0, count)
+    return np.asarray(
+        (np.outer(start, np.sin((1.0 - share) * angle)) + np.outer(end, np.sin(share * angle))) / np.sin(angle)
+    )
 
 
 def reachable_set_figure(mechanism: Mechanism) -> Figure:
@@ -137,11 +182,11 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
     ends = np.abs(tilt_interval(mechanism))
     around = np.linspace(0.0, 2.0 * np.pi, 121)
     for tilt in np.linspace(0.0, np.pi, 13):
-        axes.plot(*_on_sphere(mechanism, tilt, around), color="0.85", linewidth=0.6)
-    band = _on_sphere(mechanism, *np.meshgrid(np.linspace(ends.min(), ends.max(), 25), around))
+        axes.plot(*pointings(mechanism, tilt, around), color="0.85", linewidth=0.6)
+    band = pointings(mechanism, *np.meshgrid(np.linspace(ends.min(), ends.max(), 25), around))
     axes.plot_surface(*band, rstride=1, cstride=1, color="0.75", linewidth=0, antialiased=False, zorder=2)
     for tilt in ends:
-        axes.plot(*_on_sphere(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
+        axes.plot(*pointings(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
     for axis, name in ((mechanism.omega1, "ω₁"), (mechanism.omega2, "ω₂"), (mechanism.omega3, "ω₃")):
         axes.plot(*(np.outer(axis, (1.0, 1.4))), color="black", linewidth=1.3, zorder=4)
         axes.text(*(axis * 1.5), name, ha="center", va="center", zorder=5, fontsize=SIZE)
@@ -177,8 +222,8 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
     legend(axes, loc="lower center", ncols=3, handlelength=1.6, columnspacing=1.0)
 
 
-def _on_sphere(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
-    """Pointings (3, ...) in the base frame."""
+def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
+    """Directions of ω3 (3, ...) in the base frame at tilts and rolls."""
     tilt = np.broadcast_to(np.asarray(tilt, dtype=float), roll.shape)
     points = np.stack((np.cos(tilt), np.sin(tilt) * np.sin(roll), -np.sin(tilt) * np.cos(roll)))
     return np.tensordot(mechanism.frame, points, axes=1)
