@@ -134,10 +134,10 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
     return Inputs(
         problems,
         problem,
-        eye,
-        {name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
-        {name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
-        recordings,
+        eye=eye,
+        motorisations={name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
+        rigs={name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
+        recordings=recordings,
     )
 
 
