@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import io
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # plans, seeded
 
@@ -78,16 +80,16 @@ def watchdog(seconds: int = LONGEST) -> Iterator[None]:
             signal.signal(number, before[number])
 
 
-_read: dict[str, Any] = {}
+@functools.cache
+def _read_once(read: Callable[[str | Path], Any]) -> Callable[[str | Path], Any]:
+    """A reader of robots that reads the shipped one once for all of the commands."""
+    shipped = functools.cache(lambda: read(ROBOT))
 
+    @functools.wraps(read)
+    def robot(name: str | Path) -> Any:
+        return shipped() if Path(name) == ROBOT else read(name)
 
-def _robot(name: str | Path) -> Any:
-    """The shipped robot is read once for all of the commands."""
-    if Path(name) != ROBOT:
-        return _read["robot"](name)
-    if str(ROBOT) not in _read:
-        _read[str(ROBOT)] = _read["robot"](ROBOT)
-    return _read[str(ROBOT)]
+    return robot
 
 
 def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, str | None]:
@@ -95,11 +97,10 @@ def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, 
     from ssm_planner.cli import main
     from ssm_planner.loading import load
 
-    if load.load_robot is not _robot:
-        _read["robot"], load.load_robot = load.load_robot, _robot
+    once = patch.object(load, "load_robot", _read_once(load.load_robot))
     out, err = io.StringIO(), io.StringIO()
     fault, status = None, None
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    with once, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             with watchdog(seconds):
                 status = main(list(words))
