@@ -205,7 +205,7 @@ class Problem(Value, Limited):
     payload: Interval | None = None
     """Least and largest point mass at the tip, kg, with all of which motor torques hold; None: none."""
     name: str = "problem"
-    wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(default_factory=dict)
+    wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(default_factory=dict, compare=False)
     """Ranges asked for that reach beyond the robot's, by name in TASK; filled in where `limits` are narrowed."""
     file: str | None = field(default=None, compare=False)
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]

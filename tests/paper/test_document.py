@@ -40,7 +40,7 @@ def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
 
 
 def test_figures_are_not_empty_and_name_their_units(made: Made) -> None:
-    units = ("mN·m", "rpm", "time (s)", "°", "by the Stribeck speed", "μ")
+    units = ("mN·m", "rpm", "mm", "time (s)", "°", "by the Stribeck speed", "μ")
     for section in made.document.sections:
         for name, figure in section.figures.items():
             drawn = [artist for axes in figure.axes for artist in (*axes.lines, *axes.patches, *axes.collections)]
