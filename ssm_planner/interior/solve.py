@@ -28,11 +28,11 @@ from ssm_planner.interior.problem import Evaluator, Point, Program
 from ssm_planner.typing import Array
 
 TOLERANCE = 1e-8
-COLD, WARM = 1e-4, 1e-6
+COLD, WARM = 1e-4, 1e-7
 """First μ."""
-PUSH, WARM_PUSH = 1e-2, 1e-7
+PUSH, WARM_PUSH = 1e-2, 1e-8
 """Least first slack."""
-NEAR = 10.0
+NEAR = 1e4
 """Factor by which multipliers of a warm start may be off μ / s."""
 BARRIER = 10.0
 """A barrier problem is solved to this many μ."""
