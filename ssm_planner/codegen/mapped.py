@@ -30,7 +30,11 @@ class Mapped:
             buffer.set_res(i, values.data)
         self._buffer = buffer
         self._shapes = [(count, *function.size_out(i)) for i in range(function.n_out())]
-        self._places = [np.array(function.sparsity_out(i).get_triplet(), dtype=int) for i in range(function.n_out())]
+        self._places = []
+        for i, (_, rows, columns) in enumerate(self._shapes):
+            row, column = np.array(function.sparsity_out(i).get_triplet(), dtype=int)
+            whole = columns == 1 and len(row) == rows  # in order already
+            self._places.append(None if whole else row * columns + column)
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
@@ -38,8 +42,11 @@ class Mapped:
             self._arguments[-1][...] = multipliers
         self._trigger()
         found = []
-        for values, shape, (row, column) in zip(self._results, self._shapes, self._places, strict=True):
-            whole = np.zeros(shape)
-            whole[:, row, column] = values
-            found.append(whole[..., 0] if shape[2] == 1 else whole)
+        for values, shape, places in zip(self._results, self._shapes, self._places, strict=True):
+            if places is None:
+                found.append(values.copy())
+                continue
+            whole = np.zeros((shape[0], shape[1] * shape[2]))
+            whole[:, places] = values
+            found.append(whole if shape[2] == 1 else whole.reshape(shape))
         return found

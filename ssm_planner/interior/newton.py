@@ -44,7 +44,8 @@ class Factors:
         """[dc, dT, dν] of the right-hand side."""
         size = len(self.border)
         inner = _solved(self.band, right[:size])
-        outer = np.linalg.solve(self.schur, right[size:] - self.border.T @ inner)
+        rest = right[size:] - self.border.T @ inner
+        outer = rest / self.schur[0] if len(rest) == 1 else np.linalg.solve(self.schur, rest)
         return np.concatenate([inner - self.solved_border @ outer, outer])
 
 
@@ -57,16 +58,17 @@ class System:
         flat = (evaluator.local[:, :, None] * spline.coordinates + np.arange(spline.coordinates)).reshape(
             -1, self._width
         )
-        self._row, self._column = np.tril_indices(self._width)
+        row, column = np.tril_indices(self._width)
+        self._lower = row * self._width + column
         # column by column, the diagonal first: LAPACK's lower band
-        self._places = (flat[:, self._column] * self._width + (self._row - self._column)).ravel()
+        self._places = (flat[:, column] * self._width + (row - column)).ravel()
         self.free = free.ravel()
         self._last = 0.0
 
     def factorise(self, quadratic: Quadratic, equalities: Array) -> Factors | None:
         """Factors of the system, made convex where it is not; None where nothing helps."""
         blocks = len(quadratic.corner)
-        entries = quadratic.local[:, self._row, self._column].ravel()
+        entries = quadratic.local.reshape(-1, self._width**2)[:, self._lower].ravel()
         band = np.asarray(np.bincount(self._places, entries, self.size * self._width), dtype=float)
         band = band.reshape(self.size, self._width)
         border = np.hstack([quadratic.border, equalities[:, : self.size].T]) * self.free[:, None]
@@ -79,11 +81,13 @@ class System:
             band_now: Array = band.copy()
             band_now[:, 0] = np.where(self.free, band[:, 0] + delta + POSITIVE, 1.0)
             factor, failed = _lapack().dpbtrf(band_now.T, lower=1, overwrite_ab=1)
-            if not failed:
+            if not (failed or np.isnan(factor[0]).any()):
                 corner[:blocks, :blocks] = quadratic.corner + delta * np.eye(blocks)
                 solved = _solved(factor, border)
                 schur = corner - border.T @ solved
-                eigenvalues = np.linalg.eigvalsh((schur + schur.T) / 2)
+                if not np.isfinite(schur).all():
+                    return None
+                eigenvalues = schur[0] if len(schur) == 1 else np.linalg.eigvalsh((schur + schur.T) / 2)
                 if np.all(eigenvalues[q:] > POSITIVE) and np.all(eigenvalues[:q] < 0):
                     self._last = delta or self._last
                     return Factors(factor, border, solved, schur)

@@ -40,7 +40,7 @@ class RowGroup:
     parameters: tuple[Array, ...]
     """(size,), or (q, size) of every element of the group."""
     elements: Indices
-    """(q,); an element may come twice."""
+    """(q,): all of them in order, or fewer, of which one may come twice."""
     bound: Array
     """(q, r); infinite where there is none."""
     cost_weight: float = 0.0
@@ -51,6 +51,13 @@ class RowGroup:
         return {
             name: Mapped(function, self.parameters, len(self.elements)) for name, function in self.functions.items()
         }
+
+    def add_to(self, whole: Array, values: Array) -> None:
+        """Add the values (q, …) of the elements of the group to those of all, (n, …)."""
+        if len(self.elements) == len(whole):  # the group of all of them
+            whole += values
+        else:
+            np.add.at(whole, self.elements, values)
 
     def multipliers(self, lam: Array) -> Array:
         """Of the Hessian."""
@@ -136,6 +143,7 @@ class Evaluator:
         self._time_bounds = np.concatenate([-np.ones(self.b), *(np.sign(row[:1]) for row in total)])
         even = (np.eye(self.b) - 1 / self.b) / program.least_times
         self._even = 2 * program.even / self.b * even.T @ even
+        self._outer = (program.matrix[:, :, None] * program.matrix[:, None, :]).reshape(len(program.matrix), -1)
         equal_at, equal_entry, self._equal_value = program.equal
         self._equal = equal_at, equal_entry
         ends = np.cumsum(
@@ -248,7 +256,7 @@ class Evaluator:
         for group in program.groups:
             if group.cost_weight:
                 slope = group.cost_weight * group.mapped["gradient"](z[group.elements])[1]
-                np.add.at(by_z[:, : slope.shape[1]], group.elements, slope)
+                group.add_to(by_z[:, : slope.shape[1]], slope)
         return by_z
 
     def transposed(self, weights: Array) -> Array:
@@ -262,7 +270,7 @@ class Evaluator:
         by_z = (weights[self._parts[-2]].reshape(self.n, -1) / self._scale) @ program.matrix
         for group, part, jacobian in zip(program.groups, self._parts, self._jacobians, strict=False):
             here = (weights[part].reshape(len(jacobian), 1, -1) @ jacobian)[:, 0]
-            np.add.at(by_z[:, : here.shape[1]], group.elements, here)
+            group.add_to(by_z[:, : here.shape[1]], here)
         return by_z
 
     def _pulled(self, by_z: Array) -> Array:
@@ -313,16 +321,17 @@ class Evaluator:
             rows, k = (len(group.elements), -1), jacobian.shape[2]
             here = group.mapped["hessian"](z[group.elements], group.multipliers(lam[part].reshape(rows)))[0]
             here += jacobian.transpose(0, 2, 1) @ (sigma[part].reshape(*rows, 1) * jacobian)
-            np.add.at(hessian[:, :k, :k], group.elements, here)
+            group.add_to(hessian[:, :k, :k], here)
         weights = sigma[self._parts[-2]].reshape(n, -1) / self._scale**2
-        outer = program.matrix[:, :, None] * program.matrix[:, None, :]
-        hessian += (weights @ outer.reshape(len(outer), -1)).reshape(n, states, states)
+        hessian += (weights @ self._outer).reshape(n, states, states)
         at, entry = self._equal
-        np.add.at(hessian, (at, entry, entry), STIFF)
+        if len(at):
+            np.add.at(hessian, (at, entry, entry), STIFF)
         whole = self._chain.transpose(0, 2, 1) @ (hessian @ self._chain)
         # M depends on η
         by_z = self._objective_by_z + self._transposed_by_z(lam)
-        np.add.at(by_z, self._equal, nu[: len(self._equal_value)])
+        if len(at):
+            np.add.at(by_z, self._equal, nu[: len(at)])
         slope = np.concatenate([by_z[:, :size], by_z[:, size + 1 :]], axis=1).reshape(n, GIVEN, m)
         w = self.shares.shape[1]
         mixed = slope.transpose(0, 2, 1) @ self._first.reshape(n, GIVEN, -1)
@@ -331,8 +340,9 @@ class Evaluator:
         through = (slope @ self._c.transpose(0, 2, 1)).reshape(n, 1, -1) @ self._second.reshape(n, -1, w * w)
         whole[:, size:, size:] += through.reshape(n, w, w)
         of_times = (whole[:, :, size:] @ self.shares).reshape(n, -1, self.b)
-        border = np.zeros((program.free.size, self.b))
-        np.add.at(border, self._flat, of_times[:, :size])
+        border = np.empty((program.free.size, self.b))
+        for block in range(self.b):
+            border[:, block] = np.bincount(self._flat.ravel(), of_times[:, :size, block].ravel(), len(border))
         corner = self.shares.reshape(-1, self.b).T @ of_times[:, size:].reshape(-1, self.b)
         corner += self._time_rows.T @ (sigma[self._parts[-1], None] * self._time_rows) + self._even
         return Quadratic(whole[:, :size, :size], border, corner)
@@ -346,20 +356,14 @@ class Evaluator:
         """Of Σ h p (a_0² + a_0 a_1 + a_1²), by element (n, 5 m + 1, 5 m + 1)."""
         m, z, weights = self.m, self._z, self.program.smoothing
         hessian = np.zeros((self.n, GIVEN * m + 1, GIVEN * m + 1))
+        if not weights.any():
+            return hessian
         first, last, length = self._entries
-        a0, a1, h = z[:, first], z[:, last], z[:, length, None]
-        one, other = np.arange(2 * m, 3 * m), np.arange(3 * m, 4 * m)
-        for i, j, value in (
-            (one, one, 2 * h),
-            (other, other, 2 * h),
-            (one, other, h),
-            (other, one, h),
-            (one, length, 2 * a0 + a1),
-            (length, one, 2 * a0 + a1),
-            (other, length, 2 * a1 + a0),
-            (length, other, 2 * a1 + a0),
-        ):
-            hessian[:, i, j] += weights * value
+        a0, a1, h = z[:, first], z[:, last], z[:, length, None, None]
+        both = np.kron(np.array([[2.0, 1.0], [1.0, 2.0]]), np.diag(weights))
+        hessian[:, 2 * m : 4 * m, 2 * m : 4 * m] = h * both
+        slope = np.hstack([weights * (2 * a0 + a1), weights * (2 * a1 + a0)])
+        hessian[:, 2 * m : 4 * m, length] = hessian[:, length, 2 * m : 4 * m] = slope
         return hessian
 
     @property

@@ -241,5 +241,5 @@ class _Iteration:
 
 def _longest(values: Array, step: Array, tau: float) -> float:
     """Largest share of a step, at most 1, that keeps 1 − τ of positive values."""
-    falling = step < 0
-    return float(min(1.0, (-tau * values[falling] / step[falling]).min(initial=np.inf)))
+    fall = float(np.fmin.reduce(step / values))  # 0 / 0 where a row is masked
+    return 1.0 if fall >= -tau else -tau / fall
