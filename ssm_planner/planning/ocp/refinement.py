@@ -243,7 +243,8 @@ class _Refinement:
         if duration is not None:
             data = data.least_cost(duration, time=float(aim == "cooling"))
         beside_eye = any(name in OF_EYE for name, _ in self.active)
-        if self.problem.fast and not beside_eye:
+        after_ipopt = self.start.multipliers is not None  # who starts warm from there
+        if self.problem.fast and not (beside_eye or after_ipopt):
             found = solve_structured(structure, element, data, self.start)
             if found.solved:
                 return found
