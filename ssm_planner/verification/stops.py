@@ -94,7 +94,15 @@ def quickest_stops(motion: Trajectory, robot: Robot, instants: int | Array = INS
     duration, travel = np.zeros(len(times)), np.zeros(len(times))
     moving = [(k, found) for k, found in enumerate(motions) if found is not None]
     if moving:
-        q = np.concatenate([np.vstack([f.coefficients[:, 0], f.sample(f.breaks[-1:], "left").q]) for _, f in moving])
+        lasting = np.array([found.breaks[-1] - found.breaks[-2] for _, found in moving])[:, None] ** np.arange(6)
+        ends = np.einsum("nk,nkj->nj", lasting, np.stack([found.coefficients[-1] for _, found in moving]))
+        q = np.concatenate(
+            [
+                part
+                for (_, found), end in zip(moving, ends, strict=True)
+                for part in (found.coefficients[:, 0], end[None])
+            ]
+        )
         places, begin = tip_position(Mechanism.from_geometry(robot.geometry), q), 0
         for k, found in moving:
             way = places[begin : begin + len(found.breaks)]

@@ -15,7 +15,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.limits import StopTravel
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.verification.check import check
 
@@ -42,6 +42,14 @@ def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_
     assert stops.travel.max() <= largest * (1 + 1e-4)
     again = load_plan(found.write(tmp_path / "plan.json"))
     assert again.problem.stop_travel == StopTravel(largest)
+
+
+@pytest.mark.parametrize("planner", ["fast", "toppra"])
+def test_other_planners_keep_it_too(planner: Planner) -> None:
+    found = plan(replace(limited("tilt_insert", 0.5e-3), planner=planner))
+    assert found.reason is None, found.reason
+    assert found.certificate.passed
+    assert found.duration == pytest.approx(plan(limited("tilt_insert", 0.5e-3)).duration, rel=1e-3)
 
 
 def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:

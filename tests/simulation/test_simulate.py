@@ -188,6 +188,18 @@ def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
     assert isinstance(Scenario(power_loss=1).power_loss, float)
 
 
+def test_what_stands_without_power_does_so_at_half_the_step_too(plan):
+    """From the same states: whether it stands, and the way of the tip within a thousandth of the largest."""
+    stages = [stage_of(plan, Controller(), steps) for steps in (STEPS, 2 * STEPS)]
+    for stage in stages:
+        stage.scenario = Scenario(power_loss="everywhere", instants=40)
+        played = stage.play()
+    coarse, fine = (stage.lose_power(played, lambda _: None) for stage in stages)
+    assert coarse.holds
+    np.testing.assert_array_equal(np.isfinite(coarse.standing), np.isfinite(fine.standing))
+    np.testing.assert_allclose(coarse.travel, fine.travel, atol=1e-3 * fine.travel.max())
+
+
 def test_an_arm_that_does_not_lock_falls_without_power(plan):
     result = simulate(plan, Scenario(friction=0.1))
     assert not result.holds
