@@ -29,6 +29,8 @@ MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
 BESIDE = {"mass": "mass", "length": "length"}
 """Kinds of the columns that a catalogue may have beside what motor and drive files know."""
 WORM_COLUMNS = {"geometry.wheel_diameter", "geometry.worm_diameter", "geometry.ratio"}
+NAMES = {"name", "order_number"}
+"""Columns of text, though it may be digits."""
 FITTED = ("free_length", "ends")
 """Ratings that are of the robot, not of the screw chosen."""
 
@@ -115,7 +117,7 @@ def rows_of(file: Path) -> list[Row]:
     reader = csv.reader(io.StringIO(text))
     headings = [_heading(cell) for cell in next(_cells(reader, file), [])]
     names = [name for name, _ in headings]
-    if not {"name", "order_number"} & set(names):
+    if not NAMES & set(names):
         raise ProblemError("no column name or order_number", file=file, line=1)
     if len(set(names)) < len(names):
         raise ProblemError("two columns of one name", file=file, line=1)
@@ -126,7 +128,9 @@ def rows_of(file: Path) -> list[Row]:
         if len(cells) != len(headings):
             raise ProblemError(f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}")
         written = zip(headings, (cell.strip() for cell in cells), strict=True)
-        row: dict[str, Any] = {name: _value(f"{cell} {unit}".rstrip()) for (name, unit), cell in written if cell}
+        row: dict[str, Any] = {
+            name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip()) for (name, unit), cell in written if cell
+        }
         label = str(row.pop("order_number", None) or row.get("name", ""))
         if label in rows or not label:
             reason = f"{label!r} stands twice" if label else "no name"

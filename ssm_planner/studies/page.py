@@ -80,7 +80,7 @@ def _own(study: Study, own: Candidate, front: Sequence[Candidate]) -> list[str]:
     reached = ", ".join(f"{title_of(name)} {number(_factor(name) * own.figures[name], 5)}" for name in known)
     sign = {name: -1.0 if name.endswith("margin") else 1.0 for name in known}
     better = [row for row in front if all(sign[n] * row.figures[n] < sign[n] * own.figures[n] for n in known)]
-    notes = [f"{study.own_words}: {reached}. {len(better)} candidates of the front are better in all of these."]
+    notes = [f"{study.own_words}: {reached}. Better in all of these, of the front: {len(better)}."]
     missing = [name for name in study.minimise if name not in known]
     if missing:
         notes.append(f"Not known of it: {', '.join(missing)}.")

@@ -63,6 +63,8 @@ class Screens:
 
     def fallen(self, designs: Sequence[Design]) -> list[Fallen | None]:
         """What each candidate falls out by; None: it goes on."""
+        if not designs:
+            return []
         found: list[Fallen | None] = [None] * len(designs)
         family = self._family(designs)
         if family is not None:

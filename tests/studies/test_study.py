@@ -126,6 +126,9 @@ def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_
     result = run_study(load_study(file), tmp_path / "killed", workers=2)
     assert result.finished
     assert (tmp_path / "killed" / "table.csv").read_bytes() == table
+    # nothing is left: once more changes nothing
+    run_study(load_study(file), tmp_path / "killed", workers=2)
+    assert (tmp_path / "killed" / "table.csv").read_bytes() == table
 
 
 def test_killed_workers_change_nothing(tmp_path):
