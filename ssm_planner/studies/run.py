@@ -8,13 +8,14 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.errors import SsmPlannerError
 from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
@@ -33,7 +34,14 @@ COMMIT_EVERY = 0.5
 PAGE_EVERY = 10.0
 """Seconds between pages while it runs, at least."""
 AHEAD = 8
-"""Candidates given to an executor for each worker that it has, so that none waits for the driver."""
+"""Candidates given to the workers for each of them, so that none waits for the driver."""
+AHEAD_ELSEWHERE = 512
+"""Candidates given to an executor of unknown size."""
+
+
+class StudyError(SsmPlannerError):
+    """The engine that evaluates the candidates is lost."""
+
 
 StudyProgress = Callable[[int, int, dict[str, int]], None]
 """Called with the candidates that are done, their number, and how many are in each state."""
@@ -92,14 +100,14 @@ def study(
 
     of: a study, its file, or a shipped one's name. workers: processes, default one for each processor. executor: any
     `concurrent.futures.Executor`, such as Dask's, in their place; it is not shut down. Ctrl-C ends it; the same call goes on.
-    Raises ProblemError or ExportError.
+    Raises ProblemError, ExportError, or StudyError where the executor loses its workers.
     """
     of, folder = of if isinstance(of, Study) else load_study(of), Path(folder)
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         store = stack.enter_context(Store(folder / STORE))
         pool = executor or stack.enter_context(_ended(Workers(count)))
-        driver = _Driver(of, store, pool, AHEAD * count, progress)
+        driver = _Driver(of, store, pool, AHEAD * count if executor is None else AHEAD_ELSEWHERE, progress)
         finished = True
         try:
             driver.run()
@@ -210,16 +218,25 @@ class _Driver:
             self._collect()
 
     def _collect(self) -> None:
-        """Wait for one answer at least."""
+        """Wait for one answer at least. Raises StudyError where the engine has lost one."""
+        lost: BaseException | None = None
         for future in wait(self._flying, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
             key = self._flying.pop(future)
             try:
                 row = future.result()
             except WorkerDied as error:
                 row = Candidate(-1, "quarantined", {}, None, str(error))
+            except (CancelledError, Exception) as error:  # noqa: BLE001 an evaluation raises nothing: the engine's
+                if type(error).__name__ != "KilledWorker":  # Dask's, of a task that ended its workers
+                    lost = error
+                    continue
+                row = Candidate(-1, "quarantined", {}, None, "ended its worker process each time it was tried")
             self._keep(key, row)
-        if time.monotonic() - self._written > COMMIT_EVERY:
+        if lost is not None or time.monotonic() - self._written > COMMIT_EVERY:
             self.flush()
+        if lost is not None:
+            reason = f"the workers are lost ({type(lost).__name__})"
+            raise StudyError(f"{reason}; what is done is kept, the same command goes on") from lost
 
     def _keep(self, key: str, row: Candidate) -> None:
         self._done.append((key, row))

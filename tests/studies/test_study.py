@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import random
 import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,16 +17,16 @@ import numpy as np
 import pytest
 
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.errors import ProblemError
+from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
 from ssm_planner.studies.evaluation import Evaluation, problems_of
 from ssm_planner.studies.page import explained, write_study_page
-from ssm_planner.studies.run import StudyResult, pareto
+from ssm_planner.studies.run import StudyError, StudyResult, pareto
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate
-from ssm_planner.studies.study import Search
+from ssm_planner.studies.store import Candidate, Store
+from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
 
 CATALOGUE = Path(__file__).parents[2] / "problems" / "catalogues" / "motors_24v.csv"
@@ -144,6 +146,61 @@ def test_killed_workers_change_nothing(tmp_path):
 
         run_study(of, tmp_path / "killed", executor=workers, progress=kill)
     assert (tmp_path / "killed" / "table.csv").read_bytes() == (tmp_path / "calm" / "table.csv").read_bytes()
+
+
+class Here(Executor):
+    """Evaluates at once; after `lost` calls every further one is cancelled, as a dead scheduler's are."""
+
+    def __init__(self, lost: float = math.inf) -> None:
+        self.left, self.count = lost, 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        self.left -= 1
+        self.count += 1
+        if self.left < 0:
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        else:
+            future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
+    of = study()
+    whole = Here()
+    run_study(of, tmp_path / "calm", executor=whole)
+    with pytest.raises(StudyError, match=r"the workers are lost .*the same command goes on"):
+        run_study(of, tmp_path / "lost", executor=Here(3))
+    rest = Here()
+    run_study(of, tmp_path / "lost", executor=rest)
+    assert rest.count == whole.count - 3
+    assert (tmp_path / "lost" / "table.csv").read_bytes() == (tmp_path / "calm" / "table.csv").read_bytes()
+
+
+def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_room(tmp_path, monkeypatch):
+    """The file may grow by no page more: what SQLite says of a disk without room."""
+    of = study(search={"points": 64, "seed": 3}, motions=["tilt_insert"])
+    many = replace(of, vary=(*of.vary, Varied("pace", 1.0, 2.0, "x" * 4000)))  # rows of a page each
+    plain = Store._open
+
+    def small(store):
+        plain(store)
+        store._connection.execute("PRAGMA max_page_count = 24")
+
+    monkeypatch.setattr(
+        Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design, figures={})
+    )
+    monkeypatch.setattr(Store, "_open", small)
+    with pytest.raises(ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"):
+        run_study(many, tmp_path, executor=Here())
+    monkeypatch.setattr(Store, "_open", plain)
+    with Store(tmp_path / "study.sqlite") as store:
+        assert store._read("PRAGMA integrity_check") == [("ok",)]
+    result = run_study(many, tmp_path, executor=Here())
+    assert result.finished
+    assert len(result.rows) == 64
+    assert "waiting" not in result.states
 
 
 @pytest.mark.slow
