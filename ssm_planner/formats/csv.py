@@ -25,6 +25,7 @@ from ssm_planner.formats.epos4_setup import INT32, axes_of, encoder_notes, fits
 from ssm_planner.formats.points import LONG, Points, Reading, Table, join_points
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
+from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.plans import Plan
@@ -77,7 +78,9 @@ def table(samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array)
                 values += [getattr(motor, group)[:, i] for i in driven]
     if "task" in columns:
         header += [f"task_{name}_{'m' if name == 'depth' else 'rad'}" for name in TASK]
-        values += list(task_from_joints(Mechanism.from_geometry(robot.geometry), samples.q).T)
+        mechanism = Mechanism.from_geometry(robot.geometry)
+        header += [f"tip_{axis}_m" for axis in "xyz"]
+        values += [*task_from_joints(mechanism, samples.q).T, *tip_position(mechanism, samples.q).T]
     return header, np.stack(values, axis=1)
 
 

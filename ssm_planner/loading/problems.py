@@ -11,14 +11,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ssm_planner import units
+from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.loading.files import follow
-from ssm_planner.loading.robots import RANGES, ranges_from, robot_from
+from ssm_planner.loading.missions import LONGEST_MOTION, written_out
+from ssm_planner.loading.robots import RANGES, Rotations, ranges_from, robot_from, rotation
 from ssm_planner.loading.schema import (
     Axis,
     Model,
     Part,
     Reference,
     Text,
+    by_joint,
     interval,
     located,
     model_from,
@@ -35,7 +38,8 @@ from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.limits import TASK, Limit, TaskRate, ToolLimit
 from ssm_planner.problem.motion import LARGEST_GRID, Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Eye, Lens, Problem
-from ssm_planner.problem.value import Bound
+from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem.value import Bound, frozen
 from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
 
@@ -50,7 +54,6 @@ def share(value: object) -> float:
 
 
 JointValues = Annotated[tuple[float, float, float, float], vector("angle", "angle", "angle", "length")]
-LONGEST_MOTION = 10_000
 MOST_POINTS = 200
 """Points that one motion passes without stopping."""
 ONCE = "once"
@@ -64,7 +67,14 @@ Place = tuple[str | int, ...]
 _FORMS = "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] with spin"
 
 
-class _PointModel(Model):
+class _NamedModel(Model):
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        return {"anyOf": [schema, {"type": "string", "description": "A name among `points`."}]}
+
+
+class _PointModel(_NamedModel):
     @model_validator(mode="before")
     @classmethod
     def _one_form(cls, data: Any) -> Any:
@@ -118,7 +128,7 @@ def _largest(kind: type[ToolLimit]) -> Any:
     return Annotated[Any, quantity(of, Bound(above=0.0))]
 
 
-TaskModel = model_of(Task)
+TaskModel = model_of(Task, base=_NamedModel)
 _TIP = Annotated[Any, vector("length", "length", "length")]
 PointModel = model_of(
     Task,
@@ -151,6 +161,15 @@ LensModel = model_of(
 EyeModel = model_of(Eye, {"lens": optional(_part(LensModel))})
 
 
+class RepeatModel(Model):
+    """Motions done several times."""
+
+    times: Annotated[Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), whole=True)]
+    """How often."""
+    motion: list[Any]
+    """What is done."""
+
+
 class _EntryModel(Model):
     @model_validator(mode="before")
     @classmethod
@@ -180,14 +199,17 @@ EntryModel = model_from(
         "free": _motion_to(_part(PointModel), "On whatever way the planner finds fastest.", _PASSED),
         "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
         "scan": optional(_part(ScanModel), "Spots on the retina."),
+        "repeat": optional(_part(RepeatModel), "Motions done several times."),
+        "include": optional(Text, "Problem file whose motions come here; its names of points are its own."),
     },
     base=_EntryModel,
 )
+_SHARE = Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _OF_TOOL = {kind.field: optional(_largest(kind), kind.__doc__ or "") for kind in ToolLimit.kinds()}
 _RATES = {TaskRate.field_of(name): optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.") for name in TASK}
 _WITHIN = {
     "friction": optional(
-        Annotated[Any, Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")],
+        Annotated[Any, _SHARE],
         "Share of what is known of the drives' friction for which motor torques hold.",
     ),
     "payload": optional(Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."),
@@ -205,6 +227,19 @@ _DUTY = Annotated[
     ),
 ]
 _MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
+_NAMED = Annotated[
+    dict[str, Any], Reader(lambda value: value, {"type": "object", "additionalProperties": {"type": "object"}})
+]
+
+
+def _overrides(slides: bool = False) -> Any:
+    given = ("velocity", "acceleration", "jerk")
+    keys = {name: optional(reading(Joint, name, slides), "In the place of the robot's.") for name in given}
+    return model_from(keys)
+
+
+OverridesModel = by_joint(_overrides(), _overrides(slides=True))
+_PAYLOAD = Annotated[Any, quantity("mass", Bound(above=0.0))]
 _START = "Where all of the tool is: four task coordinates, or joints, or tip with spin."
 ProblemModel = model_of(
     Problem,
@@ -218,6 +253,11 @@ ProblemModel = model_of(
         "start_rate": (_part(RatesModel), RatesModel()),
         "end_rate": (_part(RatesModel), RatesModel()),
         "duty": (_DUTY, 0.0),
+        "points": optional(_NAMED, "Points by names, under which `start`, `to`, `through` and `at` may give them."),
+        "joints": optional(_part(OverridesModel), "Limits of joints in the place of the robot's."),
+        "speed": optional(Annotated[Any, _SHARE], "Share of the joints' largest velocities, such as 30 %."),
+        "mounting": optional(Rotations, "How the robot's base is turned, from how its file states gravity."),
+        "tip_payload": optional(_PAYLOAD, "Point mass at the tip, beside the robot's bodies."),
     },
     without=("friction", "payload", "wider"),
 )
@@ -226,8 +266,9 @@ ProblemModel = model_of(
 
 def problem_from(section: Section) -> Problem:
     """The problem that a section describes, its robot loaded. Raises ProblemError."""
+    section = written_out(section)
     model: Any = validated(section, ProblemModel)
-    robot = robot_from(follow(section, "robot"))
+    robot = _robot(section, model)
     if model.start.joints is None and model.start.tip is None and (missing := set(TASK) - set(_given(model.start))):
         first = next(name for name in TASK if name in missing)
         reason = "missing: a start says where all of the tool is"
@@ -253,6 +294,27 @@ def problem_from(section: Section) -> Problem:
         )
         problem.check_total()
     return problem
+
+
+def _robot(section: Section, model: Any) -> Robot:
+    """The robot with what the problem says of it."""
+    robot = robot_from(follow(section, "robot"))
+    if model.speed is not None and not 0 < model.speed <= 1:
+        raise section.error("not a share of the speed", "speed", allowed="above 0 and up to 100 %")
+    joints = []
+    for joint in robot.joints:
+        stated = None if model.joints is None else getattr(model.joints, joint.name)
+        given = {} if stated is None else {name: value for name, value in stated if value is not None}
+        velocity = given.get("velocity", joint.velocity) * (1.0 if model.speed is None else model.speed)
+        joints.append(replace(joint, **{**given, "velocity": velocity}))
+    gravity = robot.gravity
+    if model.mounting is not None:
+        if named := next((angle for _, angle in model.mounting if isinstance(angle, str)), None):
+            raise section.error(f"names {named}, an angle of the robot", "mounting", allowed="angles")
+        turn = rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
+        gravity = frozen(turn.T @ gravity, (3,))
+    robot = replace(robot, joints=(joints[0], joints[1], joints[2], joints[3]), gravity=gravity)
+    return with_payload(robot, model.tip_payload or 0.0)
 
 
 def _places(model: Any) -> dict[str, Place]:

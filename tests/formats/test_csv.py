@@ -40,10 +40,14 @@ def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
         "qddd1_rad_per_s3", "qddd2_rad_per_s3", "qddd3_rad_per_s3", "qddd4_m_per_s3",
         "motor1_torque_Nm", "motor2_torque_Nm", "motor4_torque_Nm",
         "task_roll_rad", "task_tilt_rad", "task_spin_rad", "task_depth_m",
+        "tip_x_m", "tip_y_m", "tip_z_m",
     ]  # fmt: skip
     q = np.column_stack([rows[name] for name in ("q1_rad", "q2_rad", "q3_rad", "q4_m")])
     task = task_from_joints(Mechanism.from_geometry(plan.robot.geometry), q)
     assert rows["task_tilt_rad"] == pytest.approx(task[:, 1], abs=1e-15)
+    # the tool passes through the remote centre
+    tip = np.column_stack([rows[f"tip_{axis}_m"] for axis in "xyz"])
+    assert np.linalg.norm(tip, axis=1) == pytest.approx(np.abs(rows["task_depth_m"]), abs=1e-12)
 
 
 def test_columns_and_rates_that_are_not_known(plan: Plan, tmp_path: Path) -> None:

@@ -1,0 +1,107 @@
+"""What a problem file says in short means what it says at length."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.load import json_schema, load_problem
+from ssm_planner.problem.problem import Problem
+
+ROOT = Path(__file__).parent.parent.parent
+START = {"roll": "0 deg", "tilt": "-85 deg", "spin": "0 deg", "depth": "1 mm"}
+ABOVE = {"tilt": "-110 deg", "depth": "5 mm"}
+ROBOT = str(ROOT / "problems/robots/vitreoretinal.yaml")
+
+
+def problem(*motion: Any, **keys: Any) -> Problem:
+    return Problem.from_dict({"robot": ROBOT, "start": START, "motion": list(motion), **keys})
+
+
+def test_names_of_points_are_their_points() -> None:
+    entries = {"free": {"to": "above", "through": ["side", {"depth": "3 mm"}]}}, {"straight": {"to": "side"}}
+    side = {"roll": "10 deg"}
+    named = problem(*entries, points={"above": ABOVE, "side": side, "begin": START}, start="begin")
+    plain = problem({"free": {"to": ABOVE, "through": [side, {"depth": "3 mm"}]}}, {"straight": {"to": side}})
+    assert named.motion == plain.motion
+    assert named.start == plain.start
+
+
+def test_repeated_motions_follow_one_another() -> None:
+    once = [{"tilt": {"to": "-100 deg"}}, {"repeat": {"times": 2, "motion": [{"dwell": "1 s"}]}}]
+    named = problem({"repeat": {"times": 3, "motion": once}}, {"tilt": {"to": "-90 deg"}})
+    assert [entry.name for entry in named.motion] == 3 * ["tilt", "dwell", "dwell"] + ["tilt"]
+
+
+def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text(
+        "points: {above: {depth: 2 mm}}\nmotion:\n  - free: {to: above}\n  - tilt: {to: 99 deg}\n"
+    )
+    text = f"robot: {ROBOT}\nstart: {START}\npoints: {{above: {ABOVE}}}\n".replace("'", "")
+    (tmp_path / "whole.yaml").write_text(f"{text}motion:\n  - free: {{to: above}}\n  - include: part.yaml\n")
+    with pytest.raises(ProblemError, match=r"whole.yaml:6: .*outside the limits of tilt"):
+        load_problem(tmp_path / "whole.yaml")
+    (tmp_path / "part.yaml").write_text((tmp_path / "part.yaml").read_text().replace("99", "-99"))
+    whole = load_problem(tmp_path / "whole.yaml")
+    assert [entry.name for entry in whole.motion] == ["free", "free", "tilt"]
+    assert whole.motion[1].to.given == {"depth": 0.002}
+
+
+def test_the_robot_of_one_problem() -> None:
+    plain = problem({"dwell": "1 s"}).robot
+    joints = {"roll": {"velocity": "40 deg/s", "jerk": "4000 deg/s^3"}, "insertion": {"acceleration": "80 mm/s^2"}}
+    other = problem({"dwell": "1 s"}, joints=joints, speed="50 %", mounting=["x 90 deg"], tip_payload="20 g").robot
+    assert other.joints[0].velocity == pytest.approx(np.radians(20))
+    assert other.joints[0].jerk == pytest.approx(np.radians(4000))
+    assert other.joints[1].velocity == pytest.approx(plain.joints[1].velocity / 2)
+    assert other.joints[3].acceleration == pytest.approx(0.08)
+    # turned by 90° about x, the base's y points up
+    assert other.gravity == pytest.approx([0.0, plain.gravity[2], 0.0])
+    assert other.bodies[3].mass == pytest.approx(plain.bodies[3].mass + 0.02)
+    assert other.bodies[3].mass * other.bodies[3].com == pytest.approx(plain.bodies[3].mass * plain.bodies[3].com)
+
+
+@pytest.mark.parametrize(
+    ("motion", "keys", "message"),
+    [
+        ({"free": {"to": "abve"}}, {"points": {"above": ABOVE}}, "motion[0].free.to = abve: no point of this name"),
+        ({"free": {"to": "above"}}, {}, "a text where a mapping is needed"),
+        ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: not a point"),
+        ({"dwell": "1 s"}, {"points": [1]}, "not a mapping of names"),
+        ({"repeat": {"times": 0, "motion": [{"dwell": "1 s"}]}}, {}, "motion[0].repeat.times = 0: not how often"),
+        ({"repeat": {"times": 10_000, "motion": 2 * [{"dwell": "1 s"}]}}, {}, "too many motions"),
+        ({"repeat": {"motion": [{"dwell": "1 s"}]}}, {}, "not a repeated motion"),
+        ({"repeat": {"times": 2, "motion": 3}}, {}, "not a list of motions"),
+        ({"include": 3}, {}, "not a problem"),
+        ({"include": "nowhere.yaml"}, {}, "does not exist"),
+        ({"dwell": "1 s"}, {"speed": "130 %"}, "not a share of the speed"),
+        ({"dwell": "1 s"}, {"speed": "fast"}, "a share is needed"),
+        ({"dwell": "1 s"}, {"mounting": ["x alpha"]}, "names alpha"),
+        ({"dwell": "1 s"}, {"joints": {"elbow": {}}}, "joints.elbow"),
+        ({"dwell": "1 s"}, {"joints": {"roll": {"velocity": "-3 deg/s"}}}, "joints.roll.velocity"),
+        ({"dwell": "1 s"}, {"tip_payload": "-3 g"}, "tip_payload"),
+    ],
+)
+def test_what_is_wrong_is_named(motion: Any, keys: dict[str, Any], message: str) -> None:
+    with pytest.raises(ProblemError, match=re.escape(message)):
+        problem(motion, **keys)
+
+
+def test_a_problem_that_includes_itself_is_refused(tmp_path: Path) -> None:
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{name}.yaml").write_text(
+            f"robot: {ROBOT}\nstart: {START}\nmotion: [include: {other}.yaml]\n".replace("'", "")
+        )
+    with pytest.raises(ProblemError, match="includes itself"):
+        load_problem(tmp_path / "a.yaml")
+
+
+def test_the_schema_for_editors_knows_names() -> None:
+    text = str(json_schema("problem"))
+    assert all(f"'{key}'" in text for key in ("points", "repeat", "include", "speed", "mounting", "tip_payload"))
+    assert "A name among `points`." in text
