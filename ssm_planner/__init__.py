@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
     from ssm_planner.problem.drive import Drive, DriveKind, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
     from ssm_planner.problem.limits import Limit, SpeedLimit, StopTravel, TaskRange, TaskRate, TipSpeed, ToolLimit
-    from ssm_planner.problem.motion import Dwell, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
+    from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
     from ssm_planner.problem.motor import Motor
     from ssm_planner.problem.posterior import Posterior, Ripple
     from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, TaskLimits
@@ -72,7 +72,7 @@ __all__ = [
     "Alignment", "Array", "Axis", "AxisComparison", "AxisController", "Band", "Body", "Candidate", "Certificate",
     "Check", "Choice", "Clock", "Comparison", "Conditions", "Controller", "Count", "Cycle", "DemandName", "Demands",
     "Design", "DesignRegion", "Difference", "Draws", "Drive", "DriveKind", "Dwell", "DynamicFit", "Estimate",
-    "ExportError", "Extreme", "Eye", "Finding", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError",
+    "ExportError", "Extreme", "Eye", "Finding", "Follow", "Free", "Friction", "FrictionLawName", "Geometry", "GeometryError",
     "Harmonics", "Heat", "Identification", "Indices", "Interval", "Joint", "JointCompliance", "JointLoad",
     "JointSizing", "JointSolutions", "Joints", "Kept", "Lens", "Limit", "LimitCheck", "Line", "MapFit", "Mask",
     "Matrix", "Motion", "Motor", "MotorRequirement", "MotorUse", "MotorVerdict", "NotNegative", "Objective",
@@ -113,7 +113,7 @@ _HOMES = {
         "ssm_planner.plans": "PhaseSummary",
         "ssm_planner.problem.drive": "Drive DriveKind Friction FrictionLawName Ratings Rig ScrewEnds",
         "ssm_planner.problem.limits": "Limit SpeedLimit StopTravel TaskRange TaskRate TipSpeed ToolLimit",
-        "ssm_planner.problem.motion": "Dwell Free Joints Line Motion Point Scan Straight Task Tip",
+        "ssm_planner.problem.motion": "Dwell Follow Free Joints Line Motion Point Scan Straight Task Tip",
         "ssm_planner.problem.motor": "Motor",
         "ssm_planner.problem.posterior": "Posterior Ripple",
         "ssm_planner.problem.problem": "Eye Lens Objective Planner TaskLimits",

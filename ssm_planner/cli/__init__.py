@@ -26,6 +26,7 @@ STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 
 COMMANDS = {
     "plan": ("plan", "plan, cross-check, verify, size, report"),
+    "retime": ("retime", "anyone's path of the joints, timed by TOPP-RA and checked"),
     "check": ("check", "certificate for a plan.json, a CSV or a JointTrajectory of anyone's"),
     "export": ("export", "files for the controller: csv, epos4, pvt, ros2, urdf, c"),
     "simulate": ("simulate", "the exported set points played on the simulated arm, and what may go wrong"),

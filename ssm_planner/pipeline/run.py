@@ -17,7 +17,7 @@ from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
-from ssm_planner.problem.motion import Free, Motion, Point, Scan, Straight, Task
+from ssm_planner.problem.motion import Follow, Free, Motion, Point, Scan, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.process import FigureProcess
@@ -315,7 +315,7 @@ class _Cooling:
 
 
 def _lasting(entry: Motion, duration: float | None) -> Motion:
-    return entry if duration is None or isinstance(entry, Scan) else replace(entry, duration=duration)
+    return entry if duration is None or isinstance(entry, (Follow, Scan)) else replace(entry, duration=duration)
 
 
 def _duration_or_reason(problem: Problem) -> float | Reason:

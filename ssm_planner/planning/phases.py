@@ -11,10 +11,10 @@ from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.scan_pattern import expand_scans, refuse_tilt
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
@@ -32,7 +32,7 @@ class Phase:
     """Task coordinates at both ends, (4,)."""
     points: Array
     """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
-    path: StraightPath | None
+    path: JointPath | None
     """None for a free motion, and where the robot stands."""
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
     qd_end: Array = field(default_factory=lambda: np.zeros(4))
@@ -50,7 +50,7 @@ class Phase:
     @property
     def branch(self) -> int | None:
         """Branch of the inverse kinematics that a straight motion stays on: +1 or −1."""
-        return None if self.path is None else self.path.branch
+        return self.path.branch if isinstance(self.path, StraightPath) else None
 
 
 def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
@@ -85,6 +85,8 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
             phase = Phase(motion, task, task, np.stack([q, q]), None)
         elif isinstance(motion, Straight):
             phase = _straight_phase(problem, mechanism, motion, (task, q))
+        elif isinstance(motion, Follow):
+            phase = _curved_phase(problem, mechanism, motion, (task, q))
         else:
             phase = _free_phase(problem, mechanism, motion, (task, q))
         phases.append(phase)
@@ -117,6 +119,22 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
         points.append(point)
         end = task_from_joints(mechanism, point[None, :], near=end)[0]
     return Phase(motion, start, end, np.stack(points if len(points) > 1 else [q, q]), None)
+
+
+def _curved_phase(problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]) -> Phase:
+    """A motion along a curve through points; at: task coordinates and joints where it starts, (4,) each."""
+    start, q = at
+    points = np.array([q, *(point.values for point in (*motion.through, motion.to))])
+    scale = np.array([joint.velocity for joint in problem.robot.joints])
+    points = points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)]
+    if len(points) == 1:
+        return Phase(motion, start, start, np.stack([q, q]), None)
+    path = SplinePath(mechanism, points, scale)
+    knots = path.sample(path.directions[0]).q
+    end = start
+    for point in knots[1:]:
+        end = task_from_joints(mechanism, point[None, :], near=end)[0]
+    return Phase(motion, start, end, knots, path)
 
 
 def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array) -> StraightPath:

@@ -30,10 +30,10 @@ from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, StraightPath
+from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
-from ssm_planner.problem.motion import Motion, Scan
+from ssm_planner.problem.motion import Follow, Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
@@ -188,9 +188,9 @@ class _PhasePlanner:
             return PlannedPhase(phase, rest, toppra_duration=duration, lower_bound=duration)
         if phase.path is None:
             return self._free(phase)
-        if self.problem.planner == "toppra":
-            return self._retimed(phase, phase.path)
-        return self._straight(phase, phase.path)
+        if self.problem.planner != "toppra" and isinstance(phase.path, StraightPath):
+            return self._straight(phase, phase.path)
+        return self._retimed(phase, phase.path)
 
     def cross_checked(self, planned: PlannedPhase) -> PlannedPhase:
         """With TOPP-RA's duration along the path that a free motion took; a straight one has it from its guess.
@@ -231,10 +231,11 @@ class _PhasePlanner:
         borders = np.interp(path.knots, found.s, found.times) * slowed.duration / found.duration
         return replace(motion, breaks=slowed.breaks, coefficients=slowed.coefficients, borders=borders)
 
-    def _retimed(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:
-        """A straight motion timed by TOPP-RA alone."""
+    def _retimed(self, phase: Phase, path: JointPath) -> PlannedPhase | Reason:
+        """A straight or curved motion timed by TOPP-RA alone."""
         speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
-        retiming = self._retime(path, with_margin(self.strict, BETWEEN), speeds)
+        points = path.intervals if isinstance(path, SplinePath) else POINTS
+        retiming = retime(path, with_margin(self.strict, BETWEEN), points, self.problem.task_limits, speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
         motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver="TOPP-RA")
@@ -276,7 +277,7 @@ class _PhasePlanner:
         if isinstance(free, Reason) and isinstance(free.limit, (RetinaClearance, LensClearance)):
             free = self._drawn_back(phase) or free
         straight = straight_instead(self.problem, self.mechanism, phase)
-        if straight is None or straight.path is None:
+        if straight is None or not isinstance(straight.path, StraightPath):
             return free
         if not isinstance(free, Reason):
             rough = retime(straight.path, self.problem.robot, COARSE, self.problem.task_limits)
@@ -367,4 +368,4 @@ class _PhasePlanner:
 
 
 def _lasting(motion: Motion, duration: float) -> Motion:
-    return motion if isinstance(motion, Scan) else replace(motion, duration=duration)
+    return motion if isinstance(motion, (Follow, Scan)) else replace(motion, duration=duration)

@@ -110,6 +110,19 @@ class Free(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Follow(Value):
+    """Along a smooth curve in joint space, from where the motion is through points to the last of them, timed by TOPP-RA."""
+
+    kind: ClassVar[str] = "path"
+    to: Joints
+    through: tuple[Joints, ...] = ()
+    """Points of the curve, a natural cubic spline over the distance from point to point in joint velocities."""
+    name: str = "path"
+    line: Line | None = field(default=None, compare=False)
+    duration: ClassVar[None] = None
+
+
+@dataclass(frozen=True, eq=False)
 class Dwell(Value):
     """At rest for a while."""
 
@@ -160,7 +173,7 @@ class Scan(Value):
                 )
 
 
-Motion = Straight | Free | Dwell | Scan
+Motion = Straight | Free | Follow | Dwell | Scan
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
-from ssm_planner.problem.motion import Dwell, Free, Joints, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
 from ssm_planner.problem.value import Interval, Matrix, Names, NotNegative, Positive, Quantity, Value, Vector
 from ssm_planner.typing import Range
@@ -178,7 +178,7 @@ class Problem(Value, Limited):
     """Geometry, bodies, joint limits, drives and motors."""
     start: Task | Joints | Tip
     """Task coordinates that it does not name are 0."""
-    motion: tuple[Straight | Free | Dwell | Scan, ...]
+    motion: tuple[Straight | Free | Follow | Dwell | Scan, ...]
     """One motion after the other."""
     limits: tuple[Limit, ...] = ()
     """Of the task: ranges, rates and speeds; those of the joints are in robot.
@@ -252,7 +252,7 @@ class Problem(Value, Limited):
         self._check_durations()
         self._check_range()
         self._check_stops()
-        if self.planner == "toppra":
+        if self.planner == "toppra" or any(isinstance(entry, Follow) for entry in self.motion):
             self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
@@ -277,7 +277,7 @@ class Problem(Value, Limited):
                 yield f"motion[{i}]", entry.to
             elif isinstance(entry, Scan):
                 yield f"motion[{i}].at", entry.at
-            elif isinstance(entry, Free):
+            elif isinstance(entry, (Free, Follow)):
                 yield f"motion[{i}].to", entry.to
                 yield from ((f"motion[{i}].through[{k}]", point) for k, point in enumerate(entry.through))
 
@@ -375,9 +375,14 @@ class Problem(Value, Limited):
     def _check_for_toppra(self) -> None:
         moving = [entry for entry in self.motion if not isinstance(entry, Dwell)]
         asks = [f"a jerk limit of joint {joint.name}" for joint in self.robot.joints if joint.jerk is not None]
-        asks += [f"a {entry.kind} motion ({entry.name})" for entry in moving if not isinstance(entry, Straight)]
-        asks += [f"a duration of {entry.name}" for entry in moving if entry.duration is not None]
+        if self.planner == "toppra":
+            asks += [
+                f"a {entry.kind} motion ({entry.name})" for entry in moving if not isinstance(entry, (Straight, Follow))
+            ]
+            asks += [f"a duration of {entry.name}" for entry in moving if entry.duration is not None]
         if self.duration is not None or self.objective == "effort":
             asks.append("a duration or effort as the objective")
         if asks:
-            raise self._wrong("planner", f"TOPP-RA cannot take {asks[0]}", "straight motions as fast as possible")
+            raise self._wrong(
+                "planner", f"TOPP-RA cannot take {asks[0]}", "straight motions and paths as fast as possible"
+            )

@@ -13,7 +13,7 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limits import TASK, Limit, TaskRange, TaskRate, ToolLimit
-from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import Interval, Names, Positive, built, check_mapping, converted, wrong
@@ -32,7 +32,7 @@ def plain(value: Any) -> Any:
         return limits_to_plain(value)
     if isinstance(value, (Task, Joints, Tip)):
         return _point(value)
-    if isinstance(value, (Straight, Free, Dwell, Scan)):
+    if isinstance(value, (Straight, Free, Follow, Dwell, Scan)):
         return _motion(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return _fields(value)
@@ -88,13 +88,13 @@ def _motion(motion: Motion) -> dict[str, Any]:
         "target": None if target is None else _point(target),
         "duration": motion.duration,
         "line": motion.line,
-        "through": [_point(point) for point in motion.through] if isinstance(motion, Free) else [],
+        "through": [_point(point) for point in motion.through] if isinstance(motion, (Free, Follow)) else [],
         "scan": scan,
     }
 
 
 _SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
-_KINDS = {"straight": Straight, "free": Free, "dwell": Dwell, "scan": Scan}
+_KINDS = {"straight": Straight, "free": Free, "path": Follow, "dwell": Dwell, "scan": Scan}
 
 
 def _point_from(data: Any, where: str) -> Point:
@@ -117,8 +117,9 @@ def _motion_from(data: Any, where: str) -> Motion:
     if cls is None:
         raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
     values = {"name": data.get("name", ""), "line": data.get("line"), "duration": data.get("duration")}
-    if cls is Scan:
+    if cls in (Scan, Follow):
         del values["duration"]
+    if cls is Scan:
         check_mapping(data.get("scan"), _SCAN, f"{where}.scan")
         values |= data["scan"]
     if cls is not Dwell:
@@ -127,7 +128,7 @@ def _motion_from(data: Any, where: str) -> Motion:
             values |= target.given
         else:
             values["at" if cls is Scan else "to"] = target
-    if cls is Free:
+    if cls in (Free, Follow):
         through = data.get("through") or ()
         values["through"] = tuple(_point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through))
     motion: Motion = built(cls, values, where)

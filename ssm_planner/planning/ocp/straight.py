@@ -28,7 +28,7 @@ from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.models import StraightElement, fit, fit_of, fits_hold
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpStructure, PhaseSolution, cubics
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
-from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.planning.retiming.paths import JointPath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, ToolLimit
 from ssm_planner.problem.problem import Objective, TaskLimits
@@ -107,7 +107,7 @@ def solve_straight(
     )
 
 
-def retimed_pieces(path: StraightPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
+def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
     """`joint_pieces` of TOPP-RA's motion: breaks (n + 1,) and coefficients (n, 6, 4).
 
     Between its grid points ṡ² is linear in s, so that s̈ is constant.
@@ -191,7 +191,7 @@ def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
 
 
-def joint_pieces(path: StraightPath, elements: Array, subdivision: int, end_speed: float) -> tuple[Array, Array]:
+def joint_pieces(path: JointPath, elements: Array, subdivision: int, end_speed: float) -> tuple[Array, Array]:
     """Quintic joint polynomials that follow the path: exact q, q̇, q̈ at both ends of every piece.
 
     elements: s, ṡ, s̈ at the start, s̈ at the end and length of every element, (n, 5), s; each gives `subdivision` pieces.
@@ -205,7 +205,7 @@ def joint_pieces(path: StraightPath, elements: Array, subdivision: int, end_spee
     return breaks, hermite(breaks, ends[0], ends[1])
 
 
-def _joint_state(path: StraightPath, elements: Array, share: Array, end_speed: float) -> tuple[Array, Array, Array]:
+def _joint_state(path: JointPath, elements: Array, share: Array, end_speed: float) -> tuple[Array, Array, Array]:
     """q, q̇, q̈ at the given shares of every element, (n · shares, 4) each."""
     s, speed, acceleration = (value.ravel() for value in cubics(elements).at(share))
     s = np.clip(s, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Paths q(s), 0 ≤ s ≤ 1, that TOPP-RA times: straight in task coordinates, that of a motion, or a polyline in joint space."""
+"""Paths q(s), 0 ≤ s ≤ 1, that TOPP-RA times: straight in task coordinates, splines, those of motions, polylines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import pickle
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,13 @@ from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
+if TYPE_CHECKING:  # it loads slowly, and few paths are splines
+    from scipy.interpolate import CubicSpline
+
+PER_POINT, INTERVALS = 8, (1000, 20_000)
+"""Grid intervals of TOPP-RA for each point of a spline, and how few and many in all."""
+CORNER = np.radians(30)
+"""Turn of a polyline, in joints by their velocities, beyond which it is no sample of a smooth curve."""
 STILL = 1e-9
 """A joint whose q'(s) stays below this (rad or m per whole path) does not move along the path."""
 LOOKS = 401
@@ -54,6 +62,11 @@ class JointPath(ABC):
     def directions(self) -> tuple[Array, Array]:
         """Where joints turn back: knots s_k (m + 1,) from 0 to 1, and the sign of q'(s) between them, (m, 4); 0: stands."""
 
+    def speed_at(self, s: float, qd: Array) -> float:
+        """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
+        slope = self.sample(np.array([s])).dq[0]
+        return float(slope @ qd / (slope @ slope))
+
     def starts(self, samples: PathSamples) -> Mask:
         """At which of the samples (n,) joints start from rest if the motion along the path does, (n, 4): at s = 0."""
         return np.tile((samples.s == 0.0)[:, None], 4)
@@ -84,11 +97,6 @@ class StraightPath(JointPath):
     def third_derivative(self, s: Array) -> Array:
         """d³q/ds³ at s (n,): (n, 4)."""
         return self._derivatives(np.asarray(s, dtype=float), order=3)[3]
-
-    def speed_at(self, s: float, qd: Array) -> float:
-        """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
-        slope = self.sample(np.array([s])).dq[0]
-        return float(slope @ qd / (slope @ slope))
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
@@ -184,6 +192,73 @@ class MotionPath(JointPath):
             found[k] = (signs != before) & ((knot > 0) | (samples.dq[k] == 0.0))
             before = signs
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class SplinePath(JointPath):
+    """The natural cubic spline through points (k + 1, 4) of which no two in a row are the same.
+
+    s is the way from point to point along straight lines, joints measured by their `scale` (4,), over all of it.
+    """
+
+    mechanism: Mechanism
+    points: Array
+    scale: Array
+
+    @cached_property
+    def nodes(self) -> Array:
+        """s of the points, (k + 1,)."""
+        way = np.cumsum(np.linalg.norm(np.diff(self.points, axis=0) / self.scale, axis=1))
+        return np.append(0.0, way / way[-1])
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.nodes, self.points, axis=0, bc_type="natural")
+
+    @property
+    def intervals(self) -> int:
+        """Grid intervals that its points ask for."""
+        return int(np.clip(PER_POINT * len(self.points), *INTERVALS))
+
+    def sample(self, s: Array) -> PathSamples:
+        s = np.asarray(s, dtype=float)
+        q, dq, ddq = (self._spline(s, order) for order in range(3))
+        still = np.ptp(self.points, axis=0) < STILL
+        dq[:, still] = ddq[:, still] = 0.0
+        return PathSamples(s, q, dq, ddq)
+
+    @cached_property
+    def directions(self) -> tuple[Array, Array]:
+        slope = self._spline.derivative()
+        moving = np.flatnonzero(np.ptp(self.points, axis=0) >= STILL)
+        roots = np.concatenate([np.zeros(0), *(slope.roots(extrapolate=False)[i] for i in moving)])
+        knots = np.unique(np.round(roots[np.isfinite(roots)], 12))
+        knots = np.array([0.0, *knots[(knots > 1e-6) & (knots < 1 - 1e-6)], 1.0])
+        return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq)
+
+    @property
+    def off_lines(self) -> Array:
+        """How far the curve goes from the straight lines between its points at most, (4,), rad and m."""
+        share = np.linspace(0.0, 1.0, PER_POINT, endpoint=False)
+        s = (self.nodes[:-1, None] + share * np.diff(self.nodes)[:, None]).ravel()
+        lines = np.column_stack([np.interp(s, self.nodes, self.points[:, i]) for i in range(4)])
+        return np.asarray(np.abs(self.sample(s).q - lines).max(axis=0))
+
+
+def smooth_runs(points: Array, scale: Array) -> list[Array]:
+    """Points (n, 4) cut where they turn by more than CORNER, the cut points in both parts; a curve cannot pass there.
+
+    Points where nothing moves count once. scale (4,): of the joints, as in SplinePath.
+    """
+    steps = np.diff(points / scale, axis=0)
+    length = np.linalg.norm(steps, axis=1)
+    points, steps = points[np.append(True, length > STILL)], steps[length > STILL]
+    unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    cosine = np.einsum("ij,ij->i", unit[1:], unit[:-1])
+    cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER)) + 1).tolist(), len(points) - 1]
+    return [points[a : b + 1] for a, b in pairwise(cuts) if b > a]
 
 
 @dataclass(frozen=True, eq=False)
