@@ -300,7 +300,7 @@ class _Cooling:
             return None
         more = max(excess.values()) * (1 + BARELY) * (planned.trajectory.duration + (problem.duty or 0.0))
         durations = [
-            phase.duration * (1 + more / least) if stands else None
+            phase.duration * (1 + more / least) if stands and phase.duration else None
             for phase, stands in zip(planned.phases, standing, strict=True)
         ]
         motion = tuple(map(_lasting, problem.motion, durations))

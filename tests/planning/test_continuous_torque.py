@@ -87,6 +87,10 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
     heat = rms(problem, result.trajectory, "roll") ** 2 * result.duration
     assert result.duration == pytest.approx(heat / 18e-3**2, rel=2e-3)
     assert all(phase.lower_bound < phase.duration for phase in result.phases)
+    # a motion to where the robot is takes no time, so none of it is added there
+    again = plan(dataclasses.replace(problem, motion=(*problem.motion, problem.motion[1])))
+    assert again.passed
+    assert [phase.duration for phase in again.phases] == [*(phase.duration for phase in result.phases), 0.0]
 
 
 def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:
