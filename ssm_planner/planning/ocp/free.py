@@ -47,7 +47,10 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices
 
-ELEMENTS = 40
+ELEMENTS, ONE_TIME_ELEMENTS = 40, 64
+"""Of a motion; of one with one time for all elements, for they cannot move to where they are needed."""
+STRETCHED = 1.2
+"""Times of such a guess, which then is off its bounds."""
 SHORTEST_PASSING = 0.01
 """Least time of a block where points are passed, as a share of the guess's, which rests at each of them."""
 MOVES = 1e-9
@@ -71,7 +74,7 @@ def solve_free(
     cooling: Array | None = None,
     duration: float | None = None,
     speeds: tuple[Array, Array] | None = None,
-    count: int = ELEMENTS,
+    count: int | None = None,
     fast: bool = False,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
@@ -86,6 +89,9 @@ def solve_free(
     way[np.abs(way) <= MOVES] = 0.0
     if limits_jerk(robot):
         limits["jerk"] = _jerk_for_all(limits, way)
+    # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
+    one_time = not (fast or limits_jerk(robot)) and problem.eye is None and len(way) == 1
+    count = count or (ONE_TIME_ELEMENTS if one_time else ELEMENTS)
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
@@ -99,7 +105,7 @@ def solve_free(
             segment_sizes=sizes,
             # one time for each segment; beside an eye more of them, for its row switches at the port
             block_sizes=sizes
-            if fast and problem.eye is None
+            if one_time or (fast and problem.eye is None)
             else blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
             velocity_limits=True,
@@ -133,7 +139,8 @@ def solve_free(
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
     asked = None if duration is None else duration / ocp.time_scale
-    return ocp.result(optimise(ocp, ocp.guess, problem.objective, asked))
+    guess = ocp.guess.stretched(STRETCHED) if one_time else ocp.guess
+    return ocp.result(optimise(ocp, guess, problem.objective, asked))
 
 
 def _jerk_for_all(limits: dict[str, Array], way: Array) -> Array:

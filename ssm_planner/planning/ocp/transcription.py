@@ -36,6 +36,8 @@ IPOPT: dict[str, Any] = {
     "bound_frac": 1e-2,
     "mumps_pivot_order": 0,  # AMD; by itself MUMPS takes METIS on fine meshes, for which each iteration takes longer
 }
+FROM_BARRIER = {"bound_mult_init_method": "mu-based"}
+"""First multipliers of mu_init / slack: a fifth fewer iterations than from 1, but where jerk is limited in joints."""
 WARM: dict[str, Any] = {
     **IPOPT,
     "mu_init": 1e-7,
@@ -147,6 +149,7 @@ class Transcription:
             z=z,
             element_parameters=element_parameters,
             functions=functions,
+            first={} if structure.joints and structure.smooth else FROM_BARRIER,
             iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
                 element.aim, max(ITERATIONS, 2 * n)
             ),
@@ -201,6 +204,7 @@ def _solvers(
     z: ca.MX,
     element_parameters: list[ca.MX],
     functions: ElementFunctions,
+    first: dict[str, Any],
     iterations: int,
 ) -> tuple[ca.Function, ca.Function]:
     """Ipopt for cold and for warm starts, on the program with the elements z (4 m + 1, n) and their parameters:
@@ -251,7 +255,7 @@ def _solvers(
     nlp: Any = {"x": x, "p": p, "f": f, "g": g}
     cold, warm = (
         ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": {**ipopt_options, "max_iter": iterations}})
-        for ipopt_options in (IPOPT, WARM)
+        for ipopt_options in ({**IPOPT, **first}, WARM)
     )
     return cold, warm
 
