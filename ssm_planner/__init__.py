@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ssm_planner.formats.export import export
     from ssm_planner.identification.dynamic import DynamicFit
     from ssm_planner.identification.fit import Estimate, MapFit
-    from ssm_planner.identification.harmonics import Harmonics
     from ssm_planner.identification.identify import Identification, identify, predict
     from ssm_planner.identification.prediction import Prediction, PredictionBand
     from ssm_planner.identification.recordings import Recording
@@ -42,7 +41,7 @@ if TYPE_CHECKING:
     from ssm_planner.problem.limits import Limit, SpeedLimit, StopTravel, TaskRange, TaskRate, TipSpeed, ToolLimit
     from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
     from ssm_planner.problem.motor import Motor
-    from ssm_planner.problem.posterior import Posterior, Ripple
+    from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
     from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
     from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
@@ -101,7 +100,6 @@ _HOMES = {
         "ssm_planner.identification.fit": "Estimate MapFit",
         "ssm_planner.identification.identify": "Identification identify predict",
         "ssm_planner.identification.prediction": "Prediction PredictionBand",
-        "ssm_planner.identification.harmonics": "Harmonics",
         "ssm_planner.identification.recordings": "Recording",
         "ssm_planner.identification.torque_map": "TorqueMap",
         "ssm_planner.kinematics.of_robot": "JointSolutions ToolPose Workspace fk ik workspace",
@@ -115,7 +113,7 @@ _HOMES = {
         "ssm_planner.problem.limits": "Limit SpeedLimit StopTravel TaskRange TaskRate TipSpeed ToolLimit",
         "ssm_planner.problem.motion": "Dwell Follow Free Joints Line Motion Point Scan Straight Task Tip",
         "ssm_planner.problem.motor": "Motor",
-        "ssm_planner.problem.posterior": "Posterior Ripple",
+        "ssm_planner.problem.posterior": "Harmonics Posterior Ripple",
         "ssm_planner.problem.problem": "Eye Lens Objective Planner TaskLimits",
         "ssm_planner.problem.robot": "Body Geometry Joint Robot",
         "ssm_planner.problem.value": "Count Interval Matrix NotNegative Positive Sign Vector",

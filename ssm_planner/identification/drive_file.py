@@ -98,6 +98,10 @@ def _posterior(posterior: Posterior) -> dict[str, Any]:
     for way, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
         if ripple is not None:
             table[way] = {field.name: _numbers(getattr(ripple, field.name)) for field in dataclasses.fields(Ripple)}
+    for way in ("harmonics_forwards", "harmonics_backwards"):
+        if (harmonics := getattr(posterior, way)) is not None:
+            numbers = {name: _numbers(getattr(harmonics, name)) for name in ("orders", "cosine", "sine")}
+            table[way] = {**numbers, "phased": harmonics.phased}
     return {**table, "draws": draws}
 
 

@@ -22,7 +22,9 @@ from ssm_planner.identification.parameters import (
 from ssm_planner.identification.posterior import (
     MapModel,
     blind_errors,
+    covariance_near,
     data_correlation,
+    log_evidence,
     most_likely,
     prior_pull,
     sample,
@@ -33,8 +35,12 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, interval_of
 from ssm_planner.typing import Array
 
-SEPARABLE = 0.3
-"""A parameter is given by the data where what was expected pulls it by less than this many standard deviations."""
+SEPARABLE = 0.2
+"""A parameter is given by the data where what was expected pulls it by less than this many standard deviations,"""
+AGREED = 0.5
+"""and every law that the data leave possible has it within so many of them:"""
+POSSIBLE = 6.0
+"""one whose evidence is no more than exp(POSSIBLE) times less than the best law's."""
 _QUIET = 0.1
 """Expected scatter of a mean torque from one recording to the next, as a share of its deviation within a recording."""
 
@@ -138,7 +144,7 @@ def fit_map(
     for model, error in zip(models, blind, strict=True):
         criterion[model.law] = min(error, criterion.get(model.law, math.inf))
     criterion[models[chosen].law] = blind[chosen]
-    fit = _report(models[chosen], found[chosen], data)
+    fit = _report(models[chosen], found[chosen], data, _others(models, found, chosen))
     apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=apart, criterion=criterion)
 
@@ -164,8 +170,37 @@ def _with_enough_points(models: list[MapModel]) -> list[MapModel]:
     return enough
 
 
-def _report(model: MapModel, z: Array, data: TorqueMap) -> MapFit:
-    """The fit of the chosen law with z (k,) most likely.
+def _others(models: list[MapModel], found: list[Array], chosen: int) -> list[tuple[MapModel, Array]]:
+    """The other laws that the data leave possible, with their most likely z (k,)."""
+    evidence = [log_evidence(model, z) for model, z in zip(models, found, strict=True)]
+    return [
+        (model, z)
+        for model, z, its in zip(models, found, evidence, strict=True)
+        if model.law != models[chosen].law and its > max(evidence) - POSSIBLE
+    ]
+
+
+def _separable(model: MapModel, z: Array, draws: Array, others: list[tuple[MapModel, Array]]) -> dict[str, bool]:
+    """By name: what was expected hardly pulls the parameter of the model, most likely at z (k,), and the other laws agree.
+
+    A law that is not the true one can leave a narrow interval beside the truth; draws (sets, k) are of the one chosen.
+    """
+    covariance = np.atleast_2d(np.cov(draws.T))
+    separable = {name: bool(pull < SEPARABLE) for name, pull in zip(model.names, prior_pull(covariance), strict=True)}
+    for other, best in others:
+        pulls = dict(zip(other.names, prior_pull(covariance_near(other, best)), strict=True))
+        values = other.parameters(best[None])
+        for i, name in enumerate(model.names[: len(z)]):
+            if name not in pulls:
+                separable[name] = False
+            elif name != LOAD_OFFSET:
+                apart = abs(model.z_of(name, float(values[name][0, 0])) - z[i]) / np.sqrt(covariance[i, i])
+                separable[name] &= bool(pulls[name] < SEPARABLE and apart < AGREED)
+    return separable
+
+
+def _report(model: MapModel, z: Array, data: TorqueMap, others: list[tuple[MapModel, Array]]) -> MapFit:
+    """The fit of the chosen law with z (k,) most likely; others: the laws that the data leave possible besides.
 
     A load offset that did not pay is 0 in the fit, but not known to be: the posterior leaves it open.
     """
@@ -173,6 +208,7 @@ def _report(model: MapModel, z: Array, data: TorqueMap) -> MapFit:
     if LOAD_OFFSET not in (*model.names, *model.fixed):
         open_model = replace(model, names=(*model.names, LOAD_OFFSET))
     draws, scatters, shares = sample(open_model, np.append(z, [0.0] * (len(open_model.names) - len(z))))
+    separable = _separable(open_model, z, draws, others)
     at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(model.drive)
     if at_bound:
         z = most_likely(model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive))))
@@ -191,7 +227,6 @@ def _report(model: MapModel, z: Array, data: TorqueMap) -> MapFit:
     values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | {
         name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()
     }
-    separable = {name: bool(pull < SEPARABLE) for name, pull in zip(posterior.names, prior_pull(draws), strict=True)}
     estimates = {
         name: _estimate(value, posterior.column(name), separable=separable[name], at_bound=at_bound and name == "mu")
         for name, value in ((name, values[name]) for name in posterior.names)

@@ -7,12 +7,12 @@ the speed from an unknown start: the recordings' harmonics are turned onto each 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.identification.recordings import Recording
+from ssm_planner.problem.posterior import Harmonics
 from ssm_planner.typing import Array
 
 TURN = 2 * np.pi
@@ -20,47 +20,6 @@ HARMONICS = 3
 """Of a turn, by which torque is taken to repeat."""
 _STARTS = 720
 _ROUNDS = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Harmonics:
-    """Torque about its mean in one direction: Σ_k cosine_k cos(order_k θ) + sine_k sin(order_k θ), θ the motor angle."""
-
-    orders: tuple[float, ...]
-    """Periods per turn of the motor; below 1: of the wheel."""
-    cosine: tuple[float, ...]
-    """N·m."""
-    sine: tuple[float, ...]
-    phased: bool
-    """Whether the angle was recorded, so that phases hold for other recordings too."""
-
-    @property
-    def amplitudes(self) -> Array:
-        """(orders,) N·m."""
-        return np.hypot(self.cosine, self.sine)
-
-    def torque(self, angle: Array) -> Array:
-        """(samples,) N·m at motor angles (samples,), rad."""
-        return np.asarray(_waves(angle, self.orders) @ np.array([*self.cosine, *self.sine]))
-
-    def turned(self, start: float) -> Harmonics:
-        """The same with the angle counted from `start`, rad."""
-        turned = _complex(self) * np.exp(1j * start * np.array(self.orders))
-        return Harmonics(self.orders, tuple(turned.real), tuple(-turned.imag), self.phased)
-
-    def start_in(self, angle: Array, tau: Array) -> float:
-        """Angle at which a recording began, rad, from motor angle since then and torque (samples,) of it."""
-        return _start(_complex(self), _complex(_fitted([(angle, tau)], self.orders, phased=False)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `identify --json` prints of one direction."""
-        return {
-            "orders": self.orders,
-            "amplitudes": self.amplitudes.tolist(),
-            "cosine": self.cosine,
-            "sine": self.sine,
-            "phased": self.phased,
-        }
 
 
 def travelled(recording: Recording) -> Array:
@@ -99,8 +58,13 @@ def fit_harmonics(recordings: Sequence[Recording], direction: int, ratio: float 
     for _ in range(_ROUNDS):
         turned = [_complex(one.turned(-_start(_complex(mean), _complex(one)))) for one in each]
         common = np.average(turned, axis=0, weights=turns)
-        mean = Harmonics(mean.orders, tuple(common.real), tuple(-common.imag), phased=False)
+        mean = Harmonics(mean.orders, tuple(common.real.tolist()), tuple((-common.imag).tolist()), phased=False)
     return mean
+
+
+def start_in(harmonics: Harmonics, angle: Array, tau: Array) -> float:
+    """Angle at which a recording began, rad, from motor angle since then and torque (samples,) of it."""
+    return _start(_complex(harmonics), _complex(_fitted([(angle, tau)], harmonics.orders, phased=False)))
 
 
 def _orders(ratio: float | None) -> tuple[float, ...]:
@@ -123,7 +87,7 @@ def _fitted(parts: Sequence[tuple[Array, Array]], orders: tuple[float, ...], pha
     means = np.repeat(np.eye(len(parts)), [len(tau) for _, tau in parts], axis=0)
     columns = np.column_stack([means, np.concatenate([_waves(angle, orders) for angle, _ in parts])])
     found = np.linalg.lstsq(columns, np.concatenate([tau for _, tau in parts]), rcond=None)[0][len(parts) :]
-    return Harmonics(orders, tuple(found[: len(orders)]), tuple(found[len(orders) :]), phased)
+    return Harmonics(orders, tuple(found[: len(orders)].tolist()), tuple(found[len(orders) :].tolist()), phased)
 
 
 def _start(reference: Any, found: Any) -> float:

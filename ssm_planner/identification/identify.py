@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
 from ssm_planner.identification.fit import Estimate, MapFit, fit_map
-from ssm_planner.identification.harmonics import Harmonics, fit_harmonics
+from ssm_planner.identification.harmonics import fit_harmonics
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, distinct, read_recordings
 from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
 from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.posterior import Harmonics
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,7 @@ def identify(
     fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
     wheel = here.ratio if here.kind == "worm" else None
     by_way = {way: fit_harmonics(steady, sign, wheel) for way, sign in (("forwards", 1), ("backwards", -1))}
+    fit = replace(fit, drive=_with_harmonics(fit.drive, by_way))
     if moving:
         progress(f"fitting {len(moving)} start–stop recordings")
     dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None
@@ -122,6 +125,15 @@ def identify(
         evidence=evidence,
         file=find(drive, "drives"),
     )
+
+
+def _with_harmonics(drive: Drive, found: Mapping[str, Harmonics | None]) -> Drive:
+    """The drive with the harmonics, `forwards` and `backwards`, in its posterior."""
+    friction = friction_of(drive)
+    if friction.posterior is None:
+        return drive
+    own: dict[str, Any] = {f"harmonics_{way}": harmonics for way, harmonics in found.items()}
+    return replace(drive, friction=replace(friction, posterior=replace(friction.posterior, **own)))
 
 
 def predict(

@@ -240,7 +240,7 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
 def sample(model: MapModel, z: Array, draws: int = DRAWS) -> tuple[Array, Array, Array]:
     """Equally likely z (draws, k), scatters (draws,) in N·m and shares c (draws,), from walkers about z (k,)."""
     rng, k = np.random.default_rng(SEED), len(z)
-    root = np.linalg.cholesky(np.linalg.inv(_information(model, z) + np.eye(k)))
+    root = np.linalg.cholesky(covariance_near(model, z))
     walkers = z + rng.standard_normal((WALKERS, k)) @ root.T
     height = model.log_posterior(walkers)
     kept, halves = [], (np.arange(WALKERS // 2), np.arange(WALKERS // 2, WALKERS))
@@ -264,6 +264,16 @@ def _information(model: MapModel, z: Array) -> Array:
     values = model.residual(np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])) / _scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
     return np.asarray(jacobian @ jacobian.T)
+
+
+def covariance_near(model: MapModel, z: Array) -> Array:
+    """(k, k) of the posterior near z (k,), were it normal."""
+    return np.asarray(np.linalg.inv(_information(model, z) + np.eye(len(z))))
+
+
+def log_evidence(model: MapModel, z: Array) -> float:
+    """ln p(τ) of the law, by Laplace's approximation about the most likely z (k,), up to a constant that laws share."""
+    return float(model.log_posterior(z[None])[0] + 0.5 * np.linalg.slogdet(covariance_near(model, z))[1])
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
@@ -302,18 +312,26 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     near = common * correlation(w, speeds)
     factors = np.linalg.solve(common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds)), near.T).T
     left = np.sqrt(np.maximum(1.0 - np.sum(factors * near, axis=1), 0.0))
-    logs, recorded, outside = np.log(np.maximum(np.abs(w), SLOWEST)), np.log(np.abs(speeds)), np.ones(len(w))
+    return np.asarray(factors), np.asarray(left * (1.0 + outside(posterior, w)))
+
+
+def outside(posterior: Posterior, w: Array) -> Array:
+    """(samples,) how far motor speeds w lie outside those of the recordings in the same direction: |ln| of their ratio.
+
+    1 in a direction that was not recorded.
+    """
+    speeds = np.array(posterior.speeds)
+    logs, recorded, apart = np.log(np.maximum(np.abs(w), SLOWEST)), np.log(np.abs(speeds)), np.ones(len(w))
     for sign in np.unique(np.sign(speeds)):
         here, known = np.sign(w) == sign, recorded[np.sign(speeds) == sign]
-        outside[here] = np.maximum(np.maximum(known.min() - logs[here], logs[here] - known.max()), 0.0)
-    return np.asarray(factors), np.asarray(left * (1.0 + outside))
+        apart[here] = np.maximum(np.maximum(known.min() - logs[here], logs[here] - known.max()), 0.0)
+    return apart
 
 
-def prior_pull(z: Array) -> Array:
-    """(k,) how far the mean of each parameter follows what was expected of all, in its standard deviations; z (draws, k).
+def prior_pull(covariance: Array) -> Array:
+    """(k,) how far the mean of each parameter follows what was expected of all, in its standard deviations.
 
-    Were every expectation moved by one standard deviation of its own, the posterior of a linear model would move by
-    cov(z): row by row in units of √cov_ii. Small values mean that the data alone decide.
+    Were every expectation moved by one standard deviation of its own, the posterior of a linear model would move by the
+    covariance (k, k) of z: row by row in units of √cov_ii. Small values mean that the data alone decide.
     """
-    covariance = np.atleast_2d(np.cov(z.T))
     return np.asarray(np.linalg.norm(covariance, axis=1) / np.sqrt(np.diag(covariance)))

@@ -18,7 +18,7 @@ from ssm_planner.dynamics.friction import (
 from ssm_planner.dynamics.transmission import holding_torque, motor_torque, nut_contact, output_effort
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure
+from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem.drive import Drive, Friction
@@ -31,6 +31,8 @@ START_LEAD = 0.05
 The recorder's speed is averaged and rounded: a drive must have broken away before it shows.
 """
 
+UNSEEN = 0.25
+"""Share beyond the slowest or fastest recording of the fit, as a logarithm, from which a speed counts as extrapolated."""
 SEED = 20_210_521
 PEAK_CONFIDENCE = 0.99
 IMPLAUSIBLE = 0.5
@@ -65,6 +67,8 @@ class Prediction:
     """Share of the samples in which a half nut of an antibacklash screw lifts off: there the law does not hold."""
     band: PredictionBand | None = None
     """None where the drive file says nothing of its friction's uncertainty."""
+    unseen: float | None = None
+    """The motor speed, rad/s, furthest outside those that the friction was identified at; None: all within."""
 
     @property
     def mean_inside(self) -> bool | None:
@@ -85,7 +89,14 @@ class Prediction:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Why the recording is hardly one of this drive, in words."""
+        """Why the recording is hardly one of this drive, and which of its speeds no recording of the fit had, in words."""
+        if self.unseen is None:
+            return self._foreign
+        text = f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
+        return (*self._foreign, text)
+
+    @property
+    def _foreign(self) -> tuple[str, ...]:
         moving = np.logical_not(self.rest)
         expected, measured = float(np.abs(self.tau[moving]).mean()), float(np.abs(self.recording.tau[moving]).mean())
         ratio = measured / max(expected, 1e-300)
@@ -111,6 +122,7 @@ class Prediction:
             "peak_99": None if self.band is None else self.band.peak,
             "repairs": list(self.recording.repairs),
             "remarks": list(self.remarks),
+            "extrapolated_speed": self.unseen,
             "samples": len(self.recording.time),
             "rest_share": float(self.rest.mean()),
             "contact_lost": self.contact_lost,
@@ -141,7 +153,36 @@ def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, loa
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     at_rest = motion.direction == 0
     tau = tau + departure(drive, motion)
-    return Prediction(recording, tau, at_rest, nrmsd(tau, recording.tau), lost, band=band_of(drive, motion, tau, load))
+    wave = repeating(drive, recording, motion)
+    band = band_of(drive, motion, tau, load, wave=wave)
+    tau = tau if wave is None else tau + wave
+    error, unseen = nrmsd(tau, recording.tau), unseen_speed(drive, motion)
+    return Prediction(recording, tau, at_rest, nrmsd=error, contact_lost=lost, band=band, unseen=unseen)
+
+
+def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
+    """(samples,) torque that repeats with the angle, N·m; None where recording or drive file do not tell the phase."""
+    posterior = friction_of(drive).posterior
+    if posterior is None or recording.angle is None:
+        return None
+    known = [(sign, posterior.harmonics(sign)) for sign in (1, -1)]
+    waves = [
+        np.where(motion.direction == sign, harmonics.torque(recording.angle), 0.0)
+        for sign, harmonics in known
+        if harmonics is not None and harmonics.phased
+    ]
+    return np.sum(waves, axis=0) if waves else None
+
+
+def unseen_speed(drive: Drive, motion: Motion) -> float | None:
+    """The largest motor speed of a motion in a direction, rad/s, where it is outside those of the fit; None: within."""
+    posterior = friction_of(drive).posterior
+    fastest = np.array([end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL])
+    fastest = fastest[np.isin(np.sign(fastest), motion.direction)]
+    if posterior is None or not posterior.speeds or not len(fastest):
+        return None
+    apart = outside(posterior, fastest)
+    return float(fastest[np.argmax(apart)]) if apart.max() > UNSEEN else None
 
 
 def departure(drive: Drive, motion: Motion) -> Array:
@@ -154,10 +195,13 @@ def departure(drive: Drive, motion: Motion) -> Array:
     return np.where(motion.direction == 0, 0.0, expected)
 
 
-def band_of(drive: Drive, motion: Motion, tau: Array, load: float) -> PredictionBand | None:
+def band_of(
+    drive: Drive, motion: Motion, tau: Array, load: float, *, wave: Array | None = None
+) -> PredictionBand | None:
     """The band about the predicted torque tau (samples,); None where the drive has no posterior.
 
-    load: constant effort on the output, the rig's load_offset included.
+    load: constant effort on the output, the rig's load_offset included. wave: what repeats with the angle, (samples,),
+    where it is known; the ripple is smaller by it.
     """
     friction = friction_of(drive)
     posterior = friction.posterior
@@ -190,8 +234,11 @@ def band_of(drive: Drive, motion: Motion, tau: Array, load: float) -> Prediction
             top_torque = np.abs(tau[top] + spread[:, of[top]])
             peaks = np.maximum(peaks, top_torque + (0.0 if ripple is None else ripple.draw_peak(rng, count)))
         if ripple is not None:
-            spread[:, here] += ripple.draw(rng, count)[:, None]
+            harmonics = None if wave is None else posterior.harmonics(sign)
+            known = 0.0 if harmonics is None or not harmonics.phased else float(np.sum(harmonics.amplitudes**2) / 2)
+            spread[:, here] += ripple.draw(rng, count, known)[:, None]
     ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, of]
+    ends += 0.0 if wave is None else wave
     return PredictionBand((low, high), tau + ends[0], tau + ends[1], peak=float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 

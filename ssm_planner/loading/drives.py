@@ -33,7 +33,7 @@ from ssm_planner.loading.schema import (
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.drive import PARAMETERS, RANGED, Drive, DriveKind, Friction, Ratings, Rig
-from ssm_planner.problem.posterior import Posterior, Ripple
+from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
 from ssm_planner.problem.value import Bound, Quantity, bare, descriptions, hints
 
 TO_IDENTIFY = "to_identify"
@@ -99,6 +99,10 @@ def _numbers(value: Any) -> tuple[float, ...]:
 _Numbers = Annotated[tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")]
 RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), of=Ripple)
 
+HarmonicsModel = model_from(
+    dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)}, of=Harmonics
+)
+
 
 class PosteriorModel(Model):
     """What an identification leaves open, SI; see posterior.Posterior."""
@@ -115,6 +119,10 @@ class PosteriorModel(Model):
     """Ripple and noise in positive motion."""
     backwards: Annotated[Any, Part(RippleModel)] | None = None
     """Ripple and noise in negative motion."""
+    harmonics_forwards: Annotated[Any, Part(HarmonicsModel)] | None = None
+    """What of the ripple repeats with the motor's angle in positive motion."""
+    harmonics_backwards: Annotated[Any, Part(HarmonicsModel)] | None = None
+    """The same in negative motion."""
     draws: dict[str, _Numbers] = PydanticField(min_length=1)
     """Equally likely values of each parameter."""
 
@@ -284,6 +292,8 @@ def _posterior(model: PosteriorModel) -> Posterior:
         )
     given = {"forwards": model.forwards, "backwards": model.backwards}
     own: dict[str, Any] = {way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None}
+    waves = {f"harmonics_{way}": getattr(model, f"harmonics_{way}") for way in given}
+    own |= {way: Harmonics(**dict(found)) for way, found in waves.items() if found is not None}
     draws = np.column_stack(list(model.draws.values()))
     own |= {name: getattr(model, name) for name in ("scatter", "common", "speeds", "departures")}
     return Posterior(names=tuple(model.draws), draws=draws, **own)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -45,11 +45,15 @@ class Ripple(Value):
             if not 0 < len(getattr(self, name)) == len(self.torque):
                 raise self._wrong(name, "not one figure for each recording", f"{len(self.torque)} figures, at least 1")
 
-    def draw(self, rng: np.random.Generator, count: int) -> Array:
-        """(count,) departures of single samples, N·m: a harmonic of unknown phase, and noise."""
+    def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
+        """(count,) departures of single samples, N·m: a harmonic of unknown phase, and noise.
+
+        known: mean square of the ripple that is foreseen, N²·m².
+        """
         of = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
-        repeating = np.sqrt(2.0) * np.array(self.ripple)[of] * np.sin(phase)
+        left = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
+        repeating = np.sqrt(2.0) * left[of] * np.sin(phase)
         return np.asarray(repeating + np.array(self.noise)[of] * rng.standard_normal(count))
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
@@ -58,6 +62,50 @@ class Ripple(Value):
         square = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / known
         spread = math.sqrt(square * (1 + 1 / len(logs)))
         return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(known, size=count)))
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonics(Value):
+    """Torque about its mean in one direction: Σ_k cosine_k cos(order_k θ) + sine_k sin(order_k θ), θ the motor angle."""
+
+    orders: tuple[Positive, ...]
+    """Periods per turn of the motor; below 1: of the wheel."""
+    cosine: tuple[float, ...]
+    """N·m."""
+    sine: tuple[float, ...]
+    """N·m."""
+    phased: bool
+    """Whether the angle was recorded, so that phases hold for other recordings too; else the amplitudes alone do."""
+
+    def _check(self) -> None:
+        for name in ("cosine", "sine"):
+            if len(getattr(self, name)) != len(self.orders):
+                raise self._wrong(name, "not one figure for each order", f"{len(self.orders)} figures")
+
+    @property
+    def amplitudes(self) -> Array:
+        """(orders,) N·m."""
+        return np.hypot(self.cosine, self.sine)
+
+    def torque(self, angle: Array) -> Array:
+        """(samples,) N·m at motor angles (samples,), rad."""
+        waves = np.outer(angle, self.orders)
+        return np.asarray(np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine))
+
+    def turned(self, start: float) -> Harmonics:
+        """The same with the angle counted from `start`, rad."""
+        turned = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(1j * start * np.array(self.orders))
+        return Harmonics(self.orders, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()), self.phased)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The object that `identify --json` prints of one direction."""
+        return {
+            "orders": self.orders,
+            "amplitudes": self.amplitudes.tolist(),
+            "cosine": self.cosine,
+            "sine": self.sine,
+            "phased": self.phased,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +128,10 @@ class Posterior(Value):
     """Ripple and noise in positive motion."""
     backwards: Ripple | None = None
     """Ripple and noise in negative motion."""
+    harmonics_forwards: Harmonics | None = None
+    """What of the ripple repeats with the motor's angle in positive motion; None: not known."""
+    harmonics_backwards: Harmonics | None = None
+    """The same in negative motion."""
 
     def _check(self) -> None:
         known = (*FRICTION_NAMES, LOAD_OFFSET)
@@ -116,6 +168,10 @@ class Posterior(Value):
     def ripple(self, direction: int) -> Ripple | None:
         """In motion of a direction (±1)."""
         return self.forwards if direction > 0 else self.backwards
+
+    def harmonics(self, direction: int) -> Harmonics | None:
+        """In motion of a direction (±1)."""
+        return self.harmonics_forwards if direction > 0 else self.harmonics_backwards
 
     def values(self, count: int | None = None) -> Mapping[str, Array]:
         """Parameters by name, (count,) each: the sets one after the other, from the first again where there are too few."""

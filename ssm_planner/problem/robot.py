@@ -246,8 +246,9 @@ class Robot(Value, Limited):
         """One robot for each set of bodies, of itself and its corners."""
         if not self.corners and not self.lightest:
             return (self,)
+        different = {id(robot.bodies): robot for robot in (*self.lightest, *self.corners, self)}
         found: dict[tuple[Body, ...], Robot] = {}
-        for robot in (self, *self.corners, *self.lightest):
+        for robot in reversed(different.values()):
             found.setdefault(robot.bodies, robot)
         return tuple(found.values())
 
@@ -262,11 +263,15 @@ class Robot(Value, Limited):
             drive = self.joints[i].drive
             return () if drive is None else ((0, drive, (1, -1)),)
         bodies = [robot.bodies for robot in self.loads]
+        position: dict[int, int] = {}
         found: dict[tuple[int, int], tuple[int, Drive, tuple[int, ...]]] = {}
         wanted: list[tuple[Robot, tuple[int, ...]]] = [(each, (1,)) for each in self.corners]
         wanted += [(each, (-1,)) for each in self.lightest]
         for robot, sides in wanted:
-            drive, load = robot.joints[i].drive, bodies.index(robot.bodies)
+            drive = robot.joints[i].drive
+            if id(robot.bodies) not in position:  # a comparison of bodies takes long
+                position[id(robot.bodies)] = bodies.index(robot.bodies)
+            load = position[id(robot.bodies)]
             if drive is not None:
                 before = found.get((load, id(drive)), (load, drive, ()))[2]
                 found[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*before, *sides))))

@@ -1,8 +1,8 @@
 """Of a range of friction and payload, the cases in which a motion asks most of its motors.
 
-Every set of friction parameters that spans the range (`FrictionSpread.within`), with an empty tip, the least and the
-largest payload, at both ends of every piece and evenly between: the sets for which the torque of a motor, either way, or its
-mean square is largest are then looked at as closely as the robot's own torques. The planner's corners are not used.
+Every outermost set of friction parameters that spans the range (`FrictionSpread.within`), with an empty tip, the least and
+the largest payload, at both ends of every piece and evenly between: the sets for which the torque of a motor, either way, or
+its mean square is largest are then looked at as closely as the robot's own torques. The planner's corners are not used.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             continue
         sets = {"mu": np.array([joint.drive.friction.mu])} if joint.drive.friction is not None else {}
         if limits.friction is not None:
-            sets = spread_of(joint.drive).within(limits.friction)
+            sets = _outermost(spread_of(joint.drive).within(limits.friction))
         for k, mass in sorted(
             {case for load in range(len(masses)) for case in motion.worst(i, joint.drive, sets, load)}
         ):
@@ -48,6 +48,20 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             case = Case(drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (words, payload))))
             found.append(Quantity(joint.limit(MotorTorque), i, case=case))
     return found
+
+
+def _outermost(sets: dict[str, Array]) -> dict[str, Array]:
+    """The sets of parameters (sets,) that no other exceeds in all of them, or none is below in all.
+
+    The torque in the direction of motion grows with every one of them.
+    """
+    values = np.unique(np.column_stack(list(sets.values())), axis=0)
+    more = np.ones((len(values), len(values)), dtype=bool)
+    for column in values.T:
+        more &= column[:, None] >= column
+    np.fill_diagonal(more, False)
+    outer = values[~more.any(axis=0) | ~more.any(axis=1)]
+    return dict(zip(sets, outer.T, strict=True))
 
 
 class _Motion:

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.problem.limits import ENDS, JUMPS, ContinuousTorque, SelfLocking
 from ssm_planner.problem.problem import TaskLimits
@@ -82,7 +83,7 @@ def check(
     found += jumps.checks(straight)
     found = _worst_of_each(found)
     found += end_checks(trajectory, robot, limits, straight)
-    found += _locking(robot)
+    found += _locking(robot, limits.friction)
     if not straight:
         found += _farthest_stop(trajectory, robot, limits)
     certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
@@ -108,18 +109,21 @@ def _lacking(joint: Joint) -> str:
     return f"the robot file names no drive for it, so its motor {joint.motor.name} counts for nothing"
 
 
-def _locking(robot: Robot) -> list[LimitCheck]:
-    """φ_f > λ at the lowest plausible friction, for every drive the robot relies on to hold."""
+def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
+    """φ_f > λ at the lowest plausible friction, for every drive the robot relies on to hold; share: of its range, if any."""
     checks = []
     for joint in robot.joints:
         limit, drive = next((each for each in joint.limits if isinstance(each, SelfLocking)), None), joint.drive
         if limit is None or drive is None:
             continue
-        lowest = limit.friction
+        lowest, case = limit.friction, None
+        if share is not None:
+            least = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
+            lowest, case = (least, f"mu {least:.4g}") if least < lowest else (lowest, None)
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
         margin = float(in_mu) / needed
-        found = LimitCheck(limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit)
+        found = LimitCheck(limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit, case=case)
         checks.append(found)
     return checks
 

@@ -7,10 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.identification.harmonics import fit_harmonics, travelled
+from ssm_planner.identification.harmonics import fit_harmonics, start_in, travelled
+from ssm_planner.identification.identify import identify, predict
+from ssm_planner.identification.parameters import map_torque, with_parameters
 from ssm_planner.identification.prediction import nrmsd
 from ssm_planner.identification.recordings import Recording, read_recording, read_recordings
+from ssm_planner.loading.load import load_drive
 
+DRIVE = Path(__file__).parents[2] / "problems" / "drives" / "rig3_worm.yaml"
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
 RATIO = 60.0
 TURN = 2 * np.pi
@@ -46,7 +50,7 @@ def test_without_angles_amplitudes_are_found_and_the_phase_from_the_beginning():
     other = simulated(1, 5.1, False, turns=20.0)
     angle = travelled(other)
     first = angle <= 2 * TURN
-    wave = found.turned(found.start_in(angle[first], other.tau[first])).torque(angle[~first])
+    wave = found.turned(start_in(found, angle[first], other.tau[first])).torque(angle[~first])
     assert np.std(other.tau[~first] - wave) < 1.1e-4
 
 
@@ -56,6 +60,52 @@ def test_a_position_channel_is_read(tmp_path):
     (tmp_path / "a.csv").write_text(header + "\n".join(lines))
     read = read_recording(tmp_path / "a.csv", nominal_torque=0.01, direction=-1)
     np.testing.assert_allclose(read.angle, -np.pi * np.arange(20))
+
+
+def file_of(path: Path, rpm: float, start: float, seed: int, position: bool) -> None:
+    """Steady motion of the worm rig with SCREW's harmonics, as a recorder writes it: four turns, channels reversed."""
+    drive = load_drive(DRIVE)
+    w = rpm * np.pi / 30
+    time = np.linspace(0.0, 4 * TURN / abs(w), 500)
+    angle = start + w * time
+    truth = with_parameters(drive, "coulomb", {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12})
+    tau = map_torque(truth, np.full_like(time, w), drive.rig.F_payload)
+    tau = tau + sum(a * np.cos(k * angle) for k, a in SCREW.items())
+    tau += np.random.default_rng(seed).normal(0, 2e-5, len(time))
+    columns = [1e3 * time, np.full_like(time, -rpm), -100 * tau / drive.rig.motor_nominal_torque, -4096 * angle / TURN]
+    names = ["", "Velocity actual value averaged", "Torque actual value averaged", "Position actual value"]
+    count = 4 if position else 3
+    lines = [";".join(names[:count]), ";".join(["ms", "rpm", "%", "inc"][:count])]
+    lines += [";".join(f"{value:.7g}" for value in row[:count]) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join(lines))
+
+
+def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_recorded(tmp_path):
+    (tmp_path / "fit").mkdir()
+    for seed, rpm in enumerate((-200, -120, -60, -30, 30, 60, 120, 200)):
+        file_of(tmp_path / "fit" / f"{rpm}.csv", rpm, start=0.7 * seed, seed=seed, position=True)
+    found = identify(DRIVE, [tmp_path / "fit"])
+    file = found.save(tmp_path / "drive.yaml")
+    posterior = load_drive(file).friction.posterior
+    for sign in (1, -1):
+        stored = posterior.harmonics(sign)
+        assert stored.phased
+        np.testing.assert_allclose(stored.cosine[-3:], list(SCREW.values()), atol=1e-5)
+        np.testing.assert_allclose(stored.sine[-3:], 0.0, atol=1e-5)
+    file_of(tmp_path / "known.csv", 90, start=2.0, seed=20, position=True)
+    file_of(tmp_path / "unknown.csv", 90, start=2.0, seed=20, position=False)
+    file_of(tmp_path / "slow.csv", 5, start=2.0, seed=21, position=True)
+    known, unknown, slow = predict(file, [tmp_path / f"{name}.csv" for name in ("known", "unknown", "slow")])
+    error, without = (float(np.std(p.tau - p.recording.tau)) for p in (known, unknown))
+    assert error < 2.5e-5 < 1.5e-4 < without
+    assert known.mean_inside
+    assert 0.9 <= known.sample_coverage <= 1.0
+    # the phase is known: the band of samples is narrower by the ripple
+    width, wider = (float(np.mean(p.band.high - p.band.low)) for p in (known, unknown))
+    assert width < 0.6 * wider
+    assert known.unseen is None
+    assert slow.unseen == pytest.approx(5 * np.pi / 30, rel=1e-3)
+    assert any("extrapolated" in remark and "5 rpm" in remark for remark in slow.remarks)
 
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
@@ -72,7 +122,7 @@ def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
         others = [r for r in steady if r is not recording]
         found = fit_harmonics(others, int(np.sign(recording.w.mean())))
         first = np.abs(angle) <= 2 * TURN
-        wave = found.turned(found.start_in(angle[first], recording.tau[first])).torque(angle[~first])
+        wave = found.turned(start_in(found, angle[first], recording.tau[first])).torque(angle[~first])
         mean, span = recording.tau.mean(), np.ptp(recording.tau) / np.ptp(recording.tau[~first])
         errors.append(nrmsd(mean + wave, recording.tau[~first]) / span)
         constant.append(nrmsd(np.full(len(wave), mean), recording.tau[~first]) / span)

@@ -13,6 +13,7 @@ import pytest
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
@@ -25,6 +26,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.text import verdicts
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.typing import Array
+from ssm_planner.verification.check import check
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAYLOAD = (0.0, 0.03)
@@ -122,35 +124,35 @@ def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "factor", "planner"),
+    ("name", "kind", "factor", "planner", "payload"),
     [
-        ("tilt_insert", "ranges", 1.12, "optimal"),
-        ("tilt_insert", "ranges", 1.12, "toppra"),
-        ("tilt_insert", "covariance", 1.03, "optimal"),
-        ("eye_approach", "ranges", 1.22, "optimal"),
-        ("waypoints", "ranges", 1.15, "optimal"),
+        ("tilt_insert", "ranges", 1.12, "optimal", PAYLOAD),
+        ("tilt_insert", "ranges", 1.12, "toppra", PAYLOAD),
+        ("tilt_insert", "covariance", 1.03, "optimal", PAYLOAD),
+        ("eye_approach", "ranges", 1.15, "optimal", None),
+        ("waypoints", "ranges", 1.15, "optimal", PAYLOAD),
     ],
 )
-def test_torques_hold_at_every_corner_and_draw(name: str, kind: str, factor: float, planner: str) -> None:
+def test_torques_hold_at_every_corner_and_draw(
+    name: str, kind: str, factor: float, planner: str, payload: tuple[float, float] | None
+) -> None:
     problem = (
         replace(weakened(name, kind, factor), planner=planner) if planner == "toppra" else weakened(name, kind, factor)
     )
-    ranged = replace(problem, friction=0.95, payload=PAYLOAD)
+    ranged, masses = replace(problem, friction=0.95, payload=payload), payload or (0.0,)
     made = plan(ranged)
     assert made.passed, made.reason
-    assert largest_excess(made, ranged.robot, PAYLOAD) <= 1e-6
+    assert largest_excess(made, ranged.robot, masses) <= 1e-6
     torques = [limit for limit in made.certificate.limits if limit.name == "motor torque"]
     assert len(torques) == 3
-    assert all("mu " in limit.case and "payload" in limit.case for limit in torques)
-    if name == "eye_approach":  # with motors as weak as it needs, the clearance from the retina leaves no motion
-        return
+    assert all("mu " in limit.case and ("payload" in limit.case) == bool(payload) for limit in torques)
     assert min(limit.margin for limit in torques) < 0.02
     # where heat counts too, a motion may be a little longer than the fastest
     assert made.duration > made.nominal_duration * (1 - 5e-3)
     # the motion for friction as stated does not hold
     nominal = plan(problem)
     assert nominal.duration == pytest.approx(made.nominal_duration, rel=1e-6)
-    assert largest_excess(nominal, ranged.robot, PAYLOAD) > 0.01
+    assert largest_excess(nominal, ranged.robot, masses) > 0.01
 
 
 def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None:
@@ -172,6 +174,26 @@ def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None
     document["problem"]["payload"] = [0.0, 0.05]
     (tmp_path / "plan.json").write_text(json.dumps(document), encoding="utf-8")
     assert not load_plan(tmp_path / "plan.json").passed
+
+
+def test_the_range_of_friction_counts_for_self_locking(robot: Robot) -> None:
+    problem = load_problem(PROBLEMS / "tilt_insert.yaml")
+    motion = plan_motion(problem).trajectory
+    joint = robot.joints[0]
+    needed = joint.drive.friction.mu - float(self_locking_margin(joint.drive)[0])
+    for low, holds in ((1.05 * needed, True), (0.95 * needed, False)):
+        friction = replace(joint.drive.friction, mu=1.5 * needed, mu_static=1.5 * needed, mu_lowest=None)
+        drive = replace(joint.drive, friction=friction, friction_ranges={"mu": (low, 2 * needed)})
+        others = (
+            each if each.drive is None else replace(each, drive=with_ranges(each.drive)) for each in robot.joints[1:]
+        )
+        judged = replace(robot, joints=(replace(joint, drive=drive), *others))
+        for share in (None, 0.95):
+            found = check(motion, judged, replace(problem.task_limits, friction=share, payload=None))
+            locking = next(each for each in found.limits if (each.name, each.joint) == ("self-locking", joint.name))
+            assert locking.passed == (holds or share is None)
+            if share is not None:
+                assert (locking.worst, locking.case) == (pytest.approx(low), f"mu {low:.4g}")
 
 
 def test_a_problem_file_states_the_range(tmp_path: Path) -> None:
