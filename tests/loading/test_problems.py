@@ -145,7 +145,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (
             LIMIT,
             "  insertion: [0 mm, 30 mm]",
-            ("limits.insertion", "unknown key", "roll, tilt, spin, depth, tip_speed, roll_rate"),
+            ("limits.insertion", "unknown key", "roll, tilt, spin, depth, tip_speed, stop_travel, roll_rate"),
         ),
     ],
 )
