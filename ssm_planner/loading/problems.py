@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ssm_planner import units
-from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.loading.files import follow
 from ssm_planner.loading.missions import LONGEST_MOTION, written_out
 from ssm_planner.loading.robots import RANGES, Rotations, ranges_from, robot_from, rotation
@@ -314,7 +313,11 @@ def _robot(section: Section, model: Any) -> Robot:
         turn = rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
         gravity = frozen(turn.T @ gravity, (3,))
     robot = replace(robot, joints=(joints[0], joints[1], joints[2], joints[3]), gravity=gravity)
-    return with_payload(robot, model.tip_payload or 0.0)
+    if not model.tip_payload:
+        return robot
+    from ssm_planner.dynamics.rigid_body import with_payload  # with CasADi, which takes longer than to read a problem
+
+    return with_payload(robot, model.tip_payload)
 
 
 def _places(model: Any) -> dict[str, Place]:
