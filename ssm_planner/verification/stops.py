@@ -146,7 +146,7 @@ def _least(path: _Path, robot: Robot, k: Indices, x: Array, length: Array, *, en
     # q̈ = a s̈ + b
     a, b = path.dq[at] + grows[:, None] * path.ddq[at], path.ddq[at] * square[:, None]
     limit = np.sign(a) * np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         bounds = [np.where(a == 0, -np.inf, -(limit + b) / a).max(axis=1)]
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None and joint.motor is not None:
@@ -156,7 +156,7 @@ def _least(path: _Path, robot: Robot, k: Indices, x: Array, length: Array, *, en
 
 def _above(slope: Array, value: Array, limit: float) -> Array:
     """The least u (n,) with slope · u + value ≤ limit; −∞ where only a largest one follows."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(slope < 0, (limit - value) / slope, -np.inf)
 
 

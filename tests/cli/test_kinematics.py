@@ -49,7 +49,7 @@ def test_workspace_of_the_robot(workspace, tmp_path):
     assert math.degrees(result["beta"]) == pytest.approx(109.778393)
     assert np.degrees(result["tilt_range"]) == pytest.approx([-139.778393, -79.778393])
     assert sorted(extreme["tilt"] for extreme in result["extremes"]) == pytest.approx(result["tilt_range"], abs=1e-14)
-    names = {"reachable_set", "theta2_against_tilt", "joint_speeds"}
+    names = {"axes", "reachable_set", "theta2_against_tilt", "joint_speeds"}
     assert set(result["files"]) == names | {f"{name}_pdf" for name in names}
     for name, path in result["files"].items():
         assert Path(path).read_bytes().startswith(b"%PDF" if name.endswith("_pdf") else b"\x89PNG")
