@@ -33,7 +33,7 @@ def retime_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", type=Path, help="robot file; needed unless --problem is given")
     parser.add_argument("--problem", type=Path, help="problem file: its limits of the task, and its robot")
     parser.add_argument("--rate", type=rate_argument, metavar="HZ", help="rows per second of trajectory.csv")
-    output_arguments(parser, "result folder (default: results/<name of the file> retimed)")
+    output_arguments(parser, "result folder (default: results/<name of the file>_retimed)")
 
 
 def run_retime(options: argparse.Namespace) -> int:
@@ -50,7 +50,7 @@ def run_retime(options: argparse.Namespace) -> int:
     base = None if options.problem is None else load_problem(options.problem)
     robot = load_robot(options.robot) if base is None else base.robot
     reading = read_trajectory(options.path, robot)
-    problem, off_lines = retimed_problem(reading, robot, base, f"{options.path.stem} retimed")
+    problem, off_lines = retimed_problem(reading, robot, base, f"{options.path.stem}_retimed")
     folder = options.output or Path("results") / file_name(problem.name)
     result, files = plan_to_folder(problem, folder, progress, rate=options.rate)
     progress("done")
