@@ -415,3 +415,21 @@ def test_print_shows_the_mechanism_and_full_width_plots(visit: Open, report: Pat
     )
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
     assert page.locator("#scene .paper").count() == 0
+
+
+def test_no_label_stands_behind_the_legend_or_the_buttons(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    page.wait_for_timeout(100)
+    visible = "(each) => getComputedStyle(each).visibility === 'visible'"
+    shown = f"(which) => [...document.querySelectorAll(which)].filter({visible})"
+    boxes = f"({shown})(which).map((each) => each.getBoundingClientRect().toJSON())"
+    labels, before = (
+        page.evaluate(f"(which) => {boxes}", which)
+        for which in ("#scene .labels > *", "#scene .scene-legend, #scene .views")
+    )
+    assert len(labels) >= 5
+    assert len(before) == 2
+    for label in labels:
+        for box in before:
+            apart = label["right"] <= box["left"] or label["left"] >= box["right"]
+            assert apart or label["bottom"] <= box["top"] or label["top"] >= box["bottom"]

@@ -31,7 +31,10 @@ SSM.Scene = class {
     this.note = SSM.element("p", { class: "scene-note", hidden: true });
     this.overlay = SSM.element("div", { class: "labels", "aria-hidden": "true" });
     this.legend = SSM.element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 400 }, SSM.element("summary", {}, "Legend"));
-    container.replaceChildren(this.canvas, this.overlay, this.note, this.#views(), this.legend);
+    this.legend.addEventListener("toggle", () => { this.#cover(); this.render(); });
+    this.covering = [this.#views(), this.legend];
+    this.covered = [];
+    container.replaceChildren(this.canvas, this.overlay, this.note, ...this.covering);
     this.world = new THREE.Scene();
     this.world.add(new THREE.HemisphereLight(0xffffff, 0x8d97a5, 2.2));
     const sun = new THREE.DirectionalLight(0xffffff, 1.6);
@@ -155,11 +158,17 @@ SSM.Scene = class {
     this.#place();
   }
 
+  // what stands before the picture: no label goes behind it
+  #cover() {
+    this.covered = this.covering.map((each) => [
+      each.offsetLeft, each.offsetTop, each.offsetLeft + each.offsetWidth, each.offsetTop + each.offsetHeight]);
+  }
+
   // labels beside their places, where no other label stands yet
   #place() {
     const [width, height] = this.size;
     const point = new THREE.Vector3();
-    const taken = [];
+    const taken = [...this.covered];
     const perMetre = height / (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.position.distanceTo(this.controls.target));
     for (const { anchor, node, size, name, shown } of this.texts) {
       point.setFromMatrixPosition(anchor.matrixWorld).project(this.camera);
@@ -242,6 +251,7 @@ SSM.Scene = class {
       return SSM.element("label", {}, box, name);
     };
     this.legend.replaceChildren(this.legend.firstChild, ...names.map(entry));
+    this.#cover();
   }
 
   #show() {
@@ -262,6 +272,7 @@ SSM.Scene = class {
     const { clientWidth, clientHeight } = this.container;
     if (!clientWidth || !clientHeight || SSM.printing) return;
     this.size = [clientWidth, clientHeight];
+    this.#cover();
     this.renderer.setSize(clientWidth, clientHeight);
     this.camera.aspect = clientWidth / clientHeight;
     // as wide a field in an upright frame as in a square one
