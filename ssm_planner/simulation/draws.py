@@ -103,7 +103,8 @@ def play_draws(
     planned (m, 4): where the joints should be. The energy of each is not kept.
     """
     count = len(friction)
-    period, table = Vectorised(arm.one), told.table()
+    whole, halves = Vectorised(arm.one), Vectorised(arm.one_in_halves)
+    halved, table = arm.halved(told), told.table()
     x = np.tile(start, (count, 1))
     inputs = np.empty((count, table.shape[1] + len(offsets) + friction.shape[1]), order="F")
     inputs[:, table.shape[1] : table.shape[1] + 4], inputs[:, table.shape[1] + 4 :] = offsets, friction
@@ -118,7 +119,7 @@ def play_draws(
             there = tip_position(mechanism, planned[m : m + 1])
             tip = np.fmax(tip, np.linalg.norm(tip_position(mechanism, x[:, Q]) - there, axis=1))
         inputs[:, : table.shape[1]] = row
-        x, following, cut = period(np.asfortranarray(x), inputs)
+        x, following, cut = (halves if halved[m] else whole)(np.asfortranarray(x), inputs)
         peak = np.fmax(peak, np.abs(x[:, CURRENT]))
         error = np.fmax(error, np.abs(following))
         saturated |= cut > 0

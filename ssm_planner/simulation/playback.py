@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -14,7 +15,7 @@ from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import FRICTION, INTEGRAL, MOTOR, QD, STATE, ArmPlant, Compliance, W
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Mask
 from ssm_planner.units import rpm
 
 STEPS = 2
@@ -28,6 +29,8 @@ CURRENT, DERIVATIVE, ERROR, TRIP = (slice(STATE + 4 * k, STATE + 4 * k + 4) for 
 """Of a state (44,) behind that of the plant: A, A, rad, and 1 where the drive has tripped."""
 WHOLE = STATE + 16
 _CHUNK = 250
+_BREAKAWAY = 100
+"""Periods that breaking away takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,17 +147,39 @@ class ControlledArm(ArmPlant):
         """From a state (44,): commands (n periods), encoder offsets (4,), friction as `ArmPlant.friction` gives it."""
         table = told.table()
         table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
+        halved = self.halved(told)
         whole, rest = divmod(len(table), _CHUNK)
         states, errors, saturated = [state[:, None]], [], []
         for k in range(whole + (rest > 0)):
             part = table[k * _CHUNK : (k + 1) * _CHUNK]
             used = len(part)
             part = np.vstack([part, np.repeat(part[-1:], _CHUNK - used, axis=0)]) if used < _CHUNK else part
-            after, error, cut = self._many(states[-1][:, -1], part.T)
+            play = self._many_halves if halved[k * _CHUNK] else self._many
+            after, error, cut = play(states[-1][:, -1], part.T)
             states.append(after.full()[:, :used])
             errors.append(error.full()[:, :used])
             saturated.append(cut.full()[:, :used])
         return Played(np.hstack(states).T, np.hstack(errors).T, np.hstack(saturated).T)
+
+    def halved(self, told: Commands) -> Mask:
+        """(n,): periods played in half steps, those about a drive's breaking away: there a step errs most."""
+        turns = told.speed != 0
+        starts = (turns & ~np.vstack([np.zeros((1, 4), dtype=bool), turns[:-1]])).any(axis=1)
+        chunks = range(0, len(starts), _CHUNK)
+        return np.repeat([starts[max(0, k - _BREAKAWAY) : k + _CHUNK].any() for k in chunks], _CHUNK)[: len(starts)]
+
+    @cached_property
+    def one_in_halves(self) -> ca.Function:
+        """`one` in steps half as long."""
+        h, steps = self.h, self.steps
+        self.h, self.steps = h / 2, 2 * steps
+        function = self._period_function()
+        self.h, self.steps = h, steps
+        return function
+
+    @cached_property
+    def _many_halves(self) -> ca.Function:
+        return self.one_in_halves.mapaccum("halves", _CHUNK)
 
     def _period_function(self) -> ca.Function:
         """(state, commands of one period) → (state after it, following errors, saturation)."""
