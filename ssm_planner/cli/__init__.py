@@ -22,6 +22,8 @@ BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 DEBUG = "SSM_PLANNER_DEBUG"
 """With this environment variable set, an internal fault shows its traceback."""
 ISSUES = "the issue list of ssm_planner"
+AGAIN = 0.01
+"""s after which an interruption that the interpreter ignored comes once more."""
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 
 COMMANDS = {
@@ -115,14 +117,29 @@ class _Signals:
                 # what was ignored from outside, such as by nohup, stays ignored
                 if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
                     self._before[number] = signal.signal(number, self._arrive)
+        if self._before:
+            self._hook, sys.unraisablehook = sys.unraisablehook, self._ignored
 
     def __exit__(self, *_: object) -> None:
+        if self._before:
+            sys.unraisablehook = self._hook
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_IGN if self.for_good else handler)
 
     def _arrive(self, number: int, _: FrameType | None) -> None:
         self.arrived = number
         raise KeyboardInterrupt
+
+    def _ignored(self, unraisable: Any) -> None:
+        """An interruption within a weak reference's callback or a finaliser is lost there: let it come once more."""
+        if self.arrived is None or not isinstance(unraisable.exc_value, KeyboardInterrupt):
+            self._hook(unraisable)
+        else:  # from a thread: here it would be lost again
+            threading.Timer(AGAIN, self._again).start()
+
+    def _again(self) -> None:
+        if sys.unraisablehook == self._ignored:
+            signal.pthread_kill(threading.main_thread().ident or 0, self.arrived or signal.SIGINT)
 
 
 def _interrupted(signals: _Signals) -> int:

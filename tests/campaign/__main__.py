@@ -44,14 +44,16 @@ def main(words: list[str] | None = None) -> int:
     options = parser.parse_args(words)
     names = options.only or sorted(path.stem for path in HERE.glob("*.py") if path.stem not in SHARED)
     whole = sum(SHARES.get(name, 1.0) for name in names)
-    failed = 0
+    failures: list[Row] = []
     for name in names:
         seconds = 60 * options.minutes * SHARES.get(name, 1.0) / whole
         rows = campaign(name, options.seed, None if options.full else seconds)
-        failed += sum(row.failures for row in rows)
+        failures += [row for row in rows if row.failures]
         publish(options.output, name, section(rows, options.seed))
-    print(options.output.read_text(encoding="utf-8"))
-    return 1 if failed else 0
+    print(options.output.read_text(encoding="utf-8"), flush=True)
+    for row in failures:  # once more, where the end of a log is all that is read
+        print(f"FAILED {row.kind}: {row.failures} of {row.cases}", *row.examples, sep="\n  ", file=sys.stderr)
+    return 1 if failures else 0
 
 
 def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:

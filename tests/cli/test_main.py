@@ -308,3 +308,28 @@ sys.exit(cli.main())
     done = subprocess.run([sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment)
     assert done.returncode == status, done.stderr
     assert done.stderr.endswith("earlier results are untouched\n")
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_where_the_interpreter_ignores_exceptions_ends_the_command(
+    name: str, status: int, tmp_path: Path
+) -> None:
+    """Imports release their locks in callbacks of weak references: what is raised there is lost, and printed."""
+    (tmp_path / "begun.py").write_text(f"""
+import signal, sys, time, weakref
+from ssm_planner import cli
+from ssm_planner.cli import check
+def run(options):
+    lock = type("Lock", (), {{}})()
+    watch = weakref.ref(lock, lambda _: signal.raise_signal(signal.{name}))
+    del lock
+    time.sleep(30)
+check.run_check = run
+sys.argv = ["ssm-planner", "check", "x"]
+sys.exit(cli.main())
+""")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    done = subprocess.run([sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment, timeout=20)
+    assert done.returncode == status, done.stderr
+    assert done.stderr.endswith("earlier results are untouched\n")
+    assert "Traceback" not in done.stderr
