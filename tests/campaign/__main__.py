@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-SLICE = {"processes": 70}
+SLICE = {"processes": 35}
 """Cases of one task, where not 400."""
 FULL = {"mutated": 20_400, "tampered": 2_400, "violations": 7_600, "processes": 560}
 """Cases with --full, a little above what is asked for: shares of the kinds are rounded down."""
