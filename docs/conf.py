@@ -17,13 +17,21 @@ suppress_warnings = ["myst.xref_missing", "misc.highlighting_failure"]  # links 
 runpy.run_path(str(HERE / "make_gallery.py"), run_name="__main__")
 
 
+CHANGED = {
+    'role="heading">': 'role="heading" aria-level="2">',
+    "<pre>": '<pre tabindex="0">',
+    '<div class="table-wrapper': '<div tabindex="0" class="table-wrapper',
+}
+
+
 def setup(app: Any) -> None:
-    """Captions of the contents get a level, and code that scrolls the keyboard, which Sphinx leaves out."""
+    """Captions of the contents get a level, and code and tables that scroll the keyboard, which Sphinx leaves out."""
 
     def finish(app: Any, _: Exception | None) -> None:
         for page in Path(app.outdir).glob("*.html"):
             text = page.read_text(encoding="utf-8")
-            text = text.replace('role="heading">', 'role="heading" aria-level="2">')
-            page.write_text(text.replace("<pre>", '<pre tabindex="0">'), encoding="utf-8")
+            for before, after in CHANGED.items():
+                text = text.replace(before, after)
+            page.write_text(text, encoding="utf-8")
 
     app.connect("build-finished", finish)

@@ -152,29 +152,29 @@ def _entry(row: Candidate) -> dict[str, Any]:
 
 
 def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str]:
+    from ssm_planner.studies.page import against_own, chosen, in_words, named
+
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
     front = result.front
     lines = [f"{study.name}: {len(result.rows)} candidates: {states}", ""]
-    lines += [f"Front in {', '.join(study.minimise)}: {len(front)} candidates"]
+    lines += [f"Front in {', '.join(map(named, study.minimise))}: {len(front)} candidates"]
     for row in front[:SHOWN]:
-        figures = ", ".join(f"{name} {row.figures[name]:.4g}" for name in study.minimise)
-        chosen = ", ".join(f"{path} {value}" for path, value in study.whole(row.design, row.figures).items())
-        lines.append(f"  {row.number:>6}  {figures}  ({chosen})")
+        figures = ", ".join(in_words(name, row.figures) for name in study.minimise)
+        choices = ", ".join(f"{path} {value}" for path, value in chosen(study, row).items())
+        lines.append(f"  {row.number:>6}  {figures}  ({choices})")
     if len(front) > SHOWN:
         lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
-    own = ", ".join(f"{name} {number(result.own.figures.get(name), 4)}" for name in study.minimise)
-    lines += [
-        "",
-        f"{study.own_words}: {result.own.state}, {own}; {len(result.better)} of the front beat it",
-    ]
+    lines += ["", against_own(study, result.own, front)]
     lines += ["", "Why candidates fall out", *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN])]
     return [*lines, "", *study.notes, *(f"file: {path}" for path in files.values())]
 
 
 def _compared_lines(document: dict[str, Any]) -> list[str]:
+    from ssm_planner.studies.page import title_of, unit_of
+
     a, b = document["numbers"]
-    lines = [f"{'':28}{a:>20}{b:>20}"]
-    for name, (first, second) in {**document["design"], **document["figures"]}.items():
-        cells = [f"{value:.5g}" if isinstance(value, float) else str(value) for value in (first, second)]
-        lines.append(f"{name:28}{cells[0]:>20}{cells[1]:>20}")
+    lines = [f"{'':36}{a:>20}{b:>20}"]
+    for name, pair in {**document["design"], **document["figures"]}.items():
+        cells = [number(value * unit_of(name)[1], 5) if isinstance(value, float) else str(value) for value in pair]
+        lines.append(f"{title_of(name) if name in document['figures'] else name:36}{cells[0]:>20}{cells[1]:>20}")
     return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from ssm_planner.atomic import replacing
 from ssm_planner.display import number
 from ssm_planner.reporting.html.page import render
-from ssm_planner.studies.store import Candidate
+from ssm_planner.studies.store import Candidate, better
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array
 from ssm_planner.units import shown
@@ -33,7 +34,7 @@ def write_study_page(
     """
     own, others = rows[0], rows[1:]
     content = _content(study, others, front)
-    content["notes"] += _own(study, own, front)
+    content["notes"] = [*study.notes, against_own(study, own, front)]
     text = render("study.html", _data(study, others, front), **content, unfinished=not finished)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -52,16 +53,15 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     cells = [
         [
             str(row.number),
-            *(number(_factor(name) * row.figures[name], 5) for name in names),
-            *map(str, study.whole(row.design, row.figures).values()),
+            *(number(scaled(name, row.figures), 5) for name in names),
+            *chosen(study, row).values(),
         ]
         for row in front[:SHOWN]
     ]
     return {
         "title": study.name,
         "file": study.file or "FILE",
-        "summary": f"{len(rows)} candidates: {listed}. Objectives: {', '.join(study.minimise)}.",
-        "notes": study.notes,
+        "summary": f"{len(rows)} candidates: {listed}. Objectives: {', '.join(map(named, study.minimise))}.",
         "fallen": [
             {"stage": stage, "count": len(each), "example": each[0].reason}
             for stage, each in sorted(stages.items(), key=lambda item: -len(item[1]))
@@ -72,19 +72,18 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     }
 
 
-def _own(study: Study, own: Candidate, front: Sequence[Candidate]) -> list[str]:
-    """What the study's own robot reaches, and how many of the front are better."""
+def against_own(study: Study, own: Candidate, front: Sequence[Candidate]) -> str:
+    """What the study's own robot reaches, and how many of the front beat it, in one sentence of page and terminal."""
+    reached = ", ".join(in_words(name, own.figures) for name in study.minimise)
+    missing = [named(name) for name in study.minimise if own.figures.get(name) is None]
+    count = len(better(own, front, study.minimise))
     if own.state != "done":
-        return [f"{study.own_words}: {own.state}; {own.reason or ''}"]
-    known = [name for name in study.minimise if own.figures.get(name) is not None]
-    reached = ", ".join(f"{title_of(name)} {number(_factor(name) * own.figures[name], 5)}" for name in known)
-    sign = {name: -1.0 if name.endswith("margin") else 1.0 for name in known}
-    better = [row for row in front if all(sign[n] * row.figures[n] < sign[n] * own.figures[n] for n in known)]
-    notes = [f"{study.own_words}: {reached}. Better in all of these, of the front: {len(better)}."]
-    missing = [name for name in study.minimise if name not in known]
-    if missing:
-        notes.append(f"Not known of it: {', '.join(missing)}.")
-    return notes
+        beaten = f"{own.state}, {own.reason}" if own.reason else own.state
+    elif missing:
+        beaten = f"{reached}; whether any of the front beats it is not known without {', '.join(missing)}"
+    else:
+        beaten = f"{reached}; {count} of the front beat{'s' if count == 1 else ''} it: better in one, worse in none"
+    return f"{study.own_words}: {beaten}"
 
 
 def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> dict[str, Any]:
@@ -127,7 +126,7 @@ def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> dict[str, 
     variable = study.vary[study.paths.index(path)]
     if isinstance(variable, Varied):
         values: list[float] = [float(row.design[path].split()[0]) for row in rows]
-        return {"title": f"{path} {variable.unit}".strip(), "at": values, "labels": None}
+        return {"title": f"{path} ({variable.unit})" if variable.unit else path, "at": values, "labels": None}
     labels = list(variable.contents)
     places = {label: i for i, label in enumerate(labels)}
     return {"title": path, "at": [places[row.design[path]] for row in rows], "labels": labels}
@@ -167,17 +166,35 @@ def explained(at: Array, value: Array) -> float:
     return max(0.0, 1.0 - within / (count - groups) / (total / (count - 1)))
 
 
-def _factor(name: str) -> float:
-    return shown(UNITS[name.split(".")[0]])[1] if name.split(".")[0] in UNITS else 1.0
+def chosen(study: Study, row: Candidate) -> dict[str, str]:
+    """What was chosen for a candidate by path, as people read it."""
+    whole = study.whole(row.design, row.figures)
+    return {path: re.sub(r"^-", "−", str(value)) for path, value in whole.items()}
+
+
+def named(name: str) -> str:
+    """A figure's name in words: "motor_mass" as "motor mass"."""
+    return name.replace("_", " ")
+
+
+def unit_of(name: str) -> tuple[str, float]:
+    """The unit in which a figure is shown, "" for none, and the factor from SI."""
+    kind = name.split(".")[0]
+    return ("%", 100.0) if kind == "motor_margin" else shown(UNITS[kind]) if kind in UNITS else ("", 1.0)
 
 
 def title_of(name: str) -> str:
     """A figure's name with the unit in which it is shown."""
-    unit = shown(UNITS[name.split(".")[0]])[0] if name.split(".")[0] in UNITS else ""
-    return f"{name.replace('_', ' ')} {unit}".strip()
+    unit = unit_of(name)[0]
+    return f"{named(name)} ({unit})" if unit else named(name)
+
+
+def in_words(name: str, figures: Mapping[str, Any]) -> str:
+    """A figure with its unit, such as "motor mass 0.239 kg"."""
+    return f"{named(name)} {number(scaled(name, figures), 4)} {unit_of(name)[0]}".strip()
 
 
 def scaled(name: str, figures: Mapping[str, Any]) -> float | None:
     """A figure in that unit; None where it is not known."""
     value = figures.get(name)
-    return None if value is None else float(value) * _factor(name)
+    return None if value is None else float(value) * unit_of(name)[1]

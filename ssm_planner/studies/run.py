@@ -20,7 +20,7 @@ from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, Store, key_of, write_table
+from ssm_planner.studies.store import Candidate, Store, better, key_of, pareto, write_table
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
@@ -78,10 +78,7 @@ class StudyResult:
 
         None where one of its objectives is not known, or it does not do what is required.
         """
-        names = self.study.minimise
-        if not pareto((self.own,), names):
-            return ()
-        return tuple(row for row in self.front if pareto((self.own, row), names) == (row,))
+        return better(self.own, self.front, self.study.minimise)
 
     @property
     def front(self) -> tuple[Candidate, ...]:
@@ -248,22 +245,6 @@ class _Driver:
     def _count(self, row: Candidate) -> None:
         self._states[row.state] = self._states.get(row.state, 0) + 1
         self._progress(sum(self._states.values()), self._total, self._states)
-
-
-def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
-    """The done rows that no other dominates; rows without one of the figures are left out."""
-    signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
-    points = [
-        (tuple(sign * row.figures[name] for sign, name in zip(signs, objectives, strict=True)), row)
-        for row in rows
-        if row.state == "done" and all(row.figures.get(name) is not None for name in objectives)
-    ]
-    points.sort(key=lambda each: (each[0], each[1].number))
-    front: list[tuple[tuple[float, ...], Candidate]] = []
-    for values, row in points:
-        if not any(all(a <= b for a, b in zip(other, values, strict=True)) for other, _ in front):
-            front.append((values, row))
-    return tuple(row for _, row in front)
 
 
 def context_of(study: Study) -> str:

@@ -179,3 +179,29 @@ def write_table(rows: Sequence[Candidate], path: Path) -> None:
         except ImportError:
             raise ExportError(f"{path}: Parquet needs the package pyarrow, which is not installed") from None
         parquet.write_table(pyarrow.table(table), temporary)
+
+
+def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
+    """The done rows that no other dominates; rows without one of the figures are left out."""
+    signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
+    points = [
+        (tuple(sign * row.figures[name] for sign, name in zip(signs, objectives, strict=True)), row)
+        for row in rows
+        if row.state == "done" and all(row.figures.get(name) is not None for name in objectives)
+    ]
+    points.sort(key=lambda each: (each[0], each[1].number))
+    front: list[tuple[tuple[float, ...], Candidate]] = []
+    for values, row in points:
+        if not any(all(a <= b for a, b in zip(other, values, strict=True)) for other, _ in front):
+            front.append((values, row))
+    return tuple(row for _, row in front)
+
+
+def better(own: Candidate, front: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
+    """Of a front the rows that are better than `own` in one objective and in none worse.
+
+    None where `own` is not done or one of its objectives is not known.
+    """
+    if not pareto((own,), objectives):
+        return ()
+    return tuple(row for row in front if pareto((own, row), objectives) == (row,))

@@ -18,9 +18,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from ssm_planner.studies.page import write_study_page
-from ssm_planner.studies.run import pareto
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, Store, key_of
+from ssm_planner.studies.store import Candidate, Store, key_of, pareto
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
 

@@ -16,9 +16,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from ssm_planner.studies.adaptive import batches
-from ssm_planner.studies.run import pareto
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate
+from ssm_planner.studies.store import Candidate, pareto
 from ssm_planner.studies.study import PACE, Design, Search, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.typing import Array

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import copy
 import json
+import random
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent.parent
@@ -112,6 +114,15 @@ def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def in_eye_report(in_eye: Path) -> Path:
+    """Its report."""
+    from ssm_planner.plans import load_plan
+    from ssm_planner.reporting.html.report import write_report
+
+    return write_report(load_plan(in_eye), in_eye.with_name("report.html"))
+
+
+@pytest.fixture(scope="session")
 def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped plan in 1.25 times its time, with a name and a robot that are HTML."""
     document = copy.deepcopy(json.loads(PLAN.read_text(encoding="utf-8")))
@@ -129,3 +140,50 @@ def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("slower") / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     return path
+
+
+@pytest.fixture(scope="session")
+def comparison(slower: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped plan beside the slower one."""
+    from ssm_planner.plans import load_plan
+    from ssm_planner.reporting.html.compare import write_comparison
+
+    out = tmp_path_factory.mktemp("comparison") / "comparison.html"
+    return write_comparison(load_plan(PLAN), load_plan(slower), out)
+
+
+@pytest.fixture(scope="session")
+def simulated() -> Any:
+    """The shipped plan with a joint that stalls, simulated."""
+    from ssm_planner.plans import load_plan
+    from ssm_planner.simulation.simulate import Scenario, simulate
+
+    return simulate(load_plan(PLAN), Scenario(stall=("tilt", 1.0)))
+
+
+@pytest.fixture(scope="session")
+def simulation(simulated: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of that simulation."""
+    from ssm_planner.plans import load_plan
+    from ssm_planner.reporting.html.simulation import write_simulation_page
+
+    return write_simulation_page(load_plan(PLAN), simulated, tmp_path_factory.mktemp("simulation") / "simulation.html")
+
+
+@pytest.fixture(scope="session")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of the shipped study with candidates of drawn figures, a fourth of which fall out."""
+    from ssm_planner.studies.page import write_study_page
+    from ssm_planner.studies.store import Candidate, pareto
+    from ssm_planner.studies.study_file import load_study
+
+    of, draw = load_study(ROOT / "problems/studies/vitreoretinal.yaml"), random.Random(1)
+    rows = []
+    for number in range(48):
+        design = of.design(np.array([draw.random() for _ in of.paths]))
+        figures = {name: draw.uniform(0.2, 0.3) for name in of.minimise}
+        fallen = Candidate(number, "infeasible", design, stage=("reach", "plan")[number % 8 // 4], reason="too weak")
+        rows.append(Candidate(number, "done", design, figures=figures) if number % 4 else fallen)
+    out = tmp_path_factory.mktemp("study") / "study.html"
+    write_study_page(of, (rows[1], *rows), pareto(rows, of.minimise), out, finished=True)
+    return out

@@ -47,13 +47,20 @@ OVERFLOW = """() => document.documentElement.scrollWidth > innerWidth
   : []"""
 
 
-def serious(page: Any) -> list[str]:
-    """What axe-core finds on a page that is serious or critical."""
+CONTRAST_RULE = "{ runOnly: ['color-contrast'], resultTypes: ['violations'] }"
+OTHER_RULES = "{ rules: { 'color-contrast': { enabled: false } }, resultTypes: ['violations'] }"
+
+
+def serious(page: Any, contrast: bool = True) -> list[str]:
+    """What axe-core finds on a page that is serious or critical, with its contrast in light and in dark if wanted."""
     axe = pytest.importorskip(
         "axe_playwright_python", reason="axe-core is not installed (pip install axe-playwright-python)"
     )
     page.evaluate(resources.files(axe).joinpath("axe.min.js").read_text(encoding="utf-8"))
-    found = page.evaluate("axe.run()")["violations"]
+    found = page.evaluate(f"axe.run({OTHER_RULES})")["violations"]
+    for scheme in ("light", "dark") if contrast else ():
+        page.emulate_media(color_scheme=scheme)
+        found += page.evaluate(f"axe.run({CONTRAST_RULE})")["violations"]
     return [
         f"{each['id']}: {node['html'][:160]}"
         for each in found

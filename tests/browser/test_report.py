@@ -15,14 +15,15 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.plans import load_plan
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
-from ssm_planner.reporting.html.simulation import write_simulation_page
 from ssm_planner.reporting.text import motors_verdict
-from ssm_planner.simulation.simulate import Scenario, simulate
+from ssm_planner.simulation.simulate import SimulationResult
 
-from .conftest import PLAN, Visit
+from .conftest import PLAN, ROOT, Visit
 from .page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 Open = Callable[..., Visit]
+SITE = ROOT / "docs/_build/html"
+"""What `make docs` builds; CI builds it before the tests."""
 
 
 def number(text: str) -> float:
@@ -164,10 +165,9 @@ def test_names_are_text(visit: Open, slower: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_fits_reads_and_is_reachable(
-    visit: Open, report: Path, in_eye: Path, slower: Path, tmp_path: Path, width: int
+    visit: Open, report: Path, in_eye_report: Path, comparison: Path, width: int
 ) -> None:
-    comparison = write_comparison(load_plan(PLAN), load_plan(slower), tmp_path / "comparison.html")
-    for page_file in (report, comparison, write_report(load_plan(in_eye), tmp_path / "in_eye.html")):
+    for page_file in (report, comparison, in_eye_report):
         page = visit(page_file.as_uri(), width=width).page
         page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
         for y in range(0, page.evaluate("document.body.scrollHeight"), 1500):
@@ -178,8 +178,8 @@ def test_fits_reads_and_is_reachable(
         assert page.evaluate(UNNAMED) == []
 
 
-def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> None:
-    opened = visit(write_comparison(load_plan(PLAN), load_plan(slower), tmp_path / "comparison.html").as_uri())
+def test_comparison_shows_both(visit: Open, slower: Path, comparison: Path) -> None:
+    opened = visit(comparison.as_uri())
     page = opened.page
     page.evaluate("SSM.player.set(0.5 * SSM.player.times.length)")
     t = page.evaluate("SSM.player.times[SSM.player.index]")
@@ -192,10 +192,11 @@ def test_comparison_shows_both(visit: Open, slower: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_a_simulated_arm_moves_beside_the_planned_one(visit: Open, tmp_path: Path, width: int) -> None:
-    plan = load_plan(PLAN)
-    result = simulate(plan, Scenario(stall=("tilt", 1.0)))
-    opened = visit(write_simulation_page(plan, result, tmp_path / "simulation.html").as_uri(), width=width)
+def test_a_simulated_arm_moves_beside_the_planned_one(
+    visit: Open, simulated: SimulationResult, simulation: Path, width: int
+) -> None:
+    plan, result = load_plan(PLAN), simulated
+    opened = visit(simulation.as_uri(), width=width)
     page = opened.page
     page.evaluate("SSM.player.at(1.5)")
     t = page.evaluate("SSM.player.times[SSM.player.index]")
@@ -378,8 +379,8 @@ def test_the_keyboard_turns_the_mechanism(visit: Open, report: Path) -> None:
     assert page.evaluate("SSM.scene.camera.position.toArray()") == pytest.approx(before)
 
 
-def test_the_legend_hides_what_it_names(visit: Open, in_eye: Path, tmp_path: Path) -> None:
-    page = visit(write_report(load_plan(in_eye), tmp_path / "report.html").as_uri()).page
+def test_the_legend_hides_what_it_names(visit: Open, in_eye_report: Path) -> None:
+    page = visit(in_eye_report.as_uri()).page
     names = page.locator(".scene-legend label").all_inner_texts()
     assert {"axes", "allowed tilt", "α and β", "tip trace", "eye", "start"} <= set(names)
     canvas = page.locator("#scene canvas").first
@@ -391,16 +392,26 @@ def test_the_legend_hides_what_it_names(visit: Open, in_eye: Path, tmp_path: Pat
         assert canvas.screenshot() != before, name
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_serious(browser: Any, report: Path, in_eye: Path, tmp_path: Path, scheme: str) -> None:
-    for page_file in (report, write_report(load_plan(in_eye), tmp_path / "in_eye.html")):
-        page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)
+@pytest.mark.parametrize("name", ["report", "in_eye_report", "comparison", "simulation", "study"])
+def test_axe_finds_nothing_serious(browser: Any, request: pytest.FixtureRequest, name: str) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto(request.getfixturevalue(name).as_uri())
+    page.wait_for_timeout(300)
+    page.evaluate("window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))")
+    page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    assert serious(page) == []
+    page.close()
+
+
+def test_axe_finds_nothing_serious_on_the_site(browser: Any) -> None:
+    """The documents but for the longest; the colours of their theme on some, for they take longer than all else."""
+    if not SITE.exists():
+        pytest.skip("the site is not built (make docs)")
+    page = browser.new_page(viewport={"width": 820, "height": 1000})
+    for page_file in set(SITE.glob("*.html")) - {SITE / "api.html", SITE / "genindex.html"}:
         page.goto(page_file.as_uri())
-        page.wait_for_timeout(1000)
-        page.evaluate("window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))")
-        page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
-        assert serious(page) == []
-        page.close()
+        assert serious(page, contrast=page_file.stem in ("index", "tutorial", "faq", "search")) == [], page_file.name
+    page.close()
 
 
 def test_print_shows_the_mechanism_and_full_width_plots(visit: Open, report: Path) -> None:

@@ -182,10 +182,5 @@ def test_cancel_and_plan_again(visit: Open, server: ViewServer) -> None:
     assert not page.is_disabled("#plan")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_serious(browser: Any, server: ViewServer, scheme: str) -> None:
-    page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)
-    page.goto(server.url)
-    page.wait_for_timeout(1000)
-    assert serious(page) == []
-    page.close()
+def test_axe_finds_nothing_serious(visit: Open, server: ViewServer) -> None:
+    assert serious(visit(server.url).page) == []

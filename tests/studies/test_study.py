@@ -22,10 +22,10 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
 from ssm_planner.studies.evaluation import Evaluation, problems_of
 from ssm_planner.studies.page import explained, write_study_page
-from ssm_planner.studies.run import StudyError, StudyResult, pareto
+from ssm_planner.studies.run import StudyError, StudyResult
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, Store
+from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
 
@@ -331,9 +331,10 @@ def test_the_page_shows_front_reasons_and_what_moves_the_objectives(tmp_path):
     of = study(minimise=["duration"])
     result = run_study(of, tmp_path, workers=2)
     text = (tmp_path / "study.html").read_text()
-    assert "http" not in text.replace("http-equiv", "")
+    namespace = "http://www.w3.org/2000/svg"
+    assert "http" not in text.replace("http-equiv", "").replace(namespace, "")
     assert all(f'<td class="number">{row.number}</td>' in text for row in result.front)
-    assert "The study&#39;s own robot as it stands: duration s 3.349" in text
+    assert f"The study&#39;s own robot as it stands: duration 3.349 s; {len(result.better)} of the front beat" in text
     assert result.own.state == "done"
     assert result.better
     assert all(row.figures["duration"] <= result.own.figures["duration"] for row in result.better)

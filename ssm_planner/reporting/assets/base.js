@@ -13,6 +13,9 @@ SSM.element = (name, attributes = {}, ...children) => {
   return node;
 };
 
+// a table that the keyboard scrolls too
+SSM.scrolling = (table) => SSM.element("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Table" }, table);
+
 SSM.data = () => JSON.parse(document.getElementById("data").textContent);
 
 // base64 of little-endian doubles, which is how every machine with a browser holds them
@@ -59,6 +62,14 @@ SSM.inks = [
   { text: "#333b45", grid: "#e3e7ec", tick: "#c3cad3", limit: "#5b6470", stripe: "#eef1f5", paper: "#ffffff", regions: ["#e7ebf0", "#c9d8e6"], scene: 0xf7f8fa },
   { text: "#c6ced7", grid: "#2b333d", tick: "#47525e", limit: "#9aa5b1", stripe: "#1e252d", paper: "#14191f", regions: ["#222a33", "#2c4255"], scene: 0x1a2027 },
 ];
+
+// once for everything drawn on a canvas: another colour scheme, and paper
+SSM.whenRedrawn = (redraw) => {
+  SSM.scheme.addEventListener("change", redraw);
+  for (const [name, printing] of [["beforeprint", true], ["afterprint", false]]) {
+    window.addEventListener(name, () => { SSM.printing = printing; redraw(); });
+  }
+};
 
 // the longest of a phase's names that fits a width: whole, without its group, its number alone
 SSM.pen = document.createElement("canvas").getContext("2d");

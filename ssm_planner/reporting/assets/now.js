@@ -20,7 +20,7 @@ SSM.now = (container, data, channels) => {
   const joints = SSM.element("table", {}, SSM.element("thead", {}, SSM.element("tr", {}, ...heads)), SSM.element("tbody", {}, ...rows));
   const task = SSM.element("p", { class: "task" });
   const active = SSM.element("p", { class: "chips" });
-  container.replaceChildren(SSM.element("div", { class: "scroll" }, joints), task, active);
+  container.replaceChildren(SSM.scrolling(joints), task, active);
   const stretches = data.panels.flatMap((panel) => panel.active);
   let said = null;
   return (index) => {
@@ -96,7 +96,7 @@ SSM.compareNow = (container, data, channels, names) => {
     .map((text) => SSM.element("th", { scope: "col" }, text));
   const table = SSM.element("table", {}, SSM.element("thead", {}, SSM.element("tr", {}, ...heads)), SSM.element("tbody", {}, ...rows));
   const key = (side, text) => SSM.element("span", { class: "key" }, SSM.swatch(data.colours[side], SSM.dashes[side]), text);
-  container.replaceChildren(SSM.element("div", { class: "scroll" }, table),
+  container.replaceChildren(SSM.scrolling(table),
     SSM.element("p", {}, key(0, `${names[0]}, solid in 3D`), " ", key(1, `${names[1]}, orange and translucent in 3D`)));
   return (index) => {
     for (const { node, values, factor, digits } of cells) node.textContent = SSM.fixed(factor * values[index], digits);

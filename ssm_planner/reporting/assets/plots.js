@@ -165,14 +165,6 @@ SSM.Plots = class {
   }
 };
 
-// once for everything drawn on a canvas: another colour scheme, and paper
-SSM.whenRedrawn = (redraw) => {
-  SSM.scheme.addEventListener("change", redraw);
-  for (const [name, printing] of [["beforeprint", true], ["afterprint", false]]) {
-    window.addEventListener(name, () => { SSM.printing = printing; redraw(); });
-  }
-};
-
 SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
 
 SSM.extremes = (values) => {

@@ -1,8 +1,12 @@
 // The page of a study: front, map of what falls out, parallel coordinates with brushes. Plain canvas, no library.
 "use strict";
-const data = JSON.parse(document.getElementById("data").textContent);
-const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#A0457E", "#7a4b00", "#444444", "#56B4E9"];
-const SOFT = "rgba(90, 100, 112, 0.35)", INK = "#1b2129", LINE = "#aab2bc";
+const data = SSM.data();
+const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#A0457E", "#000000"];
+const ink = () => SSM.ink("text");
+const clear = (opacity) => { // a grey that lies over itself
+  const [r, g, b] = SSM.dark() ? [170, 182, 194] : [90, 100, 112];
+  return `rgba(${r}, ${g}, ${b}, ${opacity})`;
+};
 const column = (name) => data.columns[data.names.indexOf(name)];
 const brushes = new Map();
 const kept = (i) => [...brushes].every(([name, [low, high]]) => column(name).at[i] >= low && column(name).at[i] <= high);
@@ -21,6 +25,7 @@ const surface = (id, draw) => {
     draw(context, width, height);
   };
   new ResizeObserver(paint).observe(canvas);
+  SSM.whenRedrawn(paint);
   return { canvas, paint };
 };
 
@@ -40,7 +45,13 @@ const ticks = ([low, high]) => {
   for (let at = Math.ceil(low / step) * step; at <= high + step * 1e-9; at += step) found.push(at);
   return found.map((at) => [at, Number(at.toPrecision(6)).toString().replace("-", "−")]);
 };
-const label = (of, value) => (of.labels ? of.labels[value] : Number(value.toPrecision(5)).toString().replace("-", "−"));
+const label = (of, value, digits = 5) => (of.labels ? of.labels[value] : Number(value.toPrecision(digits)).toString().replace("-", "−"));
+// the longest form of a title that has room: whole, without the path before its last word, cut
+const shortened = (context, title, room) => {
+  const own = title.replace(/^\S*\./, "");
+  const cut = Array.from({ length: own.length }, (_, n) => `${own.slice(0, own.length - n)}…`);
+  return [title, own, ...cut].find((text) => context.measureText(text).width <= room) ?? "";
+};
 
 // Axes around a plot; returns where values stand.
 const EDGE = { left: 64, right: 14, top: 12, bottom: 44 };
@@ -48,8 +59,8 @@ const axes = (context, width, height, across, up) => {
   const [x, y] = [extent(across.at), extent(up.at)].map(([low, high]) => [low - (high - low) * 0.03, high + (high - low) * 0.03]);
   const px = (value) => EDGE.left + ((value - x[0]) / (x[1] - x[0])) * (width - EDGE.left - EDGE.right);
   const py = (value) => height - EDGE.bottom - ((value - y[0]) / (y[1] - y[0])) * (height - EDGE.top - EDGE.bottom);
-  context.strokeStyle = LINE;
-  context.fillStyle = INK;
+  context.strokeStyle = SSM.ink("tick");
+  context.fillStyle = ink();
   context.strokeRect(EDGE.left, EDGE.top, width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom);
   context.textAlign = "center";
   const marks = (of, range) => (of.labels ? of.labels.map((text, i) => [i, text.slice(0, 14)]) : ticks(range));
@@ -95,13 +106,13 @@ const front = surface("front", (context, width, height) => {
   const [px, py] = axes(context, width, height, only(column(across.value)), only(column(up.value)));
   const place = (i) => [px(column(across.value).at[i]), py(column(up.value).at[i])];
   front.places = done.map((i) => [i, ...place(i)]);
-  for (const [i, x, y] of front.places) if (!onFront.has(i)) point(context, 0, x, y, 2.6, kept(i) ? SOFT : "rgba(90,100,112,.1)");
-  for (const [i, x, y] of front.places) if (onFront.has(i)) point(context, 3, x, y, 4, kept(i) ? COLOURS[0] : "rgba(0,114,178,.2)");
+  for (const [i, x, y] of front.places) if (!onFront.has(i)) point(context, 0, x, y, 2.6, clear(kept(i) ? 0.4 : 0.12));
+  for (const [i, x, y] of front.places) if (onFront.has(i)) point(context, 3, x, y, 4, kept(i) ? SSM.tone(COLOURS[0]) : clear(0.25));
   if (nearest !== null) {
     const [x, y] = place(nearest);
     context.beginPath();
     context.arc(x, y, 8, 0, 7);
-    context.strokeStyle = INK;
+    context.strokeStyle = ink();
     context.stroke();
   }
 });
@@ -127,22 +138,22 @@ const map = surface("map", (context, width, height) => {
   data.stage.forEach((stage, i) => {
     const [x, y] = [px(column(mapAcross.value).at[i]), py(column(mapUp.value).at[i])];
     const k = stages.indexOf(stage);
-    point(context, k, x, y, 3, COLOURS[k % COLOURS.length]);
+    point(context, k, x, y, 3, SSM.tone(COLOURS[k % COLOURS.length]));
   });
 });
-document.getElementById("map-legend").append(
-  ...stages.map((stage, k) => {
-    const item = document.createElement("li");
-    item.style.color = COLOURS[k % COLOURS.length];
-    item.textContent = `${"●■▲◆"[k % 4]} ${stage}`;
-    return item;
-  }),
-);
+document.getElementById("map-legend").append(...stages.map((stage, k) => {
+  const shape = SSM.element("span", { "aria-hidden": "true" }, "●■▲◆"[k % 4]);
+  shape.style.color = SSM.paint(COLOURS[k % COLOURS.length]);
+  return SSM.element("li", {}, shape, ` ${stage}`);
+}));
 
 const lanes = [...data.choices, ...data.figures];
 const parallel = surface("parallel", (context, width, height) => {
   const top = 46, bottom = 26;
-  const at = (k) => 60 + (k * (width - 120)) / Math.max(lanes.length - 1, 1);
+  const edge = width < 600 ? 24 : 60;
+  const apart = (width - 2 * edge) / Math.max(lanes.length - 1, 1);
+  const digits = apart < 60 ? 3 : 5;
+  const at = (k) => edge + k * apart;
   const ranges = lanes.map((name) => extent(done.map((i) => column(name).at[i])));
   const y = (k, value) => height - bottom - ((value - ranges[k][0]) / (ranges[k][1] - ranges[k][0])) * (height - top - bottom);
   parallel.at = at;
@@ -158,25 +169,28 @@ const parallel = surface("parallel", (context, width, height) => {
   };
   const shown = done.filter(kept), step = Math.ceil(shown.length / 4000);
   document.getElementById("kept").textContent = `${shown.length} of ${done.length} kept` + (step > 1 ? `, every ${step}th drawn.` : ".");
-  shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, "rgba(90, 100, 112, 0.18)"); });
-  shown.forEach((i) => { if (onFront.has(i)) draw(i, COLOURS[0]); });
-  context.fillStyle = INK;
+  shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, clear(0.2)); });
+  shown.forEach((i) => { if (onFront.has(i)) draw(i, SSM.tone(COLOURS[0])); });
+  context.fillStyle = ink();
   context.textAlign = "center";
   lanes.forEach((name, k) => {
-    context.strokeStyle = INK;
+    context.strokeStyle = ink();
     context.beginPath();
     context.moveTo(at(k), top);
     context.lineTo(at(k), height - bottom);
     context.stroke();
-    const title = column(name).title, row = k % 2;
-    context.fillText(title.length > 26 ? `${title.slice(0, 25)}…` : title, at(k), 12 + 14 * row);
-    context.fillText(label(column(name), column(name).labels ? ranges[k][1] : ranges[k][1]) ?? "", at(k), top - 5);
-    context.fillText(label(column(name), ranges[k][0]) ?? "", at(k), height - 10);
+    const write = (text, y) => { // within the picture
+      const half = context.measureText(text).width / 2 + 2;
+      context.fillText(text, Math.min(Math.max(at(k), half), width - half), y);
+    };
+    write(shortened(context, column(name).title, 2 * apart - 8), 12 + 14 * (k % 2));
+    write(label(column(name), ranges[k][1], digits) ?? "", top - 5);
+    write(label(column(name), ranges[k][0], digits) ?? "", height - 10);
     const brush = brushes.get(name);
     if (brush) {
       context.fillStyle = "rgba(0, 114, 178, 0.25)";
       context.fillRect(at(k) - 9, y(k, brush[1]), 18, y(k, brush[0]) - y(k, brush[1]));
-      context.fillStyle = INK;
+      context.fillStyle = ink();
     }
   });
 });
