@@ -77,6 +77,17 @@ _NUMBER_HINT = "a bare number such as 0.13, without a unit"
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": deg, "°": deg}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+_IN_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+PER = r"(?:_per_s(?:\^?2)?|/s(?:\^?2|²)?)"
+_AFTER = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){PER}?|s|ms|us|ns)$", re.I)
+
+
+def of_heading(name: str) -> tuple[str, str]:
+    """(label, unit) of a column named `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`; "" where it names no unit."""
+    match = _IN_BRACKETS.match(name) or _AFTER.match(name.strip())
+    return (match.group(1), match.group(2).strip()) if match else (name, "")
+
+
 SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * rpm}
 
 

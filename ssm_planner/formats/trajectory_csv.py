@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.robot import Robot
-from ssm_planner.units import ANGLES, LENGTHS, TIMES
+from ssm_planner.units import ANGLES, LENGTHS, PER, TIMES, of_heading
 
 ORDER_WORDS = {
     0: {"q", "pos", "position", "angle", "theta", "displacement"},
@@ -15,9 +15,6 @@ ORDER_WORDS = {
     2: {"qdd", "ddq", "acc", "accel", "acceleration"},
 }
 ORDER_NAMES = ("position", "velocity", "acceleration")
-_PER = r"(?:_per_s(?:\^?2)?|/s(?:\^?2|²)?)"
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
-_SUFFIX = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){_PER}?|s|ms|us|ns)$", re.I)
 _JOINT = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
 
 
@@ -69,7 +66,7 @@ def _complete(found: dict[tuple[int, int], Heading], names: list[str], robot: Ro
 
 def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     """((derivative, joint), factor) of a column name; None for a column that is none of a joint's or time's."""
-    label, unit = _split(name)
+    label, unit = of_heading(name)
     words = [word for word in re.split(r"[^a-z0-9]+|_", label.lower()) if word]
     if words and (words[0] in ("t", "time", "timestamp") or words[:3] == ["time", "from", "start"]):
         if unit not in TIMES:
@@ -87,12 +84,6 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     if order is not None and order != per:
         raise ValueError(f"a {ORDER_NAMES[order]} with the unit {unit!r} of a {ORDER_NAMES[per]}")
     return (per, joint), kinds[base]
-
-
-def _split(name: str) -> tuple[str, str]:
-    """(label, unit) of `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`."""
-    match = _BRACKETS.match(name) or _SUFFIX.match(name.strip())
-    return (match.group(1), match.group(2).strip()) if match else (name, "")
 
 
 def _joint(words: list[str], robot: Robot) -> tuple[int | None, int | None]:
@@ -121,7 +112,7 @@ def _joint(words: list[str], robot: Robot) -> tuple[int | None, int | None]:
 
 def _base(unit: str) -> tuple[str, int]:
     """(deg, 1) of deg/s or deg_per_s."""
-    match = re.fullmatch(rf"(.*?)({_PER})?", unit)
+    match = re.fullmatch(rf"(.*?)({PER})?", unit)
     per = (match.group(2) or "") if match else ""
     base = unit[: len(unit) - len(per)] if per else unit
     return base, 0 if not per else 2 if per.endswith(("2", "²")) else 1

@@ -48,7 +48,7 @@ def find(name: str | Path, folder: Folder) -> Path:
 def read(path: str | Path) -> Section:
     """The YAML mapping in a file. Raises ProblemError for everything that is not one readable mapping."""
     file = Path(path)
-    return _section(file, parse(file, _text(file)))
+    return _section(file, parse(file, text_of(file)))
 
 
 def of_text(text: str) -> Section:
@@ -92,7 +92,9 @@ def follow(section: Section, *path: str | int, kind: str | None = None) -> Secti
     return read(target)
 
 
-def _text(file: Path) -> str:
+def text_of(file: Path) -> str:
+    """What stands in a text file. Raises ProblemError where it is none that can be read."""
+
     def refused(reason: str, allowed: str | None = None, line: int | None = None) -> ProblemError:
         return ProblemError(reason, file=file, line=line, allowed=allowed)
 

@@ -9,7 +9,8 @@ from ssm_planner.loading.files import follow
 from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
 
 LONGEST_MOTION = 10_000
-PLACES = {"": ("start",), "free": ("to", "through"), "straight": ("to",), "scan": ("at",)}
+_CURVES = {"spline": ("to", "through"), "line": ("to",), "arc": ("to", "through")}
+PLACES = {"": ("start",), "free": ("to", "through"), "straight": ("to",), "scan": ("at",), **_CURVES}
 """Keys that hold points, by what they are keys of."""
 
 
@@ -116,4 +117,7 @@ class _Motions:
         entries = written_out(other, chain).sub("motion").value if other.holds("motion") else None
         if not isinstance(entries, list):
             raise key.error("this problem has no list of motions", allowed="a problem with the key motion")
+        for entry in entries:
+            if isinstance(entry, dict) and isinstance(entry.get("path"), str) and other.file is not None:
+                entry["path"] = str(other.file.parent.absolute() / entry["path"])
         return [plain_node(entry, line=place.line()) for entry in entries]

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from ssm_planner import units
 from ssm_planner.loading.files import follow
 from ssm_planner.loading.missions import LONGEST_MOTION, written_out
+from ssm_planner.loading.path_file import in_tables, path_from
 from ssm_planner.loading.robots import RANGES, Rotations, ranges_from, robot_from, rotation
 from ssm_planner.loading.schema import (
     Axis,
@@ -35,7 +36,19 @@ from ssm_planner.loading.schema import (
 from ssm_planner.loading.schema import Field as Reader
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.limits import TASK, Limit, TaskRate, ToolLimit
-from ssm_planner.problem.motion import LARGEST_GRID, Dwell, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import (
+    LARGEST_GRID,
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    Point,
+    Scan,
+    Straight,
+    Task,
+    Tip,
+)
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.problem.value import Bound, frozen
@@ -180,14 +193,16 @@ class _EntryModel(Model):
         return data
 
 
-def _motion_to(to: Any, description: str, more: Mapping[str, Any] | None = None) -> Any:
+def _motion_to(to: Any, description: str, more: Mapping[str, Any] | None = None, timed: bool = True) -> Any:
     to_key = to, Field(description="Where it ends.")
-    model = model_of(Straight, {"to": to_key, **(more or {})}, without=(*TASK, "name"))
+    without = (*TASK, "name") if timed else (*TASK, "name", "duration")
+    model = model_of(Straight, {"to": to_key, **(more or {})}, without=without)
     return optional(_part(model), description)
 
 
 _THROUGH = Annotated[tuple[Annotated[Any, Part(PointModel)], ...], Field(max_length=MOST_POINTS)]
 _PASSED = {"through": (_THROUGH, Field((), description="Points passed without stopping, in order."))}
+_BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
 EntryModel = model_from(
     {
         "tilt": _motion_to(reading(Task, "tilt"), "To a tilt, the other task coordinates held."),
@@ -196,6 +211,12 @@ EntryModel = model_from(
         "insert": _motion_to(reading(Task, "depth"), "To a depth, the other task coordinates held."),
         "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held."),
         "free": _motion_to(_part(PointModel), "On whatever way the planner finds fastest.", _PASSED),
+        "line": _motion_to(
+            _part(PointModel), "The tip on the straight line to a point, spin in proportion.", timed=False
+        ),
+        "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY, timed=False),
+        "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, timed=False),
+        "path": optional(Text, "CSV of joints, task coordinates or tip and spin, units in the headings."),
         "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
         "scan": optional(_part(ScanModel), "Spots on the retina."),
         "repeat": optional(_part(RepeatModel), "Motions done several times."),
@@ -273,7 +294,7 @@ def problem_from(section: Section) -> Problem:
         reason = "missing: a start says where all of the tool is"
         raise section.error(reason, "start", first, allowed=", ".join(TASK))
     motion = tuple(_motion(section.sub("motion", i), entry) for i, entry in enumerate(model.motion))
-    with located(section, _places(model)):
+    with located(section, _places(model)), in_tables(motion):
         problem = Problem(
             name=model.name or section.name,
             robot=robot,
@@ -328,14 +349,16 @@ def _places(model: Any) -> dict[str, Place]:
         (name,) = entry.model_fields_set
         here, there = f"motion[{i}]", ("motion", i, name)
         points: dict[str, Place] = {f"{here}.to": (*there, "to")}
-        if entry.free is not None:
-            passed = range(len(entry.free.through))
+        if (along := entry.free or entry.spline) is not None:
+            passed = range(len(along.through))
             points |= {f"{here}.through[{k}]": (*there, "through", k) for k in passed}
+        if entry.arc is not None:
+            points[f"{here}.through[0]"] = (*there, "through")
         for field, place in points.items():
             places |= {f"{field}.values": (*place, "joints"), f"{field}.position": (*place, "tip"), field: place}
         if entry.scan is not None and entry.scan.pattern == "ring":
             places[f"{here}.diameters"] = (*there, "diameter")
-        if name not in ("straight", "free", "scan", "dwell"):
+        if name in ("tilt", "roll", "spin", "insert"):
             places[f"{here}.{'depth' if name == 'insert' else name}"] = (*there, "to")
         places[here] = (*there, "to") if entry.straight is not None else there
     return places
@@ -359,9 +382,19 @@ def _motion(section: Section, entry: Any) -> Motion:
             return Dwell(entry.dwell, name, line)
         if entry.scan is not None:
             return _scan(here, model)
-        if entry.free is not None:
+        if entry.path is not None:
+            return path_from(here, name, line)
+        if name in ("free", "spline"):
             through = tuple(_point(here.sub("through", k), point) for k, point in enumerate(model.through))
-            return Free(_point(here.sub("to"), model.to), through, model.duration, name, line)
+            end = _point(here.sub("to"), model.to)
+            return (
+                Follow(end, through, name, line=line)
+                if name == "spline"
+                else Free(end, through, model.duration, name, line)
+            )
+        if name in ("line", "arc"):
+            by = () if name == "line" else (_point(here.sub("through"), model.through),)
+            return Follow(_point(here.sub("to"), model.to), by, name, name, line=line)
         to = _given(model.to) if entry.straight is not None else {"depth" if name == "insert" else name: model.to}
         return Straight(**to, duration=model.duration, name=name, line=line)
 

@@ -292,7 +292,9 @@ class _Cooling:
             return None
         hot = [i for i, joint in enumerate(problem.robot.joints) if joint.name in self.hot]
         standing = [
-            entry.duration is None and not isinstance(entry, Scan) and not phase.motion.coefficients[:, 1:, hot].any()
+            entry.duration is None
+            and not isinstance(entry, (Follow, Scan))
+            and not phase.motion.coefficients[:, 1:, hot].any()
             for entry, phase in zip(problem.motion, planned.phases, strict=True)
         ]
         least = sum(phase.duration for phase, stands in zip(planned.phases, standing, strict=True) if stands)

@@ -88,14 +88,14 @@ def _where(phase: Phase, k: int, count: int) -> str:
 def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Reason | None:
     """The first joint or task coordinate that leaves its range, where it does so most.
 
-    Joints at these samples (n, 4); task coordinates at the points of the phase, which may be given as joints or by the tip.
+    Joints along the phase, (n, 4).
     """
 
     def ranges() -> Iterator[tuple[Limit, str, Array, float]]:
         for i, joint in enumerate(problem.robot.joints):
             tolerance = TOLERANCE * (joint.position[1] - joint.position[0])
             yield joint.limit(JointPosition), f"joint {joint.name} would have to reach", q[:, i], tolerance
-        task = task_from_joints(mechanism, phase.points)
+        task = task_from_joints(mechanism, q)
         for limit in problem.limits:
             if isinstance(limit, TaskRange):
                 name = limit.coordinate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,15 +11,13 @@ from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
+from ssm_planner.planning.curves import NOWHERE, branch_of, points_of_curve, without_repeats
+from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath, smooth_runs
 from ssm_planner.planning.scan_pattern import expand_scans, refuse_tilt
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
-
-NOWHERE = 1e-9
-"""A motion over less than this (rad, m) goes nowhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +84,9 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
         elif isinstance(motion, Straight):
             phase = _straight_phase(problem, mechanism, motion, (task, q))
         elif isinstance(motion, Follow):
-            phase = _curved_phase(problem, mechanism, motion, (task, q))
+            phases += _curved_phases(problem, mechanism, motion, (task, q))
+            task, q = phases[-1].end, phases[-1].points[-1]
+            continue
         else:
             phase = _free_phase(problem, mechanism, motion, (task, q))
         phases.append(phase)
@@ -121,31 +121,43 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
     return Phase(motion, start, end, np.stack(points if len(points) > 1 else [q, q]), None)
 
 
-def _curved_phase(problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]) -> Phase:
-    """A motion along a curve through points; at: task coordinates and joints where it starts, (4,) each."""
+def _curved_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]) -> list[Phase]:
+    """A motion along a curve; at: task coordinates and joints where it starts, (4,) each.
+
+    Through samples: a free motion to the first of them unless the robot is there, and a phase for every smooth run of them.
+    """
     start, q = at
-    points = np.array([q, *(point.values for point in (*motion.through, motion.to))])
+    points, leading = points_of_curve(problem, mechanism, motion, start, q)
+    phases: list[Phase] = []
+    if leading:
+        lead = Free(_as_joints(points[1]), name=f"{motion.name}, approach", line=motion.line)
+        start = task_from_joints(mechanism, points[1:2], near=start)[0]
+        phases.append(Phase(lead, at[0], start, points[:2], None))
+        points = points[1:]
     scale = np.array([joint.velocity for joint in problem.robot.joints])
-    points = points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)]
-    if len(points) == 1:
-        return Phase(motion, start, start, np.stack([q, q]), None)
-    path = SplinePath(mechanism, points, scale)
-    knots = path.sample(path.directions[0]).q
-    end = start
-    for point in knots[1:]:
-        end = task_from_joints(mechanism, point[None, :], near=end)[0]
-    return Phase(motion, start, end, knots, path)
+    points = without_repeats(points)
+    runs = smooth_runs(points, scale) if motion.curve == "samples" else [points] if len(points) > 1 else []
+    for k, run in enumerate(runs, 1):
+        path = SplinePath(mechanism, run, scale)
+        knots = path.sample(path.directions[0]).q
+        end = start
+        for point in knots[1:]:
+            end = task_from_joints(mechanism, point[None, :], near=end)[0]
+        named = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
+        phases.append(Phase(named, start, end, knots, path))
+        start = end
+    return phases or [Phase(motion, start, start, np.stack([points[-1], points[-1]]), None)]
+
+
+def _as_joints(q: Array) -> Joints:
+    a, b, c, d = q.tolist()
+    return Joints((a, b, c, d))
 
 
 def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array) -> StraightPath:
     """The path from start to end, straight in task coordinates (4,), from the joints q (4,) on; with the drives' turns."""
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
     return StraightPath(mechanism, start=start, end=end, branch=branch_of(mechanism, q), first=q, watched=driven)
-
-
-def branch_of(mechanism: Mechanism, q: Array) -> int:
-    """The branch of the inverse kinematics, ±1, that joints q (4,) are on."""
-    return 1 if np.sin(q[1] - mechanism.delta) > 0 else -1
 
 
 def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array, first: Array) -> Array:

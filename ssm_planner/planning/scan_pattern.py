@@ -81,13 +81,15 @@ def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
     return task
 
 
-def refuse_tilt(problem: Problem, mechanism: Mechanism, tilt: float, *, line: int | None, key: str) -> None:
-    """ProblemError for a tilt (rad) out of the mechanism's reach."""
+def refuse_tilt(
+    problem: Problem, mechanism: Mechanism, tilt: float, *, line: int | None, key: str, file: str | None = None
+) -> None:
+    """ProblemError for a tilt (rad) out of the mechanism's reach; file: not the problem's own."""
     low, high = tilt_interval(mechanism)
     if not low < tilt < high:
         raise ProblemError(
             "the mechanism cannot reach this tilt",
-            file=problem.file,
+            file=file or problem.file,
             line=line,
             key=key,
             value=f"{np.degrees(tilt):.6g} deg",

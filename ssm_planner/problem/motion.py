@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import JOINTS, Robot
@@ -103,23 +103,40 @@ class Free(Value):
     line: Line | None = field(default=None, compare=False)
 
     def _check(self) -> None:
-        for i, point in enumerate((*self.through, self.to)):
-            if isinstance(point, Task) and not point.given:
-                place = "to" if i == len(self.through) else f"through[{i}]"
-                raise self._wrong(place, "no point is given", "roll, tilt, spin or depth; joints; or a tip", "Task()")
+        _check_given(self)
 
 
 @dataclass(frozen=True, eq=False)
 class Follow(Value):
-    """Along a smooth curve in joint space, from where the motion is through points to the last of them, timed by TOPP-RA."""
+    """Along a given curve, from where the motion is to a point, timed by TOPP-RA."""
 
     kind: ClassVar[str] = "path"
-    to: Joints
-    through: tuple[Joints, ...] = ()
-    """Points of the curve, a natural cubic spline over the distance from point to point in joint velocities."""
+    to: Task | Joints | Tip
+    through: tuple[Task | Joints | Tip, ...] = ()
+    """Points of the curve in order; of an arc the one that it passes, of a line none."""
     name: str = "path"
+    curve: Literal["spline", "samples", "line", "arc"] = "spline"
+    """A natural cubic spline in joint space, over the distance from point to point in joint velocities; the same through
+    samples, at rest where these turn by more than 30°; or a line or an arc of the tip, spin in proportion to the way."""
+    file: str | None = field(default=None, compare=False)
+    """Table that the points come from, whose lines are theirs."""
     line: Line | None = field(default=None, compare=False)
     duration: ClassVar[None] = None
+
+    def _check(self) -> None:
+        counts = {"line": 0, "arc": 1}
+        wanted = counts.get(self.curve, len(self.through))
+        if len(self.through) != wanted:
+            raise self._wrong("through", f"not for a curve of this kind ({self.curve})", f"{wanted} points")
+        _check_given(self)
+
+
+def _check_given(motion: Free | Follow) -> None:
+    """Every point says something."""
+    for i, point in enumerate((*motion.through, motion.to)):
+        if isinstance(point, Task) and not point.given:
+            place = "to" if i == len(motion.through) else f"through[{i}]"
+            raise motion._wrong(place, "no point is given", "roll, tilt, spin or depth; joints; or a tip", "Task()")
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,7 +82,7 @@ def _motion(motion: Motion) -> dict[str, Any]:
         scan = {name: plain(getattr(motion, name)) for name in _SCAN}
     elif not isinstance(motion, Dwell):
         target = motion.to
-    return {
+    entry = {
         "kind": motion.kind,
         "name": motion.name,
         "target": None if target is None else _point(target),
@@ -91,6 +91,7 @@ def _motion(motion: Motion) -> dict[str, Any]:
         "through": [_point(point) for point in motion.through] if isinstance(motion, (Free, Follow)) else [],
         "scan": scan,
     }
+    return {**entry, "curve": motion.curve, "file": motion.file} if isinstance(motion, Follow) else entry
 
 
 _SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
@@ -112,7 +113,8 @@ def _point_from(data: Any, where: str) -> Point:
 
 
 def _motion_from(data: Any, where: str) -> Motion:
-    check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan"), where)
+    of_path = ("curve", "file") if isinstance(data, Mapping) and data.get("kind") == Follow.kind else ()
+    check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_path), where)
     cls: Any = _KINDS.get(data.get("kind"))
     if cls is None:
         raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
@@ -128,6 +130,7 @@ def _motion_from(data: Any, where: str) -> Motion:
             values |= target.given
         else:
             values["at" if cls is Scan else "to"] = target
+    values |= {name: data[name] for name in of_path if name in data}
     if cls in (Free, Follow):
         through = data.get("through") or ()
         values["through"] = tuple(_point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through))

@@ -1,0 +1,137 @@
+"""A table of points along a path: joints, task coordinates, or tip and spin, units in the headings."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.files import text_of
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.motion import Follow, Joints, Motion, Point, Task, Tip
+from ssm_planner.units import ANGLES, LENGTHS, of_heading
+
+MOST = 20_000
+"""Points of one table."""
+OF_JOINTS, OF_TIP = ("q1", "q2", "q3", "q4"), ("x", "y", "z")
+KNOWN = (*OF_JOINTS, *TASK, *OF_TIP)
+BESIDE = re.compile(r"t|time.*|qd+\d|motor\d_.*")
+"""Columns of trajectories that a path does not need."""
+FORMS = (
+    "q1, q2, q3, q4; or some of roll, tilt, spin, depth; or x, y, z and spin: each with its unit, such as 'tilt [deg]'"
+)
+
+
+def path_from(section: Section, name: str, line: int | None) -> Follow:
+    """The path in the table that a key names, relative to the file that names it. Raises ProblemError."""
+    file = Path(section.value) if section.file is None else section.file.parent / section.value
+    if not file.is_file():
+        reason = "is not a file" if file.exists() else "does not exist"
+        raise section.error(f"the file {file} {reason}", allowed="a CSV file, named relative to this one")
+    rows = csv.reader(io.StringIO(text_of(file)))
+    columns = _columns(next(rows, []), file)
+    points: list[Point] = []
+    try:
+        for cells in rows:
+            if cells:
+                points.append(_point(_numbers(cells, columns, (file, rows.line_num)), rows.line_num))
+            if len(points) > MOST:
+                raise ProblemError("too many points", file=file, line=rows.line_num, allowed=f"at most {MOST}")
+    except csv.Error as error:
+        raise ProblemError(f"not a table: {error}", file=file, line=rows.line_num) from None
+    if len(points) < 2:
+        raise ProblemError(f"{len(points)} points", file=file, allowed="at least two")
+    return Follow(points[-1], tuple(points[:-1]), name, curve="samples", file=str(file), line=line)
+
+
+def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
+    """Column and factor to SI of every coordinate of one form, in the form's order."""
+
+    def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
+        return ProblemError(reason, file=file, line=1, key=key, allowed=allowed)
+
+    found: dict[str, tuple[int, float]] = {}
+    for column, name in enumerate(names):
+        label, unit = of_heading(name)
+        label = re.sub(
+            r"^(task|tip|joint)[_ ]", lambda match: "q" if match[1] == "joint" else "", label.strip().lower()
+        )
+        label = re.sub(r"^joint(?=\d$)", "q", label)
+        if BESIDE.fullmatch(label):
+            continue
+        if label not in KNOWN:
+            raise refused("not a coordinate known here", name.strip())
+        units = LENGTHS if label in ("depth", "q4", *OF_TIP) else ANGLES
+        if unit not in units:
+            raise refused(f"unit {unit!r} is not known here" if unit else "no unit", name.strip(), ", ".join(units))
+        if label in found:
+            raise refused(f"{label} stands twice", name.strip())
+        found[label] = column, units[unit]
+    given = set(found)
+    if given & set(OF_JOINTS):
+        form: tuple[str, ...] = OF_JOINTS
+    elif given & set(OF_TIP) and not set(TASK) <= given:
+        form = (*OF_TIP, "spin")
+        if more := sorted(given - set(form)):
+            raise refused("given besides the tip, which fixes it", more[0])
+    else:
+        form = tuple(name for name in TASK if name in given)
+    if missing := [name for name in form if name not in given]:
+        raise refused(f"no column of {', '.join(missing)}")
+    if not form:
+        raise refused("no coordinates")
+    return {name: found[name] for name in form}
+
+
+def _numbers(
+    cells: list[str], columns: Mapping[str, tuple[int, float]], place: tuple[Path, int]
+) -> Mapping[str, float]:
+    """SI values of one row."""
+    values: dict[str, float] = {}
+    for name, (column, factor) in columns.items():
+        cell = cells[column] if column < len(cells) else ""
+        try:
+            values[name] = float(cell) * factor
+        except ValueError:
+            values[name] = math.nan
+        if not math.isfinite(values[name]):
+            reason = "not a finite number" if cell.strip() else "no value"
+            raise ProblemError(reason, file=place[0], line=place[1], key=f"column {name}", value=cell.strip() or None)
+    return values
+
+
+def _point(values: Mapping[str, float], line: int) -> Point:
+    if "q1" in values:
+        return Joints((values["q1"], values["q2"], values["q3"], values["q4"]), line)
+    if "x" in values:
+        return Tip((values["x"], values["y"], values["z"]), values["spin"], line)
+    return Task(**values, line=line)
+
+
+@contextmanager
+def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
+    """Errors of a problem at points that come from tables name file, line and column of these."""
+    try:
+        yield
+    except ProblemError as error:
+        match = re.fullmatch(r"Problem\.motion\[(\d+)\]\.(?:to|through\[(\d+)\])\.(.*)", error.key or "")
+        entry = motion[int(match[1])] if match else None
+        if match is None or not isinstance(entry, Follow) or entry.file is None:
+            raise
+        point = entry.to if match[2] is None else entry.through[int(match[2])]
+        joint = re.fullmatch(r"values\[(\d)\]", match[3])
+        column = OF_JOINTS[int(joint[1])] if joint else {"position": ", ".join(OF_TIP)}.get(match[3], match[3])
+        raise ProblemError(
+            error.reason,
+            file=entry.file,
+            line=point.line,
+            key=f"column {column}",
+            value=error.value,
+            allowed=error.allowed,
+        ) from None

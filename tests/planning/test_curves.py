@@ -1,0 +1,126 @@
+"""Curves that a problem gives: the tip keeps to them, and the forms of a table mean the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.planner import PlannerResult, plan_motion
+from ssm_planner.problem.limits import TipSpeed
+from ssm_planner.problem.motion import Follow, Joints, Straight, Task, Tip
+from ssm_planner.problem.problem import Problem
+from ssm_planner.typing import Array
+
+START = Task(0.0, np.radians(-95), 0.0, 0.005)
+
+
+@pytest.fixture
+def base(tilt_insert: Problem) -> Problem:
+    return replace(tilt_insert, start=START)
+
+
+def planned(problem: Problem) -> tuple[PlannerResult, Array]:
+    """The motion, and the tip along it, (n, 3)."""
+    found = plan_motion(problem)
+    assert found.trajectory is not None, found.reason
+    q = found.trajectory.sample(np.linspace(0.0, found.trajectory.duration, 2000)).q
+    return found, tip_position(Mechanism.from_geometry(problem.robot.geometry), q)
+
+
+def test_the_tip_keeps_to_a_line_below_its_speed_and_the_plan_passes(base: Problem) -> None:
+    line = Follow(Tip((0.002, -0.006, -0.012), 0.2), curve="line", name="line")
+    problem = replace(base, motion=(line,), limits=(*base.limits, TipSpeed(0.008)))
+    found, tips = planned(problem)
+    way = tips[-1] - tips[0]
+    assert tips[-1] == pytest.approx((0.002, -0.006, -0.012), abs=1e-9)
+    off = np.linalg.norm(np.cross(tips - tips[0], way / np.linalg.norm(way)), axis=1)
+    assert off.max() < 2e-6
+    # nothing but the tip's speed and the ramps: the way at that speed is nearly all of the time
+    assert np.linalg.norm(way) / 0.008 < found.trajectory.duration < 1.1 * np.linalg.norm(way) / 0.008 + 0.3  # type: ignore[union-attr]
+    outcome = plan(problem)
+    assert outcome.passed, outcome.reason
+
+
+def test_the_tip_keeps_to_an_arc(base: Problem) -> None:
+    start = replace(START, depth=0.012)
+    first = 0.012 * np.array([-np.cos(np.radians(95)), 0.0, -np.sin(np.radians(95))])
+    centre, radius, angle = first + np.array([0.003, 0.0, 0.0]), 0.003, np.array([0.75 * np.pi, 1.5 * np.pi])
+    points = centre - radius * np.column_stack([np.cos(angle), 0 * angle, np.sin(angle)])
+    middle, end = (Tip((x, y, z), 0.0) for x, y, z in points.tolist())
+    found, tips = planned(replace(base, start=start, motion=(Follow(end, (middle,), curve="arc"),)))
+    assert tips[0] == pytest.approx(first, abs=1e-9)
+    assert np.abs(np.linalg.norm(tips - centre, axis=1) - radius).max() < 2e-6
+    assert np.abs(tips[:, 1]).max() < 2e-6
+    turned = np.unwrap(np.arctan2(centre[2] - tips[:, 2], centre[0] - tips[:, 0]))
+    assert turned[-1] - turned[0] == pytest.approx(1.5 * np.pi, abs=1e-6)
+    assert found.phases[0].phase.motion.name == "path"
+
+
+def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
+    straight, _ = planned(replace(base, motion=(Straight(depth=0.015),), planner="toppra"))
+    line, _ = planned(replace(base, motion=(Follow(Task(depth=0.015), curve="line"),)))
+    samples = tuple(Task(depth=depth) for depth in np.linspace(0.005, 0.015, 30).tolist())
+    table, _ = planned(replace(base, motion=(Follow(samples[-1], samples[:-1], curve="samples"),)))
+    durations = [found.trajectory.duration for found in (line, table)]  # type: ignore[union-attr]
+    assert durations == pytest.approx([straight.trajectory.duration] * 2, rel=1e-4)  # type: ignore[union-attr]
+
+
+def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
+    task = np.column_stack([s := np.linspace(0, 0.3, 40), np.radians(-95) - 0.4 * s, s**2, 0.005 + 0.02 * s])
+    mechanism = Mechanism.from_geometry(base.robot.geometry)
+    forms = [[Task(*row) for row in task.tolist()]]
+    found, _ = planned(replace(base, motion=(Follow(forms[0][-1], tuple(forms[0][:-1]), curve="samples"),)))
+    (phase,) = found.phases
+    joints = phase.phase.path.points  # type: ignore[union-attr]
+    assert task_from_joints(mechanism, joints) == pytest.approx(task, abs=1e-9)
+    durations = [found.trajectory.duration]  # type: ignore[union-attr]
+    tips = tip_position(mechanism, joints)
+    for points in (
+        [Joints((a, b, c, d)) for a, b, c, d in joints.tolist()],
+        [Tip((x, y, z), spin) for (x, y, z), spin in zip(tips.tolist(), task[:, 2].tolist(), strict=True)],
+    ):
+        again, _ = planned(replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),)))
+        assert len(again.phases) == 1
+        durations.append(again.trajectory.duration)  # type: ignore[union-attr]
+    assert durations == pytest.approx(durations[:1] * 3, rel=1e-6)
+
+
+def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
+    places = ((-100, 5e-3), (-101, 5e-3), (-102, 5e-3), (-102, 6e-3), (-102, 7e-3))
+    points = [Task(tilt=np.radians(tilt), depth=depth) for tilt, depth in places]
+    found, _ = planned(replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),)))
+    assert [each.phase.motion.name for each in found.phases] == ["path, approach", "path 1", "path 2"]
+    assert found.phases[-1].phase.end == pytest.approx([0, np.radians(-102), 0, 0.007])
+    speeds = found.trajectory.sample(np.cumsum([each.duration for each in found.phases])).qd  # type: ignore[union-attr]
+    assert np.abs(speeds).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        (Follow(Task(roll=np.pi), curve="line"), "along all of this line"),
+        (Follow(Task(depth=0.015), (Task(depth=0.010),), curve="arc"), "lie on one line"),
+        (Follow(Task(tilt=np.radians(-178)), (Task(depth=0.010),)), "cannot reach this tilt"),
+        (Follow(Tip((0.01, 0.0, 0.0), 0.0), (Task(depth=0.010),)), "cannot bring the tip there"),
+    ],
+)  # fmt: skip
+def test_what_no_joint_can_follow(base: Problem, motion: Follow, message: str) -> None:
+    robot = replace(base.robot, limits=())
+    with pytest.raises(ProblemError, match=message):
+        plan_motion(replace(base, robot=robot, motion=(motion,), limits=()))
+
+
+def test_a_curve_out_of_the_tilt_range_is_refused_before_it_is_timed(base: Problem) -> None:
+    through = tuple(Task(roll=roll, tilt=np.radians(tilt)) for tilt, roll in ((-90, 0.0), (-81.1, 0.0), (-81.1, 0.3)))
+    beyond = Follow(Task(tilt=np.radians(-95)), through)  # the spline overshoots between its points
+    found = plan_motion(replace(base, motion=(beyond,)))
+    assert found.status == "infeasible"
+    assert found.reason is not None
+    assert "tilt would have to be" in found.reason.message
