@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -45,7 +48,7 @@ Motions = Mapping[str, Trajectory]
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """One candidate planned over every motion, checked and sized: what a worker does. It travels as a pickle."""
+    """One candidate planned over every motion, checked and sized. It travels as a pickle."""
 
     study: Study
 
@@ -89,6 +92,21 @@ class Evaluation:
             reason = f"a motor margin of {100 * figures['motor_margin']:.4g} %, required are {100 * margin:.4g} %"
             return Candidate(number, "infeasible", design, "motors", reason, figures=figures)
         return Candidate(number, "done", design, figures=figures)
+
+
+def evaluated(pickled: bytes, candidates: Sequence[tuple[int, Design]]) -> tuple[list[Candidate], float]:
+    """What a worker is asked for: the rows of candidates (number, design), and the seconds that they took.
+
+    pickled: the Evaluation, which a worker reads once.
+    """
+    evaluation, begin = _read(pickled), time.monotonic()
+    return [evaluation(number, design) for number, design in candidates], time.monotonic() - begin
+
+
+@lru_cache(maxsize=1)
+def _read(pickled: bytes) -> Evaluation:
+    evaluation: Evaluation = pickle.loads(pickled)
+    return evaluation
 
 
 def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:

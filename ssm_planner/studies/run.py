@@ -6,6 +6,7 @@ import hashlib
 import itertools
 import json
 import os
+import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.studies.evaluation import Evaluation
+from ssm_planner.studies.evaluation import Evaluation, evaluated
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
@@ -34,9 +35,14 @@ COMMIT_EVERY = 0.5
 PAGE_EVERY = 10.0
 """Seconds between pages while it runs, at least."""
 AHEAD = 8
-"""Candidates given to the workers for each of them, so that none waits for the driver."""
+"""Batches given to the workers for each of them, so that none waits for the driver."""
 AHEAD_ELSEWHERE = 512
-"""Candidates given to an executor of unknown size."""
+"""Batches given to an executor of unknown size."""
+BATCH_SECONDS, LARGEST_BATCH = 0.25, 64
+"""A batch takes about so long and holds so many candidates at most: an engine's cost is one for each batch."""
+
+Asked = tuple[str, int, Design]
+"""Key, number and design of a candidate given to the workers."""
 
 
 class StudyError(SsmPlannerError):
@@ -144,18 +150,21 @@ class _Driver:
         self._context, self._screens = context_of(study), Screens(study)
         self.keys: list[str] = []
         self.own = key_of({}, self._context)
-        self._flying: dict[Future[Candidate], str] = {}
+        self._flying: dict[Future[tuple[list[Candidate], float]], Sequence[Asked]] = {}
+        self._taken, self._answered = BATCH_SECONDS, 1.0  # seconds and candidates of late
         self._done: list[tuple[str, Candidate]] = []
         self._written = time.monotonic()
         self._next_page = self._written + PAGE_EVERY
         self._states: dict[str, int] = {}
-        self._evaluate = Evaluation(study)
+        self._earlier: dict[str, tuple[int, str]] = {}
+        self._evaluation = pickle.dumps(Evaluation(study))  # once: an engine need not look into it
 
     def run(self) -> None:
         """All candidates, the study's own robot first."""
         self._store.add([(OWN, self.own, {})])
-        if self._store.waiting([self.own]):
-            self._flying[self._pool.submit(self._evaluate, OWN, {})] = self.own
+        self._earlier = self._store.states()
+        if self._earlier[self.own][1] == "waiting":
+            self._give([(self.own, OWN, {})])
         if self._study.search.adaptive:
             from ssm_planner.studies.adaptive import batches
 
@@ -189,26 +198,42 @@ class _Driver:
         """Screen candidates and give the rest to the workers; with collect, wait and return their rows."""
         keys = [key_of(design, self._context) for design in designs]
         self._total = total
-        self._store.add(zip(range(first, first + len(designs)), keys, designs, strict=True))
         self.keys += keys
-        open_ = set(self._store.waiting(keys))
-        for row in self._store.rows(key for key in keys if key not in open_):
-            self._count(row)
-        todo = [
-            (first + i, key, design) for i, (key, design) in enumerate(zip(keys, designs, strict=True)) if key in open_
-        ]
-        for (number, key, design), fallen in zip(todo, self._screens.fallen([d for _, _, d in todo]), strict=True):
+        todo: list[Asked] = []
+        new: list[tuple[int, str, Design]] = []
+        for number, (key, design) in enumerate(zip(keys, designs, strict=True), first):
+            earlier, state = self._earlier.get(key, (None, "waiting"))
+            if earlier != number:
+                new.append((number, key, design))
+            if state == "waiting":
+                todo.append((key, number, design))
+            else:
+                self._count(state)
+        self._store.add(new)
+        batch: list[Asked] = []
+        for asked, fallen in zip(todo, self._screens.fallen([design for _, _, design in todo]), strict=True):
+            key, number, design = asked
             if fallen is not None:
                 self._keep(key, Candidate(number, "infeasible", design, fallen.stage, fallen.reason))
                 continue
-            while len(self._flying) >= self._ahead:
-                self._collect()
-            self._flying[self._pool.submit(self._evaluate, number, design)] = key
+            batch.append(asked)
+            if len(batch) >= min(BATCH_SECONDS * self._answered / self._taken, LARGEST_BATCH):
+                while len(self._flying) >= self._ahead:
+                    self._collect()
+                self._give(batch)
+                batch = []
+        if batch:
+            self._give(batch)
         if not collect:
             return []
         self._drain()
         self.flush()
         return self._store.rows(keys)
+
+    def _give(self, batch: Sequence[Asked]) -> None:
+        """To the next free worker."""
+        future = self._pool.submit(evaluated, self._evaluation, [(number, design) for _, number, design in batch])
+        self._flying[future] = batch
 
     def _drain(self) -> None:
         while self._flying:
@@ -218,17 +243,22 @@ class _Driver:
         """Wait for one answer at least. Raises StudyError where the engine has lost one."""
         lost: BaseException | None = None
         for future in wait(self._flying, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
-            key = self._flying.pop(future)
+            batch = self._flying.pop(future)
             try:
-                row = future.result()
-            except WorkerDied as error:
-                row = Candidate(-1, "quarantined", {}, None, str(error))
+                rows, seconds = future.result()
             except (CancelledError, Exception) as error:  # noqa: BLE001 an evaluation raises nothing: the engine's
-                if type(error).__name__ != "KilledWorker":  # Dask's, of a task that ended its workers
+                if not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker":  # Dask's WorkerDied
                     lost = error
-                    continue
-                row = Candidate(-1, "quarantined", {}, None, "ended its worker process each time it was tried")
-            self._keep(key, row)
+                elif len(batch) > 1:
+                    for asked in batch:  # which of them ended the workers shows when each has its own
+                        self._give([asked])
+                else:
+                    reason = "ended its worker process each time it was tried"
+                    self._keep(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))
+                continue
+            self._taken, self._answered = 0.8 * self._taken + seconds, 0.8 * self._answered + len(batch)
+            for (key, _, _), row in zip(batch, rows, strict=True):
+                self._keep(key, row)
         if lost is not None or time.monotonic() - self._written > COMMIT_EVERY:
             self.flush()
         if lost is not None:
@@ -238,12 +268,12 @@ class _Driver:
     def _keep(self, key: str, row: Candidate) -> None:
         self._done.append((key, row))
         if key != self.own:
-            self._count(row)
+            self._count(row.state)
         if len(self._done) >= SCREENED_TOGETHER:
             self.flush()
 
-    def _count(self, row: Candidate) -> None:
-        self._states[row.state] = self._states.get(row.state, 0) + 1
+    def _count(self, state: str) -> None:
+        self._states[state] = self._states.get(state, 0) + 1
         self._progress(sum(self._states.values()), self._total, self._states)
 
 

@@ -102,10 +102,9 @@ class Store(AbstractContextManager["Store"]):
             ((row.state, row.stage, row.reason, _text(row.figures), key) for key, row in rows),
         )
 
-    def waiting(self, keys: Sequence[str]) -> list[str]:
-        """Those of the keys whose candidates are still to be looked at."""
-        states = dict(self._read("SELECT key, state FROM candidates"))
-        return [key for key in keys if states.get(key, "waiting") == "waiting"]
+    def states(self) -> dict[str, tuple[int, str]]:
+        """Numbers and states by key."""
+        return {key: (number, state) for key, number, state in self._read("SELECT key, number, state FROM candidates")}
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
         """All candidates in the order of their numbers, or those of the keys in theirs."""
@@ -148,9 +147,8 @@ class Store(AbstractContextManager["Store"]):
         self._lock.__exit__(None, None, None)
 
 
-def _text(value: Any) -> str:
-    """JSON that is the same for the same value."""
-    return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
+_text = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode
+"""JSON that is the same for the same value."""
 
 
 def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:

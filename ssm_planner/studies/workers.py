@@ -172,10 +172,11 @@ def serve() -> None:
     os.dup2(2, 1)  # what a library prints must not stand among the answers
     while True:
         try:
-            function, arguments, named = pickle.loads(_receive(sys.stdin.buffer))
+            message = _receive(sys.stdin.buffer)
         except EOFError:
             return
         try:
+            function, arguments, named = pickle.loads(message)
             answer = pickle.dumps((True, function(*arguments, **named)), pickle.HIGHEST_PROTOCOL)
         except Exception as error:  # noqa: BLE001 every fault is the caller's to judge
             answer = _fault(error)

@@ -5,25 +5,32 @@ Ratios and rates of one run; the machine is said to be noisy, so each is the med
 
 from __future__ import annotations
 
+import os
 import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, wait
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
 
+from ssm_planner.studies import run
+from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate, Store, key_of, pareto
+from ssm_planner.studies.study import Design, Requirements, Search
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
+from tests.benchmarks.faults_studies import FILE, cluster, free_port
 
-FILE = Path(__file__).parents[2] / "problems" / "studies" / "vitreoretinal.yaml"
+ROWS = 100_000
 
 
 def median(run: Callable[[], float], times: int = 3) -> float:
@@ -62,57 +69,82 @@ def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
     return median(run)
 
 
-def resuming(rows: int = 100_000) -> tuple[float, float, float]:
-    """Seconds of processor time to open a store of so many rows and find what is left, and to make its page; MB of page."""
-    study = load_study(FILE)
-    rng = np.random.default_rng(1)
-    designs = [study.design(place) for place in rng.random((rows, len(study.vary)))]
-    values = rng.random((rows, 2)).tolist()
-    found = [
-        Candidate(i, "done", design, figures={"duration": a, "motor_mass": b})
-        for i, (design, (a, b)) in enumerate(zip(designs, values, strict=True))
-    ]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "s.sqlite"
-        keys = [key_of(design, "context") for design in designs]
-        with Store(path) as store:
-            store.add(zip(range(rows), keys, designs, strict=True))
-            store.put(zip(keys, found, strict=True))
-        begin = time.process_time()
-        with Store(path) as store:
-            store.add(zip(range(rows), [key_of(design, "context") for design in designs], designs, strict=True))
-            store.waiting(keys)
-        resumed = time.process_time() - begin
-        begin = time.process_time()
-        page = Path(folder) / "page.html"
-        write_study_page(study, (found[0], *found), pareto(found, study.minimise), page, finished=True)
-        return resumed, time.process_time() - begin, page.stat().st_size / 1e6
+class NoOp(Evaluation):
+    """Evaluates nothing."""
+
+    def __call__(self, number: int, design: Design) -> Candidate:
+        figures = {"duration": 5.0 + number % 97, "motor_mass": 1.0 + number % 89}
+        return Candidate(number, "done", design, figures=figures)
 
 
-def rate(executor: Executor, tasks: int) -> float:
-    """No-op tasks per second."""
+def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
+    """Candidates per second of a study whose evaluations do nothing, from the first screened to the last stored."""
+    run.Evaluation = NoOp
+    study = replace(load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", candidates, 1))
     wait([executor.submit(abs, -i) for i in range(20)])
+    with Store(folder / run.STORE) as store:
+        begin = time.perf_counter()
+        run._Driver(study, store, executor, run.AHEAD_ELSEWHERE, lambda *_: None).run()
+        taken = time.perf_counter() - begin
+        assert {state for _, state in store.states().values()} == {"done"}
+    return candidates / taken
+
+
+def calls(executor: Executor, count: int = 2000) -> float:
+    """No-op calls per second, each a task of its own."""
     begin = time.perf_counter()
-    wait([executor.submit(abs, -i) for i in range(tasks)])
-    return tasks / (time.perf_counter() - begin)
+    wait([executor.submit(abs, -i) for i in range(count)])
+    return count / (time.perf_counter() - begin)
+
+
+def resuming(folder: Path) -> tuple[float, float, float]:
+    """Seconds of processor time to go on with a store in which all is done, and to make its page; MB of page."""
+    study = replace(load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1))
+    context = run.context_of(study)
+    rng = np.random.default_rng(1)
+    figures = [dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()]
+    done = [
+        Candidate(i, "done", design, figures=each)
+        for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
+    ]
+    with Store(folder / run.STORE) as store:
+        for chunk in ([Candidate(run.OWN, "done", {})], done):
+            keys = [key_of(row.design, context) for row in chunk]
+            store.add((row.number, key, row.design) for key, row in zip(keys, chunk, strict=True))
+            store.put(zip(keys, chunk, strict=True))
+    begin = time.process_time()
+    with Workers(1) as workers, Store(folder / run.STORE) as store:
+        run._Driver(study, store, workers, run.AHEAD, lambda *_: None).run()
+    resumed = time.process_time() - begin
+    begin = time.process_time()
+    page = folder / "page.html"
+    write_study_page(study, (done[0], *done), pareto(done, study.minimise), page, finished=True)
+    return resumed, time.process_time() - begin, page.stat().st_size / 1e6
 
 
 def main() -> None:
-    print(f"screened in closed form: {screening():.0f} per second and core (20 000 asked)")
-    print(f"store and engine beside 0.2 s evaluations: {100 * overhead():.2f} % (2 % asked)")
-    resumed, page, size = resuming()
-    print(f"10⁵ rows: {resumed:.2f} s to resume (2 s asked), {page:.2f} s for the page (5 s asked), {size:.1f} MB")
-    with Workers(2) as workers:
-        print(f"no-op tasks through two workers: {median(lambda: rate(workers, 2000)):.0f} per second")
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError:
-        return
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
-        print(
-            f"no-op tasks through Dask: {median(lambda: rate(client.get_executor(), 2000)):.0f} per second (500 asked)"
-        )
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        print(f"screened in closed form: {screening():.0f} per second and core (20 000 asked)")
+        print(f"store and engine beside 0.2 s evaluations: {100 * overhead():.2f} % (2 % asked)")
+        resumed, page, size = resuming(folder / "large")
+        print(f"10⁵ rows: {resumed:.2f} s to resume (2 s asked), {page:.2f} s for the page (5 s asked), {size:.1f} MB")
+        with Workers(2) as workers:
+            print(f"no-op calls through two workers: {median(lambda: calls(workers)):.0f} per second")
+            print(f"no-op evaluations through two workers: {rate(workers, folder / 'local'):.0f} per second")
+        try:
+            from distributed import Client
+        except ImportError:
+            return
+        with cluster(2, free_port()) as (address, _, _), Client(address, timeout="30s") as client:
+            client.wait_for_workers(2, timeout=60)
+            print(f"no-op calls through Dask: {median(lambda: calls(client.get_executor())):.0f} per second")
+            found = rate(client.get_executor(retries=3), folder / "dask")
+            print(f"no-op evaluations through Dask: {found:.0f} per second (500 asked)")
 
 
 if __name__ == "__main__":
-    main()
+    os.environ["PYTHONPATH"] = str(ROOT)
+    from tests.benchmarks import bench_studies  # by a name under which workers find it too
+
+    bench_studies.main()

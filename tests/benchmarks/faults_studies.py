@@ -50,13 +50,13 @@ def problem() -> Study:
 
 
 class Counting(Executor):
-    """Another executor, with the number of calls submitted to it."""
+    """Another executor, with the number of evaluations submitted to it."""
 
     def __init__(self, inner: Executor) -> None:
         self.inner, self.count = inner, 0
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        self.count += 1
+        self.count += len(args[-1])  # the candidates of a batch
         return self.inner.submit(fn, *args, **kwargs)
 
 

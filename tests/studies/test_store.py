@@ -26,7 +26,8 @@ def test_what_was_put_is_read_again(tmp_path):
         store.put([(designs[3][1], Candidate(3, "infeasible", {}, stage="reach", reason="too short"))])
     with Store(tmp_path / "study.sqlite") as store:
         store.add(designs)
-        assert store.waiting([key for _, key, _ in designs]) == [designs[i][1] for i in (0, 1, 4)]
+        states = {2: "done", 3: "infeasible"}
+        assert store.states() == {key: (i, states.get(i, "waiting")) for i, key, _ in designs}
         rows = store.rows()
     assert [row.number for row in rows] == [0, 1, 2, 3, 4]
     assert rows[2] == Candidate(2, "done", designs[2][2], figures={"duration": 0.1 + 0.2})

@@ -20,6 +20,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
+from ssm_planner.studies import run as driver
 from ssm_planner.studies.evaluation import Evaluation, problems_of
 from ssm_planner.studies.page import explained, write_study_page
 from ssm_planner.studies.run import StudyError, StudyResult
@@ -28,6 +29,7 @@ from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
+from ssm_planner.studies.workers import WorkerDied
 
 CATALOGUE = Path(__file__).parents[2] / "problems" / "catalogues" / "motors_24v.csv"
 GEOMETRY = {
@@ -176,6 +178,35 @@ def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
     run_study(of, tmp_path / "lost", executor=rest)
     assert rest.count == whole.count - 3
     assert (tmp_path / "lost" / "table.csv").read_bytes() == (tmp_path / "calm" / "table.csv").read_bytes()
+
+
+class Deadly(Here):
+    """Loses every batch with candidate 40, as an engine whose workers it ends; keeps the sizes of the batches."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sizes: list[int] = []
+
+    def submit(self, fn, evaluation, batch):
+        self.sizes.append(len(batch))
+        if 40 not in [number for number, _ in batch]:
+            return super().submit(fn, evaluation, batch)
+        future = Future()
+        future.set_exception(WorkerDied("ended its worker process 3 times"))
+        return future
+
+
+def test_a_batch_that_ends_its_workers_is_split_and_one_candidate_is_to_blame(tmp_path, monkeypatch):
+    monkeypatch.setattr(Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design))
+    monkeypatch.setattr(driver, "BATCH_SECONDS", 1e3)  # whatever the machine does, batches grow
+    monkeypatch.setattr(driver, "AHEAD_ELSEWHERE", 1)
+    deadly = Deadly()
+    result = run_study(study(search={"points": 64, "seed": 3}), tmp_path, executor=deadly)
+    sent = [row.number for row in result.rows if row.stage != "reach"]
+    assert [row.number for row in result.rows if row.state == "quarantined"] == [40]
+    assert all(row.state == "done" for row in result.rows if row.number in sent and row.number != 40)
+    assert max(deadly.sizes) > 4
+    assert 40 in sent
 
 
 def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_room(tmp_path, monkeypatch):
