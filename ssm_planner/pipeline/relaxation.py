@@ -11,7 +11,6 @@ from typing import Any, Literal
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import (
     ContinuousTorque,
-    Direction,
     Duration,
     JointAcceleration,
     JointVelocity,
@@ -40,7 +39,7 @@ PAUSES = (1.0, 1.5, 3.0)
 """Times the pause that one motor needs to cool; others may need more."""
 RATES = (1.0, 0.9, 0.7, 0.5, 0.25, 0.0)
 """Shares of the rate that a joint can have which are tried at an end."""
-OF_RATES = (JointVelocity.name, JointAcceleration.name, Direction.name, StopTravel.name)
+OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
 """Limits in whose way the rates at the two ends are."""
 
 Attempt = Callable[[Problem], "float | Reason"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import RLock
@@ -11,13 +11,15 @@ from threading import RLock
 import numpy as np
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
-from ssm_planner.problem.motion import Follow, Free, Motion, Point, Scan, Straight, Task
+from ssm_planner.problem.limits import JUMPS, TASK, ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.motion import Follow, Free, Joints, Motion, Point, Scan, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.process import FigureProcess
@@ -33,6 +35,12 @@ HELPS = 0.05
 """Share of its excess that a larger multiplier has to take away for the next one to be tried."""
 RESERVE, STEPS = 2e-3, 6
 """Share of the heat allowed that the fastest motion may leave, and trials to find it."""
+STILL = 1e-9
+"""Share of its largest velocity below which a joint stands."""
+ROUNDING = 1e-12
+"""Share of the largest rate below which a rate is none."""
+ROOM = 1.1
+"""Shares of the shortest braking way that joints get to stop."""
 BARELY = 1e-6
 """Share by which a rest is longer than what cools, for rounding."""
 
@@ -105,16 +113,27 @@ class Replanner:
     problem: Problem
     """Everything but what `plan` is given."""
 
-    def plan(self, start: Point | None = None, target: Point | None = None) -> Plan:
-        """Plan from another start, and to another target of the last motion that has one; rad, m.
+    def plan(
+        self,
+        start: Point | None = None,
+        target: Point | None = None,
+        rates: Mapping[str, float] | None = None,
+    ) -> Plan:
+        """Plan from another start, at other rates there, to another target of the last motion that has one; SI.
 
-        Task coordinates that a Task does not name are those of the problem's own. The plan has passed the check, or holds the
-        reason, without a search for limits that would help. Raises ProblemError for points that cannot be, and for a target
-        where no motion has one, or only task coordinates belong.
+        Task coordinates that a Task does not name are those of the problem's own; rates not named are 0. The plan has passed
+        the check, or holds the reason, without a search for limits that would help. Raises ProblemError for points that
+        cannot be, and for a target where no motion has one, or only task coordinates belong.
         """
         first = self.problem.start if start is None else _merged(self.problem.start, start)
         motion = self.problem.motion if target is None else self._to(target)
-        return plan(replace(self.problem, start=first, motion=motion), relaxations=False)
+        begins = self.problem.start_rate if rates is None else rates
+        return plan(replace(self.problem, start=first, start_rate=begins, motion=motion), relaxations=False)
+
+    def plan_from(self, motion: Plan | Trajectory, at: float, target: Point | None = None) -> Plan:
+        """Plan on from an instant of a motion, s, as fast as the robot then moves; otherwise as `plan`."""
+        there = begun_at(replace(self.problem, motion=self._to(target)) if target else self.problem, motion, at)
+        return plan(there, relaxations=False)
 
     def _to(self, target: Point) -> tuple[Motion, ...]:
         motions = list(self.problem.motion)
@@ -130,6 +149,34 @@ class Replanner:
             reason = "a straight motion is one of task coordinates"
             raise ProblemError(reason, key="target", value=target, allowed="roll, tilt, spin, depth")
         return tuple(motions)
+
+
+def begun_at(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
+    """The problem begun from an instant of a motion of its robot, s after its start, as fast as the robot then moves.
+
+    Only a free motion begins at any speed: where the problem begins with another, a free motion named stop goes first, to
+    where every joint stands that brakes nearly as hard as it may. Raises ProblemError for an instant that there is not.
+    """
+    motion = motion.motion if isinstance(motion, Plan) else motion
+    if not 0 <= at <= motion.duration:
+        allowed = f"0 s to {motion.duration:.6g} s"
+        raise ProblemError("not an instant of this motion", key="at", value=f"{at:g} s", allowed=allowed)
+    state = motion.sample(motion.breaks[0] + at)
+    robot = problem.robot
+    fastest, strongest = np.array([(joint.velocity, joint.acceleration) for joint in robot.joints]).T
+    q, qd = state.q[0], np.where(np.abs(state.qd[0]) > STILL * fastest, state.qd[0], 0.0)
+    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
+    entries, most = problem.motion, np.abs(rates).max()
+    if qd.any() and not isinstance(entries[0], Free):
+        stop = q + ROOM * qd * np.abs(qd) / (2 * strongest)
+        entries = (Free(_joints(stop), name="stop"), *entries)
+    start_rate = {name: float(rate) for name, rate in zip(TASK, rates, strict=True) if abs(rate) > ROUNDING * most}
+    return replace(problem, start=_joints(q), start_rate=start_rate, motion=entries)
+
+
+def _joints(q: Array) -> Joints:
+    a, b, c, d = q.tolist()
+    return Joints((a, b, c, d))
 
 
 def _merged(own: Point, other: Point) -> Point:

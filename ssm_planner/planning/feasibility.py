@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joint_rates, task_from_joints
 from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.phases import Phase, straight_path
+from ssm_planner.planning.phases import Phase, joint_room, straight_path
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath
@@ -33,7 +33,6 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
     ContinuousTorque,
-    Direction,
     Duration,
     JointAcceleration,
     JointPosition,
@@ -202,7 +201,9 @@ def with_boundary_rates(
         if reason is not None:
             return phases, reason
         phases = (*phases[:k], phase, *phases[k + 1 :])
-    return phases, next((reason for phase in phases if (reason := _too_near(problem, phase)) is not None), None)
+    return phases, next(
+        (reason for phase in phases if (reason := _too_near(problem, mechanism, phase)) is not None), None
+    )
 
 
 def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -> tuple[Phase, Reason | None]:
@@ -217,8 +218,8 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
     if phase.path is not None:
         _refuse_off_line(problem, phase, key, rate)
     qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
-    step = phase.points[1] - phase.points[0] if at_start else phase.points[-1] - phase.points[-2]
-    reason = _too_fast(problem, mechanism, (phase, key), qd, step)
+    qd[np.abs(qd) < TOLERANCE * np.array([joint.velocity for joint in problem.robot.joints])] = 0.0
+    reason = _too_fast(problem, mechanism, (phase, key), qd)
     return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
 
 
@@ -235,8 +236,8 @@ def _refuse_off_line(problem: Problem, phase: Phase, key: str, rate: Array) -> N
         )
 
 
-def _too_fast(problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd: Array, step: Array) -> Reason | None:
-    """A joint faster than its limit, or moving against its way (4,) in a free motion; a tip that takes too far to stop."""
+def _too_fast(problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd: Array) -> Reason | None:
+    """A joint faster than its limit; a tip that takes too far to stop."""
     phase, key = end
     place = f"{phase.motion.name}, {key.replace('_', ' ')}"
     for i, joint in enumerate(problem.robot.joints):
@@ -248,12 +249,6 @@ def _too_fast(problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd
                 f"{scale * limit.largest:.4g} {unit} ({place})"
             )
             return Reason(limit, place, float(abs(qd[i])), limit.largest, text)
-        if phase.path is None and qd[i] * np.sign(step[i]) <= 0 and qd[i] != 0:
-            text = (
-                f"joint {joint.name} would move against its way: free motions turn back only at their points ({place}); "
-                "add a point where it turns, or leave this rate out"
-            )
-            return Reason(Direction(joint.name), place, float(np.sign(step[i])), float(np.sign(qd[i])), text)
     return _too_far_to_stop(problem, mechanism, phase.points[0 if key == "start_rate" else -1], qd, place)
 
 
@@ -269,8 +264,13 @@ def _too_far_to_stop(problem: Problem, mechanism: Mechanism, q: Array, qd: Array
     return Reason(limit, place, travel, limit.largest, text)
 
 
-def _too_near(problem: Problem, phase: Phase) -> Reason | None:
-    """A joint whose way is too short for its change of speed: |q̇₁² − q̇₀²| = 2 q̈ way at least needs more than q̈_max."""
+def _too_near(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
+    """A joint whose way is too short for its change of speed: |q̇₁² − q̇₀²| = 2 q̈ way at least needs more than q̈_max.
+
+    A free motion overshoots, and needs the range to do so.
+    """
+    if phase.path is None:
+        return _beyond_room(problem, mechanism, phase)
     if not (phase.qd_start.any() or phase.qd_end.any()):
         return None
     q = _joints(phase)
@@ -286,6 +286,31 @@ def _too_near(problem: Problem, phase: Phase) -> Reason | None:
                 f"{scale * joint.acceleration:.4g} {unit}/s² ({phase.motion.name})"
             )
             return Reason(joint.limit(JointAcceleration), phase.motion.name, needed, joint.acceleration, text)
+    return None
+
+
+def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
+    """A joint that leaves its range, or that of tilt or depth, before it can stand, or has to come from beyond it."""
+    room = joint_room(problem, mechanism, phase.points)
+    ends = (phase.qd_start, 0, 1.0, "cannot stop before reaching"), (phase.qd_end, -1, -1.0, "would have to come from")
+    for (qd, side, sign, words), (i, joint) in product(ends, enumerate(problem.robot.joints)):
+        there = phase.points[side].copy()
+        there[i] += sign * qd[i] * abs(qd[i]) / (2 * joint.acceleration)
+        if room[0, i] - AT_POINTS <= there[i] <= room[1, i] + AT_POINTS:
+            continue
+        limit: Limit = joint.limit(JointPosition)
+        value, name = float(there[i]), f"joint {joint.name}"
+        if limit.low <= value <= limit.high:  # the range of the task coordinate that follows this joint alone
+            name = {1: "tilt", 3: "depth"}[i]
+            limit = next(each for each in problem.limits if each.key == (TaskRange.name_of(name), None))
+            value = float(task_from_joints(mechanism, there[None])[0, TASK.index(name)])
+        unit, scale = shown(limit.unit)
+        text = (
+            f"{name} {words} {scale * value:.6g} {unit}, joint {joint.name} moving at {scale * abs(qd[i]):.4g} {unit}/s with "
+            f"{scale * joint.acceleration:.4g} {unit}/s² at most; its range ends at {scale * limit.bound(value):.6g} {unit} "
+            f"({phase.motion.name})"
+        )
+        return Reason(limit, phase.motion.name, value, limit.bound(value), text)
     return None
 
 

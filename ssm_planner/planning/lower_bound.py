@@ -146,11 +146,12 @@ def _runs(positions: Array) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class SCurve:
-    """Pieces of linear acceleration: lengths (m,) in s, acceleration at their starts and ends (m,)."""
+    """Pieces of linear acceleration: lengths (m,) in s, acceleration at their starts and ends (m,); begins at a speed."""
 
     lengths: Array
     start: Array
     end: Array
+    speed: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -164,11 +165,11 @@ class SCurve:
     def stretched(self, duration: float) -> SCurve:
         """The same motion in another time."""
         factor = duration / self.duration
-        return SCurve(self.lengths * factor, self.start / factor**2, self.end / factor**2)
+        return SCurve(self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor)
 
     def scaled(self, factor: float) -> SCurve:
         """The same motion over `factor` times the distance."""
-        return SCurve(self.lengths, self.start * factor, self.end * factor)
+        return SCurve(self.lengths, self.start * factor, self.end * factor, self.speed * factor)
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration (from the right, at the end from the left) at times t (n,)."""
@@ -184,7 +185,7 @@ class SCurve:
         """Position, velocity and acceleration at the start, acceleration at the end and length of every piece, (m,) each."""
         begin = np.zeros(len(self.lengths))
         _, gained = Cubic(begin, begin, self.start, self.end, self.lengths).end
-        velocity = np.concatenate([[0.0], np.cumsum(gained)[:-1]])
+        velocity = np.concatenate([[self.speed], self.speed + np.cumsum(gained)[:-1]])
         way, _ = Cubic(begin, velocity, self.start, self.end, self.lengths).end
         return np.concatenate([[0.0], np.cumsum(way)[:-1]]), velocity, self.start, self.end, self.lengths
 

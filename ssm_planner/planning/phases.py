@@ -11,6 +11,7 @@ from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics.workspace import theta2_from_tilt
 from ssm_planner.planning.curves import NOWHERE, branch_of, points_of_curve, without_repeats
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath, smooth_runs
 from ssm_planner.planning.scan_pattern import expand_scans, refuse_tilt
@@ -158,6 +159,21 @@ def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Arr
     """The path from start to end, straight in task coordinates (4,), from the joints q (4,) on; with the drives' turns."""
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
     return StraightPath(mechanism, start=start, end=end, branch=branch_of(mechanism, q), first=q, watched=driven)
+
+
+def joint_room(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
+    """Where joints may turn back on a motion through points (k, 4): ranges of joints, of depth and of tilt, (2, 4)."""
+    room = np.array([joint.position for joint in problem.robot.joints]).T
+    depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
+    room[:, 3] = max(room[0, 3], depth[0]), min(room[1, 3], depth[1])
+    low, high = problem.ranges.get("tilt", (-np.inf, np.inf))
+    branches = {branch_of(mechanism, point) for point in points}
+    # tilt follows joint 2 alone, one way on each branch
+    if low * high > 0 and max(abs(low), abs(high)) < np.pi and len(branches) == 1:
+        ends = np.sort(theta2_from_tilt(mechanism, np.array([low, high]), *branches))
+        ends += 2 * np.pi * np.round((points[0, 1] - ends.mean()) / (2 * np.pi))
+        room[:, 1] = max(room[0, 1], ends[0]), min(room[1, 1], ends[1])
+    return np.stack([np.minimum(room[0], points.min(axis=0)), np.maximum(room[1], points.max(axis=0))])
 
 
 def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array, first: Array) -> Array:

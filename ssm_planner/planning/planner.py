@@ -208,7 +208,7 @@ class _PhasePlanner:
     def _way(self, phase: Phase, motion: PhaseSolution) -> MotionPath:
         """The path that a motion of the phase takes."""
         trajectory = Trajectory(motion.breaks, motion.coefficients, ())
-        signs = np.sign(np.diff(phase.points, axis=0)) if phase.path is None else phase.path.directions[1]
+        signs = motion.directions if phase.path is None else phase.path.directions[1]
         return MotionPath(self.mechanism, trajectory, motion.borders / trajectory.duration, signs)
 
     def _slowed_to_stop(self, phase: Phase, motion: PhaseSolution) -> PhaseSolution:
@@ -329,7 +329,9 @@ class _PhasePlanner:
     def _free_by_optimal_control(self, phase: Phase) -> PlannedPhase | Reason:
         """Its path is the solver's."""
         direct = PolylinePath(self.mechanism, phase.points)
-        reason = motor_too_weak(self.problem, phase, direct)
+        moving = bool(phase.qd_start.any() or phase.qd_end.any())
+        # joints that move already need not break away, and may come from the other side
+        reason = None if moving else motor_too_weak(self.problem, phase, direct)
         if reason is not None:
             return reason
         motion = solve_free(

@@ -476,15 +476,6 @@ class Duration(Limit):
         return replaced(problem, motion=tuple(timed))
 
 
-@dataclass(frozen=True)
-class Direction(Limit):
-    """Between two points a free motion keeps the direction of each joint."""
-
-    name = "direction"
-    order = 1
-    of: str
-
-
 ENDS = ("start velocity", "end velocity")
 JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)), *ENDS)
 """Names of the limits on jumps, also from and to rest, which tables leave out while they are kept."""

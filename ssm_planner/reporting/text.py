@@ -171,6 +171,14 @@ def summary_lines(plan: Plan) -> list[str]:
     return lines
 
 
+def rate_words(rates: Mapping[str, float]) -> str:
+    """Rates of task coordinates, such as tilt -10 deg/s."""
+    units = {name: shown("m" if name == "depth" else "rad") for name in rates}
+    return ", ".join(
+        f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s" for name, rate in rates.items() if rate
+    )
+
+
 def solvers(plan: Plan) -> str:
     """Which found the phases; Ipopt's are named, for the structured solver did not converge there."""
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
@@ -207,6 +215,8 @@ def verdicts(plan: Plan) -> list[str]:
         lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
     if plan.problem.planner == "fast" and plan.phases:
         lines.append(f"solver       {solvers(plan)}")
+    for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
+        lines += [f"{verb:<12} at {rate_words(rates)}, as declared"] if any(rates.values()) else []
     lines += range_lines(plan)
     lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:

@@ -102,13 +102,10 @@ def test_rates_hold_at_the_two_ends_of_all_and_rest_between(tilt_insert: Problem
     assert np.abs(border.qd).max() < 1e-9
 
 
-def test_a_rate_too_high_or_against_the_way_is_a_reason(tilt_insert: Problem) -> None:
+def test_a_rate_too_high_is_a_reason(tilt_insert: Problem) -> None:
     fast = plan(free(tilt_insert, start_rate={"depth": 0.03}))
     assert (fast.status, fast.reason.constraint, fast.reason.joint) == ("infeasible", "velocity", "insertion")
     assert (fast.reason.required, fast.reason.available) == pytest.approx((0.03, 0.02))
-    against = plan(free(tilt_insert, end_rate={"depth": -0.005}))
-    assert (against.status, against.reason.constraint, against.reason.joint) == ("infeasible", "direction", "insertion")
-    assert "add a point where it turns" in against.reason.message
 
 
 def test_an_end_too_near_to_stop_at_is_a_reason(tilt_insert: Problem) -> None:

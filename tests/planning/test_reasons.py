@@ -141,11 +141,13 @@ CASES = {
     ),
     "too near to the lens": Case(lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "),
     "a range of the task at joints": Case(rolled, "roll range", None, "free, at its end"),
-    "against its way": Case(
-        lambda p, _: insertion(p, motion=(Free(Task(**{"depth": 0.015})),), end_rate={"depth": -0.005}),
-        "direction",
-        "insertion",
-        "free, end rate",
+    "cannot stop before its range": Case(
+        lambda p, _: insertion(
+            p, motion=(Free(Task(**{"tilt": -1.7})),), start=Task(tilt=-1.425), start_rate={"tilt": 0.18}
+        ),
+        "tilt range",
+        None,
+        "free",
     ),
 }
 
@@ -223,13 +225,6 @@ def test_the_problem_relaxed_is_solved(unplanned: Unplanned) -> None:
     again = plan(cure.problem)
     assert again.passed
     assert again.duration == cure.outcome
-
-
-def test_a_direction_has_no_value_that_could_be_relaxed_and_says_what_to_do(unplanned: Unplanned) -> None:
-    reason = unplanned("against its way").plan.reason
-    assert reason is not None
-    assert "add a point where it turns" in reason.message
-    assert reason.required == -reason.available
 
 
 def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) -> None:

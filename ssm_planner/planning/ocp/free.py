@@ -40,12 +40,14 @@ from ssm_planner.planning.ocp.nlp import (
     cubics,
 )
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
+from ssm_planner.planning.ocp.turning import TurningGuess, turning_guess
+from ssm_planner.planning.phases import joint_room
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import TASK, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask
 
 ELEMENTS, ONE_TIME_ELEMENTS = 40, 64
 """Of a motion; of one with one time for all elements, for they cannot move to where they are needed."""
@@ -87,21 +89,31 @@ def solve_free(
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     way = np.diff(points, axis=0)
     way[np.abs(way) <= MOVES] = 0.0
+    ends = speeds or (np.zeros(4), np.zeros(4))
     if limits_jerk(robot):
-        limits["jerk"] = _jerk_for_all(limits, way)
+        limits["jerk"] = _jerk_for_all(limits, way, ends)
     # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
-    one_time = not (fast or limits_jerk(robot)) and problem.eye is None and len(way) == 1
+    at_rest = not (ends[0].any() or ends[1].any())
+    one_time = at_rest and not (fast or limits_jerk(robot)) and problem.eye is None and len(way) == 1
     count = count or (ONE_TIME_ELEMENTS if one_time else ELEMENTS)
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
-    ends = speeds or (np.zeros(4), np.zeros(4))
+    table = np.stack([limits[name] for name in KINEMATIC])
+    segments = [
+        _segment(way, k, ends, table, each=each, fewest=fewest, jerk=limits_jerk(robot)) for k in range(len(way))
+    ]
+    borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
+    given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
+    directions = np.concatenate([each.directions for each in segments])
+    turning = not bool(given.all())
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
         sizes = tuple(sum(guess.arcs) for guess in guesses)
+        moving = np.any(directions != 0, axis=0)
         structure = NlpStructure(
-            moves=tuple(tuple((w[np.any(way != 0, axis=0)] != 0).tolist()) for w in way),
+            moves=tuple(tuple((d[moving] != 0).tolist()) for d in directions),
             segment_sizes=sizes,
             # one time for each segment; beside an eye more of them, for its row switches at the port
             block_sizes=sizes
@@ -119,22 +131,21 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
-            fast=fast,
-            directions=np.sign(way),
+            fast=fast and not turning,
+            directions=directions,
             problem=problem,
             mechanism=mechanism,
-            points=points,
-            way=way,
+            points=np.concatenate(borders),
+            given=given,
             speeds=ends,
             starting=ends[0] == 0.0,
-            shortest=SHORTEST if len(way) == 1 else SHORTEST_PASSING,
+            shortest=SHORTEST if len(directions) == 1 else SHORTEST_PASSING,
             guesses=tuple(guesses),
         )
 
-    table = np.stack([limits[name] for name in KINEMATIC])
-    guesses = [closed_form_guess(w, table, limits_jerk(robot), each, fewest) for w in way]
+    guesses = [guess for each in segments for guess in each.guesses]
     ocp = on_mesh_of(guesses)
-    if not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
+    if not turning and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
@@ -143,27 +154,58 @@ def solve_free(
     return ocp.result(optimise(ocp, guess, problem.objective, asked))
 
 
-def _jerk_for_all(limits: dict[str, Array], way: Array) -> Array:
+def _segment(
+    way: Array,
+    k: int,
+    ends: tuple[Array, Array],
+    table: Array,
+    *,
+    each: int,
+    fewest: int,
+    jerk: bool,
+) -> TurningGuess:
+    """The guess between points k and k + 1 of a motion over ways (n, 4), at rest at the points within."""
+    begin, end = (ends[0] if k == 0 else np.zeros(4)), (ends[1] if k == len(way) - 1 else np.zeros(4))
+    if not (begin.any() or end.any()):
+        guess = closed_form_guess(way[k], table, jerk, each, fewest)
+        positions = np.stack([np.zeros(4), way[k]])
+        return TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), np.sign(way[k : k + 1]))
+    # a joint that goes on in its direction, and cannot stop before the point, passes it at speed
+    if k < len(way) - 1:
+        end = _passing(begin, way[k], way[k + 1], table[1])
+    if k > 0:
+        begin = _passing(end, way[k], way[k - 1], table[1])
+    return turning_guess(way[k], (begin, end), table[:2], count=each, fewest=fewest)
+
+
+def _passing(speed: Array, way: Array, other: Array, acceleration: Array) -> Array:
+    """Least speed (4,) at a point, a way (4,) from where a joint has this speed, if its way beyond the point is the same."""
+    square = np.where((way * other > 0) & (speed * way > 0), speed**2 - 2 * acceleration * np.abs(way), 0.0)
+    return np.asarray(np.sign(speed) * np.sqrt(np.maximum(square, 0.0)))
+
+
+def _jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array]) -> Array:
     """A jerk limit for every joint, (4,): where one has a jerk limit, no acceleration jumps.
 
     A joint without one reaches its acceleration in RAMP of the time that the quickest of the ways (k, 4) takes.
     """
     velocity, acceleration, jerk = (limits[name] for name in KINEMATIC)
     takes = np.abs(way) / velocity + 2 * np.sqrt(np.abs(way) / acceleration)
+    takes[[0, -1]] += np.abs(ends) / acceleration
     ramp = RAMP * takes.max(axis=1).min()
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _FreeProblem(OcpProblem):
-    """With k segments between the points."""
+    """With k segments: between the points, and where joints turn back on their way."""
 
     problem: Problem
     mechanism: Mechanism
     points: Array
-    """(k + 1, 4)."""
-    way: Array
-    """Of every joint in every segment, (k, 4)."""
+    """Where the segments begin and end, (k + 1, 4)."""
+    given: Mask
+    """Which of these are no guess, (k + 1, 4)."""
     speeds: tuple[Array, Array]
     """q̇ at both ends, (4,)."""
     guesses: tuple[SegmentGuess, ...]
@@ -171,18 +213,21 @@ class _FreeProblem(OcpProblem):
     @cached_property
     def moving(self) -> Indices:
         """Joints whose positions are the coordinates, (m,)."""
-        return np.flatnonzero(np.any(self.way != 0, axis=0))
+        return np.flatnonzero(np.any(self.directions != 0, axis=0))
 
     @cached_property
     def unit(self) -> Array:
         """d: length of u = 1 by joint, (4,)."""
-        return np.asarray(np.abs(self.way).max(axis=0))
+        return np.asarray(np.abs(np.diff(self.points, axis=0)).max(axis=0))
 
     @property
     def boundary(self) -> BoundaryConditions:
         start, end = (self._scaled(speed, 1) for speed in self.speeds)
-        points = self._scaled(self.points - self.points[0], 0)
-        return BoundaryConditions(points, self.directions[:, self.moving], start, end)
+        points = self._scaled(np.where(self.given, self.points, np.nan) - self.points[0], 0)
+        room = self._scaled(
+            joint_room(self.problem, self.mechanism, self.points[self.given.all(axis=1)]) - self.points[0], 0
+        )
+        return BoundaryConditions(points, self.directions[:, self.moving], start, end, room)
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
@@ -258,7 +303,8 @@ class _FreeProblem(OcpProblem):
         """By how much the rounding of the retina's row forbids one of the points, which the limit itself allows."""
         if self.problem.eye is None:
             return 0.0
-        return max(0.0, float(retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, self.points).T).max()))
+        points = self.points[self.given.all(axis=1)]
+        return max(0.0, float(retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, points).T).max()))
 
     def result(self, solution: NlpSolution) -> PhaseSolution:
         """The solution as joint polynomials; neighbours share position and velocity to the last digit."""
@@ -288,4 +334,5 @@ class _FreeProblem(OcpProblem):
             coefficients,
             solver=solution.solver,
             borders=borders,
+            directions=self.directions,
         )

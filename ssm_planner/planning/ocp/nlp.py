@@ -1,7 +1,8 @@
 """The values of a nonlinear program: its structure, its boundary conditions, its data and its solution.
 
-n elements, m coordinates u, b blocks, k segments; everything in scaled time. A segment lies between two borders at which u is
-given: waypoints, or the points where a joint turns back. The elements of a block share its time in fixed proportion.
+n elements, m coordinates u, b blocks, k segments; everything in scaled time. A segment lies between two borders: points, at
+which u is given, or places where a joint turns back, which are free. The elements of a block share its time in fixed
+proportion.
 """
 
 from __future__ import annotations
@@ -87,12 +88,14 @@ class BoundaryConditions:
     """Where the coordinates of a motion pass."""
 
     points: Array
-    """u at every border and at the end, (k + 1, m)."""
+    """u at every border and at the end, (k + 1, m); NaN where it is free."""
     signs: Array
     """Direction of u in every segment, (k, m)."""
     start_velocity: Array
     end_velocity: Array
     """u̇ at both ends, (m,)."""
+    room: Array = field(default_factory=lambda: np.zeros((2, 1)))
+    """Lowest and highest u where a border is free, (2, m)."""
 
     def bounds(
         self, structure: NlpStructure, velocity: Array, acceleration: Array
@@ -102,15 +105,18 @@ class BoundaryConditions:
         A coordinate that turns back at a border, or that stands on one side of it, is at rest there.
         """
         m, segment = structure.coordinates, structure.segment
-        u, v, first, last = (slice(i * m, (i + 1) * m) for i in range(4))
+        v, first, last = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
         slowest, fastest = np.where(signs < 0, -velocity, 0.0), np.where(signs > 0, velocity, 0.0)
         reach = np.where(signs != 0, acceleration, 0.0)
+        # a coordinate keeps its direction from border to border, so at a free one its room is its bound
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lower = np.hstack([ends.min(axis=0), slowest, -reach, -reach])
-        upper = np.hstack([ends.max(axis=0), fastest, reach, reach])
+        lowest, highest = (np.where(np.isnan(ends), bound, ends) for bound in self.room)
+        lower = np.hstack([lowest.min(axis=0), slowest, -reach, -reach])
+        upper = np.hstack([highest.max(axis=0), fastest, reach, reach])
         for k, element in enumerate(structure.borders):
-            lower[element, u] = upper[element, u] = self.points[k]
+            given = np.flatnonzero(~np.isnan(self.points[k]))
+            lower[element, given] = upper[element, given] = self.points[k, given]
             if k:
                 at_rest = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
                 lower[element, at_rest] = upper[element, at_rest] = 0.0
@@ -227,6 +233,8 @@ class PhaseSolution:
     """Which found it; "" where none was needed."""
     borders: Array = field(default_factory=lambda: np.zeros(0))
     """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
+    directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """Of the joints between them, of a free motion, (k, 4)."""
 
     @property
     def solved(self) -> bool:

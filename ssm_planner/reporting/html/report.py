@@ -42,6 +42,7 @@ from ssm_planner.reporting.text import (
     motors_verdict,
     phases_table,
     range_lines,
+    rate_words,
 )
 from ssm_planner.typing import Array
 from ssm_planner.units import shown
@@ -338,7 +339,9 @@ def _motion(plan: Plan) -> Table:
     stated = plain(plan.problem)
     start = ("start", "", _target({"target": stated.get("start")}))
     moves = [(str(m["name"]), str(m["kind"]), _target(m)) for m in stated.get("motion") or []]
-    return Table(("motion", "kind", "to"), [start, *moves], caption="Motion")
+    ends = (("at the start", plan.problem.start_rate), ("at the end", plan.problem.end_rate))
+    rates = [(words, "speed", rate_words(rate)) for words, rate in ends if any(rate.values())]
+    return Table(("motion", "kind", "to"), [start, *moves, *rates], caption="Motion")
 
 
 def _target(motion: Mapping[str, Any]) -> str:

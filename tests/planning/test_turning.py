@@ -1,0 +1,156 @@
+"""Free motions that begin or end at any speed: joints turn back, or overshoot, at places that are optimised."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.cli import main
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_rates
+from ssm_planner.pipeline.folder import load_plan
+from ssm_planner.pipeline.run import Replanner, begun_at, plan
+from ssm_planner.planning.ocp.turning import turning_guess
+from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.motion import Free, Joints, Straight, Task
+from ssm_planner.problem.problem import Problem
+from ssm_planner.reporting.text import verdicts
+from ssm_planner.typing import Array
+from ssm_planner.verification.check import check
+
+ROOT = Path(__file__).parents[2]
+LOW, HIGH = np.radians([-25, -137, -60]), np.radians([25, -84, 60])
+
+
+@pytest.fixture(scope="module")
+def shipped(tilt_insert: Problem) -> Plan:
+    return plan(dataclasses.replace(tilt_insert, objective="time"))
+
+
+@pytest.fixture(scope="module")
+def to_anywhere(tilt_insert: Problem) -> Problem:
+    return dataclasses.replace(tilt_insert, objective="time", motion=(Free(Task(tilt=-1.6)),))
+
+
+def optimum(problem: Problem, q: Array, qd: Array, target: Array, qd_end: Array | None = None) -> float:
+    """The slowest joint alone, by Ruckig."""
+    ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
+    slowest = 0.0
+    for i, joint in enumerate(problem.robot.joints):
+        task, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+        task.current_position, task.current_velocity, task.target_position = [q[i]], [qd[i]], [target[i]]
+        task.target_velocity = [0.0 if qd_end is None else qd_end[i]]
+        task.max_velocity, task.max_acceleration = [joint.velocity], [joint.acceleration]
+        assert ruckig.Ruckig(1).calculate(task, found) == ruckig.Result.Working
+        slowest = max(slowest, found.duration)
+    return slowest
+
+
+def test_back_to_where_it_came_from(shipped: Plan, to_anywhere: Problem) -> None:
+    back = Replanner(to_anywhere).plan_from(shipped, 1.0, Task(tilt=np.radians(-85)))
+    assert back.passed
+    state = shipped.motion.sample(1.0)
+    begins = back.motion.sample(0.0)
+    assert begins.q == pytest.approx(state.q, abs=1e-12)
+    assert begins.qd == pytest.approx(state.qd, abs=1e-9)
+    assert back.duration == pytest.approx(1.6498, abs=1e-4)
+    assert back.duration == pytest.approx(back.lower_bound, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_from_any_instant_to_any_target_as_fast_as_the_slowest_joint(
+    shipped: Plan, to_anywhere: Problem, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    at = float(rng.uniform(0, shipped.motion.duration))
+    roll, tilt, spin = rng.uniform(LOW, HIGH).tolist()
+    target = Task(roll, tilt, spin, float(rng.uniform(0.001, 0.029)))
+    found = Replanner(to_anywhere).plan_from(shipped, at, target)
+    assert found.passed, found.reason
+    state = shipped.motion.sample(at)
+    last = found.motion.sample(found.motion.breaks[-1:], "left").q[0]
+    least = optimum(to_anywhere, state.q[0], state.qd[0], last)
+    assert (1 - 1e-6) * least <= found.duration <= 1.01 * least
+
+
+def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: Problem) -> None:
+    first, last = Joints((-0.3, 0.5, 0.1, -0.008)), Joints((0.3, -0.2, 0.5, -0.015))
+    rate = {"depth": -0.012}
+    problem = dataclasses.replace(tilt_insert, objective="time", start=first, motion=(Free(last),), end_rate=rate)
+    found = plan(problem)
+    assert found.passed, found.reason
+    depth = found.motion.uniform(500).q[:, 3]
+    assert depth.min() < -0.015 - 0.9 * 0.012**2 / 0.2  # beyond the target by its braking way
+    least = optimum(problem, np.array(first.values), np.zeros(4), np.array(last.values), np.array([0, 0, 0, 0.012]))
+    assert found.duration == pytest.approx(least, rel=1e-4)
+
+
+def test_too_fast_to_stop_before_the_target_it_overshoots(tilt_insert: Problem) -> None:
+    start, speed = 0.010, 0.018
+    motion = (Free(Task(depth=start + 0.0005)),)
+    first = Task(tilt=-1.6, depth=start)
+    found = plan(
+        dataclasses.replace(tilt_insert, objective="time", start=first, motion=motion, start_rate={"depth": speed})
+    )
+    assert found.passed, found.reason
+    a = tilt_insert.robot.joints[3].acceleration
+    beyond = speed**2 / (2 * a) - 0.0005
+    assert found.duration == pytest.approx(speed / a + 2 * np.sqrt(beyond / a), rel=1e-4)
+    missed = check(found.motion, found.robot, dataclasses.replace(found.limits, start_rate={"depth": 0.9 * speed}))
+    assert [each.name for each in missed.violations] == ["start velocity"]
+
+
+def test_points_are_passed_after_turning(tilt_insert: Problem) -> None:
+    through = (Joints((0.1, 0.2, 0.1, -0.012)),)
+    motion = (Free(Joints((0.3, -0.2, 0.5, -0.02)), through=through),)
+    start = Joints((-0.2, 0.5, 0.0, -0.01))
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    qd = np.array([[-0.6, 0.7, 0.3, -0.015]])
+    rates = task_rates(mechanism, [start.values], qd)[0]
+    problem = dataclasses.replace(tilt_insert, objective="time", start=start, motion=motion)
+    found = plan(dataclasses.replace(problem, start_rate=dict(zip(TASK, rates.tolist(), strict=True))))
+    assert found.passed, found.reason
+    q = found.motion.uniform(2000).q
+    assert np.abs(q - through[0].values).max(axis=1).min() < 1e-3
+    assert found.motion.sample(0.0).qd == pytest.approx(qd, abs=1e-9)
+
+
+def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(shipped: Plan, tilt_insert: Problem) -> None:
+    line = dataclasses.replace(tilt_insert, motion=(Straight(tilt=np.radians(-100)),))
+    found = plan(begun_at(line, shipped, 0.9))
+    assert found.passed, found.reason
+    assert [phase.name for phase in found.phases] == ["stop", "tilt"]
+    with pytest.raises(ProblemError, match=r"at = 9 s: not an instant of this motion"):
+        begun_at(line, shipped, 9.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4])
+    speeds = rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)
+    found = turning_guess(way, speeds, limits, count=40, fewest=2)
+    assert found.positions[-1] == pytest.approx(way)
+    for guess, sign in zip(found.guesses, found.directions, strict=True):
+        _, velocity, start, end = guess.states
+        assert np.abs(velocity).max() <= 1 + 1e-9
+        assert np.abs([start, end]).max() <= 3 + 1e-9
+        slack = 3.0 * 2 * 4e-3 * sum(each.duration for each in found.guesses)
+        assert (velocity * sign >= -slack).all()
+        assert (velocity[:, sign == 0] == 0).all()
+
+
+def test_the_command_begins_at_an_instant_of_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["plan", "tilt_insert", "--from", str(ROOT / "results/tilt_insert"), "--json", "-o", str(tmp_path / "on")]
+    assert main([*words, "--at", "1.2s"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["passed"]
+    assert [phase["name"] for phase in found["phases"]] == ["stop", "tilt", "insert"]
+    assert "starts       at tilt" in "\n".join(verdicts(load_plan(tmp_path / "on")))
+    assert main(words) == 2
