@@ -279,7 +279,7 @@ ProblemModel = model_of(
         "mounting": optional(Rotations, "How the robot's base is turned, from how its file states gravity."),
         "tip_payload": optional(_PAYLOAD, "Point mass at the tip, beside the robot's bodies."),
     },
-    without=("friction", "payload", "wider"),
+    without=("friction", "payload", "start_acceleration", "wider"),
 )
 """What a problem file may say."""
 

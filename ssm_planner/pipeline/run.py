@@ -169,14 +169,17 @@ def begun_at(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     entries, most = problem.motion, np.abs(rates).max()
     if qd.any() and not isinstance(entries[0], Free):
         stop = q + ROOM * qd * np.abs(qd) / (2 * strongest)
-        entries = (Free(_joints(stop), name="stop"), *entries)
+        entries = (Free(Joints(_four(stop)), name="stop"), *entries)
     start_rate = {name: float(rate) for name, rate in zip(TASK, rates, strict=True) if abs(rate) > ROUNDING * most}
-    return replace(problem, start=_joints(q), start_rate=start_rate, motion=entries)
+    jerk = any(joint.jerk is not None for joint in robot.joints)
+    pulls = _four(state.qdd[0]) if jerk and qd.any() else (0.0, 0.0, 0.0, 0.0)
+    start = Joints(_four(q))
+    return replace(problem, start=start, start_rate=start_rate, start_acceleration=pulls, motion=entries)
 
 
-def _joints(q: Array) -> Joints:
-    a, b, c, d = q.tolist()
-    return Joints((a, b, c, d))
+def _four(values: Array) -> tuple[float, float, float, float]:
+    a, b, c, d = values.tolist()
+    return a, b, c, d
 
 
 def _merged(own: Point, other: Point) -> Point:

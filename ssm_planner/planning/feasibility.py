@@ -200,6 +200,8 @@ def with_boundary_rates(
         phase, reason = _with_rate(problem, mechanism, phases[k], key)
         if reason is not None:
             return phases, reason
+        if key == "start_rate":
+            phase = replace(phase, qdd_start=np.array(problem.start_acceleration))
         phases = (*phases[:k], phase, *phases[k + 1 :])
     return phases, next(
         (reason for phase in phases if (reason := _too_near(problem, mechanism, phase)) is not None), None

@@ -36,6 +36,8 @@ class Phase:
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
     qd_end: Array = field(default_factory=lambda: np.zeros(4))
     """Joint speeds at both ends, (4,)."""
+    qdd_start: Array = field(default_factory=lambda: np.zeros(4))
+    """Joint accelerations at the start of a free motion where jerk is limited, (4,)."""
 
     @property
     def q_start(self) -> Array:

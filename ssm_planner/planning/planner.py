@@ -343,6 +343,7 @@ class _PhasePlanner:
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
             fast=self.problem.planner == "fast",
+            pull=phase.qdd_start,
         )
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None)
 

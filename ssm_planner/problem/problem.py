@@ -191,6 +191,8 @@ class Problem(Value, Limited):
     """Retina and lens that the tool keeps clear of."""
     start_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
+    start_acceleration: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Accelerations of the joints at the very start of a free motion, where jerk is limited; rad/s², m/s²."""
     end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the very end, likewise."""
     duration: Annotated[Positive, Quantity("time")] | None = None

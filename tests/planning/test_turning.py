@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,13 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.text import verdicts
 from ssm_planner.typing import Array
 from ssm_planner.verification.check import check
 
 ROOT = Path(__file__).parents[2]
+WithJerk = Callable[[Robot, float, float], Robot]
 LOW, HIGH = np.radians([-25, -137, -60]), np.radians([25, -84, 60])
 
 
@@ -38,7 +41,9 @@ def to_anywhere(tilt_insert: Problem) -> Problem:
     return dataclasses.replace(tilt_insert, objective="time", motion=(Free(Task(tilt=-1.6)),))
 
 
-def optimum(problem: Problem, q: Array, qd: Array, target: Array, qd_end: Array | None = None) -> float:
+def optimum(
+    problem: Problem, q: Array, qd: Array, target: Array, *, qd_end: Array | None = None, pull: Array | None = None
+) -> float:
     """The slowest joint alone, by Ruckig."""
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
     slowest = 0.0
@@ -46,7 +51,9 @@ def optimum(problem: Problem, q: Array, qd: Array, target: Array, qd_end: Array 
         task, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
         task.current_position, task.current_velocity, task.target_position = [q[i]], [qd[i]], [target[i]]
         task.target_velocity = [0.0 if qd_end is None else qd_end[i]]
-        task.max_velocity, task.max_acceleration = [joint.velocity], [joint.acceleration]
+        task.current_acceleration = [0.0 if pull is None else pull[i]]
+        task.max_velocity, task.max_acceleration = [joint.velocity], [(1 + 1e-9) * joint.acceleration]
+        task.max_jerk = [joint.jerk or np.inf]
         assert ruckig.Ruckig(1).calculate(task, found) == ruckig.Result.Working
         slowest = max(slowest, found.duration)
     return slowest
@@ -79,6 +86,26 @@ def test_from_any_instant_to_any_target_as_fast_as_the_slowest_joint(
     assert (1 - 1e-6) * least <= found.duration <= 1.01 * least
 
 
+@pytest.mark.parametrize("seed", [0, 7])
+def test_where_jerk_is_limited_the_acceleration_goes_on_too(
+    tilt_insert: Problem, with_jerk: WithJerk, seed: int
+) -> None:
+    robot = with_jerk(tilt_insert.robot, 35.0, 1.0)
+    problem = dataclasses.replace(tilt_insert, objective="time", robot=robot)
+    first = plan(dataclasses.replace(problem, motion=(Straight(tilt=np.radians(-135)),)))
+    rng = np.random.default_rng(seed)
+    at = float(rng.uniform(0, first.motion.duration))
+    roll, tilt, spin = rng.uniform(LOW, HIGH).tolist()
+    free = dataclasses.replace(problem, motion=(Free(Task(tilt=-1.6)),))
+    found = Replanner(free).plan_from(first, at, Task(roll, tilt, spin, 0.01))
+    assert found.passed, found.reason
+    state, begins = first.motion.sample(at), found.motion.sample(0.0)
+    assert begins.qdd == pytest.approx(state.qdd, abs=1e-9)
+    last = found.motion.sample(found.motion.breaks[-1:], "left").q[0]
+    least = optimum(free, state.q[0], state.qd[0], last, pull=state.qdd[0])
+    assert (1 - 1e-6) * least <= found.duration <= 1.01 * least
+
+
 def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: Problem) -> None:
     first, last = Joints((-0.3, 0.5, 0.1, -0.008)), Joints((0.3, -0.2, 0.5, -0.015))
     rate = {"depth": -0.012}
@@ -87,7 +114,9 @@ def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: P
     assert found.passed, found.reason
     depth = found.motion.uniform(500).q[:, 3]
     assert depth.min() < -0.015 - 0.9 * 0.012**2 / 0.2  # beyond the target by its braking way
-    least = optimum(problem, np.array(first.values), np.zeros(4), np.array(last.values), np.array([0, 0, 0, 0.012]))
+    least = optimum(
+        problem, np.array(first.values), np.zeros(4), np.array(last.values), qd_end=np.array([0, 0, 0, 0.012])
+    )
     assert found.duration == pytest.approx(least, rel=1e-4)
 
 
@@ -133,7 +162,7 @@ def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(shipped: 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4])
+    way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [3.0] * 4])
     speeds = rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)
     found = turning_guess(way, speeds, limits, count=40, fewest=2)
     assert found.positions[-1] == pytest.approx(way)

@@ -40,7 +40,7 @@ from ssm_planner.planning.ocp.nlp import (
     cubics,
 )
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
-from ssm_planner.planning.ocp.turning import TurningGuess, turning_guess
+from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_guess
 from ssm_planner.planning.phases import joint_room
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import TASK, TaskRange, TaskRate
@@ -78,10 +78,12 @@ def solve_free(
     speeds: tuple[Array, Array] | None = None,
     count: int | None = None,
     fast: bool = False,
+    pull: Array | None = None,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
     strict, cooling, fast: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
+    pull: q̈ (4,) at the start where jerk is limited, 0 by default.
     """
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
@@ -89,7 +91,7 @@ def solve_free(
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     way = np.diff(points, axis=0)
     way[np.abs(way) <= MOVES] = 0.0
-    ends = speeds or (np.zeros(4), np.zeros(4))
+    ends, pull = speeds or (np.zeros(4), np.zeros(4)), np.zeros(4) if pull is None else pull
     if limits_jerk(robot):
         limits["jerk"] = _jerk_for_all(limits, way, ends)
     # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
@@ -101,7 +103,8 @@ def solve_free(
     fewest = 2 if len(way) < 16 else 1
     table = np.stack([limits[name] for name in KINEMATIC])
     segments = [
-        _segment(way, k, ends, table, each=each, fewest=fewest, jerk=limits_jerk(robot)) for k in range(len(way))
+        _segment(way, k, ends, table, each=each, fewest=fewest, jerk=limits_jerk(robot), pull=pull)
+        for k in range(len(way))
     ]
     borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
     given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
@@ -131,13 +134,14 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
-            fast=fast and not turning,
+            fast=fast and not turning and not pull.any(),
             directions=directions,
             problem=problem,
             mechanism=mechanism,
             points=np.concatenate(borders),
             given=given,
             speeds=ends,
+            pull=pull,
             starting=ends[0] == 0.0,
             shortest=SHORTEST if len(directions) == 1 else SHORTEST_PASSING,
             guesses=tuple(guesses),
@@ -163,6 +167,7 @@ def _segment(
     each: int,
     fewest: int,
     jerk: bool,
+    pull: Array,
 ) -> TurningGuess:
     """The guess between points k and k + 1 of a motion over ways (n, 4), at rest at the points within."""
     begin, end = (ends[0] if k == 0 else np.zeros(4)), (ends[1] if k == len(way) - 1 else np.zeros(4))
@@ -175,7 +180,11 @@ def _segment(
         end = _passing(begin, way[k], way[k + 1], table[1])
     if k > 0:
         begin = _passing(end, way[k], way[k - 1], table[1])
-    return turning_guess(way[k], (begin, end), table[:2], count=each, fewest=fewest)
+    brake = table[1]
+    if jerk:
+        brake = np.minimum(braking(begin, pull if k == 0 else np.zeros(4), table), braking(end, np.zeros(4), table))
+    limits = np.stack([table[0], table[1], brake])
+    return turning_guess(way[k], (begin, end), limits, count=each, fewest=fewest)
 
 
 def _passing(speed: Array, way: Array, other: Array, acceleration: Array) -> Array:
@@ -208,6 +217,8 @@ class _FreeProblem(OcpProblem):
     """Which of these are no guess, (k + 1, 4)."""
     speeds: tuple[Array, Array]
     """q̇ at both ends, (4,)."""
+    pull: Array
+    """q̈ at the start where jerk is limited, (4,)."""
     guesses: tuple[SegmentGuess, ...]
 
     @cached_property
@@ -227,7 +238,10 @@ class _FreeProblem(OcpProblem):
         room = self._scaled(
             joint_room(self.problem, self.mechanism, self.points[self.given.all(axis=1)]) - self.points[0], 0
         )
-        return BoundaryConditions(points, self.directions[:, self.moving], start, end, room)
+        pull = self._scaled(self.pull, 2)
+        return BoundaryConditions(
+            points, self.directions[:, self.moving], start, end, start_acceleration=pull, room=room
+        )
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:

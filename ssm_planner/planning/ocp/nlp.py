@@ -94,6 +94,8 @@ class BoundaryConditions:
     start_velocity: Array
     end_velocity: Array
     """u̇ at both ends, (m,)."""
+    start_acceleration: Array = field(default_factory=lambda: np.zeros(1))
+    """ü at the start where jerk is limited, (m,)."""
     room: Array = field(default_factory=lambda: np.zeros((2, 1)))
     """Lowest and highest u where a border is free, (2, m)."""
 
@@ -122,7 +124,7 @@ class BoundaryConditions:
                 lower[element, at_rest] = upper[element, at_rest] = 0.0
         lower[0, v] = upper[0, v] = self.start_velocity
         if structure.smooth:
-            lower[0, first] = upper[0, first] = 0.0
+            lower[0, first] = upper[0, first] = self.start_acceleration
             lower[-1, last] = upper[-1, last] = 0.0
         return lower, upper, (slowest, fastest)
 

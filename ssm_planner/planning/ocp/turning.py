@@ -52,16 +52,12 @@ class _Profile:
 
     @classmethod
     def of(cls, way: float, speeds: tuple[float, float], limits: Array) -> _Profile:
-        """limits (2,): velocity, acceleration."""
-        velocity, acceleration = max(float(limits[0]), *map(abs, speeds)), float(limits[1])
-        first, last = (speed * abs(speed) / (2 * acceleration) for speed in speeds)
-        rest = way - first - last
-        if speeds[0] * speeds[1] > 0 and rest * speeds[0] < 0:
-            direct = sum(speeds) / 2 * abs(speeds[1] - speeds[0]) / acceleration
-            rest = 1.0 if (way - direct) * speeds[0] >= 0 else -1.0
-            rest = math.copysign(rest, rest * speeds[0])
-        sign = math.copysign(1.0, rest) if abs(rest) > STANDS else math.copysign(1.0, speeds[1] or speeds[0])
-        return cls(way, speeds, velocity, acceleration, sign)
+        """limits (3,): velocity, acceleration, and the acceleration of `braking`, which tells whether it stops in time."""
+        velocity, acceleration, brake = (float(limit) for limit in limits)
+        sign = _peak_sign(way, speeds, brake)
+        if sign != _peak_sign(way, speeds, acceleration):
+            acceleration = brake
+        return cls(way, speeds, max(velocity, *map(abs, speeds)), acceleration, sign)
 
     @property
     def moves(self) -> bool:
@@ -102,8 +98,38 @@ class _Profile:
         return SCurve(parts[kept], pulls[kept], pulls[kept], self.speeds[0])
 
 
+def _peak_sign(way: float, speeds: tuple[float, float], acceleration: float) -> float:
+    """Direction between braking from the first speed and speeding up to the last."""
+    begin, end = speeds
+    rest = way - (begin * abs(begin) + end * abs(end)) / (2 * acceleration)
+    if begin * end > 0 and rest * begin < 0:  # it need not stop on its way, unless that is too short even so
+        direct = (begin + end) / 2 * abs(end - begin) / acceleration
+        return math.copysign(1.0, begin if (way - direct) * begin >= 0 else -begin)
+    return math.copysign(1.0, rest if abs(rest) > STANDS else end or begin)
+
+
+def braking(speed: Array, pull: Array, limits: Array) -> Array:
+    """The constant accelerations (m,) that stop joints over the way that their quickest stops take.
+
+    From q̇ and q̈ (m,) under limits (3, m) of velocity, acceleration and jerk. A joint that turns back before its acceleration
+    has ended has its limit.
+    """
+    _, most, jerk = limits
+    sign = np.where(speed < 0, -1.0, 1.0)
+    v, a = sign * speed, sign * pull
+    peak = np.minimum(np.sqrt(np.maximum(jerk * v + a**2 / 2, 0.0)), most)
+    rise, fall = np.maximum((a + peak) / jerk, 0.0), peak / jerk
+    flat = np.maximum(v + (a**2 - 2 * peak**2) / (2 * jerk), 0.0) / np.where(peak > 0, peak, 1.0)
+    way = v * rise + a * rise**2 / 2 - jerk * rise**3 / 6
+    v = v + a * rise - jerk * rise**2 / 2
+    way += v * flat - peak * flat**2 / 2
+    v = v - peak * flat
+    way += v * fall - peak * fall**2 / 2 + jerk * fall**3 / 6
+    return np.where((way > 0) & (speed != 0), np.minimum(speed**2 / (2 * np.where(way > 0, way, 1.0)), most), most)
+
+
 def turning_guess(way: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, fewest: int) -> TurningGuess:
-    """For joints that move by `way` (m,) from one q̇ (m,) to another under limits (2, m): velocity, acceleration.
+    """For joints that move by `way` (m,) from one q̇ (m,) to another under limits (3, m): velocity, acceleration, `braking`.
 
     About `count` elements, at least `fewest` between two switching points.
     """
