@@ -6,16 +6,19 @@ import argparse
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import yaml
 
-from ssm_planner.cli import COMMANDS, _parser
+from ssm_planner.cli import COMMANDS, _parser, main
 from ssm_planner.loading.load import load_problem
+from ssm_planner.studies.study_file import load_study
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
@@ -77,14 +80,111 @@ def test_commands_and_their_options_exist(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_blocks_of_yaml_can_be_read_and_problems_load(name: str, tmp_path: Path) -> None:
+    """Problems and studies, also in part: what is left out is that of a whole one."""
     for k, (kind, block) in enumerate(BLOCK.findall((ROOT / name).read_text(encoding="utf-8"))):
         if kind != "yaml":
             continue
         data = yaml.safe_load(block)
-        if isinstance(data, dict) and {"robot", "start", "motion"} <= set(data):
+        if isinstance(data, dict) and "vary" in data:
+            (tmp_path / "study.yaml").write_text(block, encoding="utf-8")
+            for catalogue in (ROOT / "problems/catalogues").glob("*.csv"):
+                shutil.copy(catalogue, tmp_path)
+            assert load_study(tmp_path / "study.yaml").vary
+        elif isinstance(data, dict) and {"start", "limits", "eye"} & set(data):
+            whole = {**yaml.safe_load((ROOT / "problems/tilt_insert.yaml").read_text(encoding="utf-8")), **data}
             file = tmp_path / f"{k}.yaml"
-            file.write_text(block.replace("robots/vitreoretinal.yaml", "vitreoretinal"), encoding="utf-8")
+            file.write_text(yaml.safe_dump({**whole, "robot": "vitreoretinal"}), encoding="utf-8")
             load_problem(file)
+
+
+STANDS_FOR = {
+    "PLAN": "results/tilt_insert",
+    "A": "results/tilt_insert",
+    "B": "results/tilt_insert",
+    "OTHER": "results/tilt_insert",
+    "PROBLEM": "problems/tilt_insert.yaml",
+    "ROBOT": "problems/robots/vitreoretinal.yaml",
+    "TRAJECTORY": "results/tilt_insert/plan.json",
+    "DRIVE": "problems/drives/rig1_lead_screw.yaml",
+    "LAW": "coulomb",
+    "NAME=VALUE": "mu=0.12",
+    "KIND": "drive",
+    "A.yaml": "maxon_ecx_torque_22_m",
+    "B.yaml": "maxon_ecx_torque_22_xl",
+    "tilt=C.yaml": "tilt=maxon_ecx_torque_22_m",
+    "my_drives.yaml": "problems/controllers/epos4.yaml",
+    "csv|epos4|pvt|ros2|urdf|c": "csv",
+    "TIME": "1s",
+    **{name: f"problems/catalogues/{name}" for name in ("motors_24v.csv", "worms.csv", "screws.csv")},
+}
+"""What the words in capitals, and files that a reader would have, are in the tests."""
+FILES = {"retime": "path.csv", "new": "made.yaml", "identify": "identified.yaml"}
+PATH = "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0.2,0,0\n1,0.1,0.4,0,-0.005\n2,0.2,0.6,0,-0.01\n"
+CATALOGUE = "problems/catalogues/motors_24v.csv"
+NOT_RUN = {
+    "view": "serves until it is ended: tests/browser/test_view.py",
+    "reproduce": "takes minutes: tests/paper",
+    "study": "takes minutes; `show` and `compare` need its store: tests/studies",
+    "predict": "needs recordings, which are not part of the project: tests/identification/test_prediction.py",
+    "compare": "needs recordings of the plan: tests/test_comparison.py",
+    "plan problems/eye_approach.yaml": "takes long: `make docs` plans it",
+    "identify problems/drives/rig3_worm.yaml": "takes long: tests/identification",
+    "identify DRIVE RECORDING …": "the same with an option that fixes what may be fixed is run",
+    "simulate PLAN --power-loss everywhere": "takes a minute: tests/simulation",
+    "simulate PLAN --draws": "takes minutes: tests/simulation",
+    "simulate PLAN --speed": "takes ten times as long as the motion: tests/cli/test_simulate.py",
+    "size problems/motorisation/paper.yaml": "takes long: tests/paper",
+    "report results/tilt_insert --figures": "`report PLAN OTHER --figures DIR` draws them",
+    "report PLAN --figures": "`report PLAN OTHER --figures DIR` draws them",
+    "plan PROBLEM -o DIR --json": "`plan PROBLEM` is run",
+}
+"""Commands of the documents that no test here runs, and why."""
+FAILING = {"simulate PLAN --stall tilt@1s": 1}
+"""Statuses other than 0."""
+
+
+def whole_commands() -> list[str]:
+    """Every command of the documents once, without those that name it alone in a sentence."""
+    lines = [" ".join(words) for page in PAGES if page.stem != "tutorial" for words in commands(page)]
+    alone = {*COMMANDS, "new robot robot.yaml", "workspace robot.yaml"}  # the tutorial runs these two
+    return sorted({line for line in lines if line not in alone and line.split()[0] in COMMANDS})
+
+
+def filled(line: str) -> list[str]:
+    """The words of a command with what they stand for."""
+    words = []
+    for before, word in pairwise(["", *line.split()]):
+        if word == "FILE":
+            word = CATALOGUE if before == "--catalogue" else FILES[words[0]]
+        if word not in ("…", "RECORDING"):
+            words.append(STANDS_FOR.get(word, word))
+    return words
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as a checkout has it, in which results may be written."""
+    folder = tmp_path_factory.mktemp("documents")
+    (folder / "problems").symlink_to(ROOT / "problems")
+    shutil.copytree(ROOT / "results/tilt_insert", folder / "results/tilt_insert")
+    (folder / FILES["retime"]).write_text(PATH, encoding="utf-8")
+    return folder
+
+
+def test_what_is_not_run_is_in_the_documents() -> None:
+    assert all(any(line.startswith(start) for line in whole_commands()) for start in NOT_RUN)
+
+
+RUN = {" ".join(filled(line)): line for line in whole_commands() if not line.startswith(tuple(NOT_RUN))}
+"""By what is run the line of a document; lines that come to the same are run once."""
+
+
+@pytest.mark.parametrize("line", sorted(RUN.values()))
+def test_a_command_of_the_documents_runs(line: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within this process, in a folder like a checkout."""
+    monkeypatch.chdir(place)
+    folder = f"out/{line.split()[0]}"
+    assert main([folder if word == "DIR" else word for word in filled(line)]) == FAILING.get(line, 0)
 
 
 def test_python_in_the_readme_runs(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from ssm_planner.errors import ProblemError
 if TYPE_CHECKING:
     from ssm_planner.identification.identify import Identification
     from ssm_planner.identification.prediction import Prediction
+    from ssm_planner.problem.drive import Drive
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 
@@ -49,7 +50,7 @@ def run_identify(options: argparse.Namespace) -> int:
     )
     result = {**found.to_dict(), "files": _write_drive(found, options.drive, options.output)}
     progress("done")
-    show(options.json, result, lambda: _identified_lines(result))
+    show(options.json, result, lambda: _identified_lines(result, found.drive))
     return OK
 
 
@@ -76,9 +77,11 @@ def _known(text: str) -> tuple[str, float]:
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 
-def _identified_lines(result: dict[str, Any]) -> list[str]:
+def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
     from ssm_planner.display import fixed, number
+    from ssm_planner.identification.drive_file import unit_of
     from ssm_planner.reporting.text import Table
+    from ssm_planner.units import RPM
 
     lines = [f"law         {result['law']}", f"map NRMSD   {fixed(result['nrmsd'], 4)}", ""]
     rows = []
@@ -86,8 +89,11 @@ def _identified_lines(result: dict[str, Any]) -> list[str]:
         flags = [text for key, text in (("fixed", "fixed"), ("at_bound", "at its bound")) if p[key]]
         if not p["separable"] and not p["fixed"]:
             flags.append("cannot be separated by these data")
-        rows.append((name, *(number(p[key], 4) for key in ("value", "low", "high")), ", ".join(flags)))
-    lines += Table(("parameter", "value", "95 % low", "95 % high", ""), rows, (1, 2, 3)).lines()
+        unit = (unit_of(drive, name) or "").replace("*", "·")
+        scale, unit = (RPM, "rpm") if name == "stribeck_speed" else (1.0, unit)
+        values = (number(scale * p[key], 4) for key in ("value", "low", "high"))
+        rows.append((name, *values, unit, ", ".join(flags)))
+    lines += Table(("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)).lines()
     for row in result["start_stop"]:
         lines.append(
             f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, {row['nrmsd']:.4f} fitted"
@@ -136,10 +142,10 @@ def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
     if result["mean_band"] is not None:
         low, high = (1e3 * end for end in result["mean_band"])
         where = "inside" if result["mean_inside"] else "OUTSIDE"
-        yield f"  mean {1e3 * result['mean_measured']:.3f} mN·m, {where} its 95 % band {low:.3f} to {high:.3f}"
+        yield f"  mean {1e3 * result['mean_measured']:.3f} mN·m, {where} its 95 % band {low:.3f} to {high:.3f} mN·m"
         if result["sample_coverage"] is not None:
             yield f"  {result['sample_coverage']:.0%} of the samples in motion inside their 95 % band"
-        yield f"  peak {1e3 * result['peak_measured']:.3f} mN·m, {1e3 * result['peak_99']:.3f} at 99 %"
+        yield f"  peak {1e3 * result['peak_measured']:.3f} mN·m, {1e3 * result['peak_99']:.3f} mN·m at 99 %"
     yield from (f"  {remark}" for remark in result["remarks"])
     if result["contact_lost"]:
         yield "  the preload does not keep both nuts in contact: the law does not hold there"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.cli.shared import FAILED, OK, output_arguments, quantity_argument, show
+from ssm_planner.display import fixed
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ def run_ik(options: argparse.Namespace) -> int:
 def _solution_lines(found: JointSolutions) -> Iterator[str]:
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
     for q, inside in zip(found.joints, found.in_limits, strict=True):
-        angles = "   ".join(f"{math.degrees(value):11.5f}" for value in q[:3])
-        yield f"{angles}   {1e3 * q[3]:10.4f}   {'yes' if inside else 'no'}"
+        angles = "   ".join(f"{fixed(math.degrees(value), 5):>11}" for value in q[:3])
+        yield f"{angles}   {fixed(1e3 * q[3], 4):>10}   {'yes' if inside else 'no'}"
     if not found.reachable:
         off = math.degrees(found.orientation_error), 1e3 * found.tip_error
         yield f"not reachable: the nearest is off by {off[0]:.6g} deg and {off[1]:.6g} mm"
@@ -117,7 +118,7 @@ def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | No
 
 def _workspace_lines(result: dict[str, Any]) -> list[str]:
     def degrees(value: float) -> str:
-        return f"{math.degrees(value):.4f} deg"
+        return f"{fixed(math.degrees(value), 4)} deg"
 
     lines = []
     if "tilt_range" in result:
@@ -125,7 +126,7 @@ def _workspace_lines(result: dict[str, Any]) -> list[str]:
         lines += [
             f"alpha       {degrees(result['alpha'])}",
             f"beta        {degrees(result['beta'])}",
-            f"tilt range  {degrees(low)} to {degrees(high)} ({math.degrees(high - low):.4f} deg)",
+            f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
             f"home        roll {degrees(result['home']['roll'])}, tilt {degrees(result['home']['tilt'])}",
         ]
     elif not result["reachable"]:

@@ -15,7 +15,12 @@ def report_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("other", type=Path, nargs="?", help="a second one, to compare the first with")
     output_arguments(parser, "folder of the page (default: that of PLAN); FILE.html names the page")
     parser.add_argument(
-        "--figures", type=Path, metavar="DIR", help="also write the figures of PLAN there, as PNG and PDF"
+        "--figures", type=Path, metavar="DIR", help="also write the figures of PLAN there, as PNG (300 dpi) and PDF"
+    )
+    parser.add_argument(
+        "--width",
+        choices=("single", "double", "slide"),
+        help="of the figures: one (89 mm) or two columns (182 mm) of a page, or a slide (203 mm); default 229 mm",
     )
 
 
@@ -24,6 +29,8 @@ def run_report(options: argparse.Namespace) -> int:
     from ssm_planner.reporting.html.compare import write_comparison
     from ssm_planner.reporting.html.report import write_report
 
+    if options.width is not None and options.figures is None:
+        raise ProblemError("is the width of figures: name their folder too", key="--width", allowed="--figures DIR")
     plan = load_plan(options.plan)
     if options.other is None:
         files = {"report": write_report(plan, output_file(options.output, ".html", plan.path.with_name("report.html")))}
@@ -31,9 +38,10 @@ def run_report(options: argparse.Namespace) -> int:
         out = output_file(options.output, ".html", plan.path.with_name("comparison.html"))
         files = {"comparison": write_comparison(plan, load_plan(options.other), out)}
     if options.figures is not None:
+        from ssm_planner.reporting.figures.plan import WIDE, WIDTHS
         from ssm_planner.reporting.figures.process import write_figures_of_file
 
-        files |= write_figures_of_file(plan, options.figures)
+        files |= write_figures_of_file(plan, options.figures, WIDTHS.get(options.width, WIDE))
     named = {name: str(path) for name, path in files.items()}
     show(options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()])
     return OK

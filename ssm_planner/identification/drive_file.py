@@ -23,8 +23,8 @@ _UNITS = {
     "identified_speed": "rad/s",
     "preload": "N",
 }
-_OUTPUT_UNITS = {"worm": {"b_oc": "N*m", "b_ov": "N*m*s/rad"}}
-_SCREW_UNITS = {"b_oc": "N", "b_ov": "N*s/m"}
+_OUTPUT_UNITS = {"worm": {"b_oc": "N*m", "b_ov": "N*m*s/rad", "load_offset": "N*m"}}
+_SCREW_UNITS = {"b_oc": "N", "b_ov": "N*s/m", "load_offset": "N"}
 
 
 def write_drive(
@@ -47,8 +47,7 @@ def write_drive(
     if "preload" in fit.estimates and not fit.estimates["preload"].fixed:
         content["preload"] = _figure(drive, "preload", drive.preload, fit.estimates["preload"])
     if LOAD_OFFSET in fit.estimates and drive.rig is not None:
-        unit = "N*m" if drive.kind == "worm" else "N"
-        content["rig"]["load_offset"] = f"{drive.rig.load_offset:.8g} {unit}"
+        content["rig"]["load_offset"] = _quantity(drive, "load_offset", drive.rig.load_offset)
     elif drive.rig is not None:
         content["rig"].pop("load_offset", None)
     text = _heading(fit, evidence) + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
@@ -122,6 +121,11 @@ def _origin(name: str, estimate: Estimate | None) -> str:
     return text if estimate.separable else text + ", not determined by the data alone"
 
 
+def unit_of(drive: Drive, name: str) -> str | None:
+    """The SI unit of a parameter of a drive as files write it, None of a pure number."""
+    return {**_UNITS, **_OUTPUT_UNITS.get(drive.kind, _SCREW_UNITS)}.get(name)
+
+
 def _quantity(drive: Drive, name: str, value: float) -> Any:
-    unit = {**_UNITS, **_OUTPUT_UNITS.get(drive.kind, _SCREW_UNITS)}.get(name)
+    unit = unit_of(drive, name)
     return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.plans import load_plan
-from ssm_planner.reporting.figures.plan import motion_figure
+from ssm_planner.reporting.figures.plan import WIDTHS, motion_figure, motors_figure
 from ssm_planner.reporting.figures.style import fitting_name, new_panels, shade_phases
+from ssm_planner.sizing.requirements import motor_requirements
 from ssm_planner.trajectory import Span, Trajectory
 
 PLAN = Path(__file__).parent.parent.parent / "results/tilt_insert/plan.json"
@@ -57,3 +58,23 @@ def test_limits_stand_in_the_figure_of_the_motion() -> None:
     levels = {round(float(line.get_ydata()[0]), 6) for line in axes.get_lines() if len(line.get_ydata()) == 2}
     bound = round(float(np.rad2deg(plan.robot.joints[0].velocity)), 6)
     assert {bound, -bound} <= levels
+
+
+@pytest.mark.parametrize("name", list(WIDTHS))
+def test_figures_of_a_width_are_that_wide_and_their_type_is_not_scaled(name: str) -> None:
+    """Every text within the figure, and no label, title or legend over another."""
+    plan = load_plan(PLAN)
+    requirements = motor_requirements(plan.motion, plan.robot)
+    for figure in (
+        motion_figure(plan.motion, plan.robot, WIDTHS[name]),
+        motors_figure(plan.motion, plan.robot, requirements, WIDTHS[name]),
+    ):
+        assert figure.get_size_inches()[0] == WIDTHS[name]
+        figure.canvas.draw()
+        texts = [text for axes in figure.axes for text in (axes.xaxis.label, axes.yaxis.label, *axes.texts)]
+        texts += [axes._right_title for axes in figure.axes] + [each for key in figure.legends for each in key.texts]
+        boxes = [text.get_window_extent() for text in texts if text.get_text()]
+        for i, box in enumerate(boxes):
+            assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+            assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+            assert not any(box.overlaps(other) for other in boxes[i + 1 :])

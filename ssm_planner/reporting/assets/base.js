@@ -16,6 +16,15 @@ SSM.element = (name, attributes = {}, ...children) => {
 // a table that the keyboard scrolls too
 SSM.scrolling = (table) => SSM.element("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Table" }, table);
 
+// a line across its frame at a share of the width; moved without a new layout
+SSM.cursor = () => {
+  const node = SSM.element("span", { class: "cursor" });
+  return { node, at: (share) => { node.style.transform = `translateX(${100 * share}%)`; } };
+};
+
+// text of a node, written where it changed
+SSM.say = (node, text) => { if (node.said !== text) node.textContent = node.said = text; };
+
 SSM.data = () => JSON.parse(document.getElementById("data").textContent);
 
 // base64 of little-endian doubles, which is how every machine with a browser holds them

@@ -1,5 +1,8 @@
 // The parts of a mechanism: axes, links as arcs about the RCM, tool, tilt bands, eye. Metres.
 "use strict";
+// of so many parts round something, as many as software draws at 60 frames per second
+SSM.fine = (parts) => (SSM.soft ? Math.ceil(0.55 * parts) : parts);
+
 SSM.vector = (values) => new THREE.Vector3(...values);
 
 // robot: base group, turns (three nested groups), slide, axes
@@ -73,13 +76,13 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
 };
 
 SSM.rod = (direction, from, to, radius, material) => {
-  const rod = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, to - from, 20), material);
+  const rod = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, to - from, SSM.fine(20)), material);
   rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), direction);
   rod.position.copy(direction).multiplyScalar((from + to) / 2);
   return rod;
 };
 
-SSM.ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, 12, 8), material);
+SSM.ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, SSM.fine(12), SSM.fine(8)), material);
 
 SSM.arc = (from, to, radius, thickness, material) => {
   const angle = from.angleTo(to);
@@ -87,7 +90,7 @@ SSM.arc = (from, to, radius, thickness, material) => {
   if (normal.length() < 1e-6) normal.set(from.y, -from.x, from.z || 1e-3);
   normal.normalize();
   const points = Array.from({ length: 25 }, (_, i) => from.clone().applyAxisAngle(normal, (angle * i) / 24).multiplyScalar(radius));
-  return new THREE.Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), 24, thickness, 10), material);
+  return new THREE.Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), SSM.fine(24), thickness, SSM.fine(10)), material);
 };
 
 // beside the tool axis, so that the spin can be seen
@@ -132,10 +135,15 @@ SSM.tipPath = (points, colour, ghost) => {
 };
 
 // places where a phase ends and the tool stands: the spots of a scan, and stops
-SSM.stops = (points) => points.map(({ position, spot }) => {
-  const ball = SSM.ball(spot ? 0.00028 : 0.0004, new THREE.MeshBasicMaterial({ color: spot ? "#1fae5b" : "#e0a100" }));
-  ball.position.set(...position);
-  return ball;
+SSM.stops = (points) => [true, false].map((spots) => {
+  const ball = new THREE.SphereGeometry(spots ? 0.00028 : 0.0004, SSM.fine(12), SSM.fine(8));
+  const [corners, order] = [[...ball.attributes.position.array], [...ball.index.array]];
+  const some = points.filter(({ spot }) => spot === spots);
+  const together = new THREE.BufferGeometry(); // drawn at once, however many there are
+  const vertices = some.flatMap(({ position }) => corners.map((value, i) => value + position[i % 3]));
+  together.setAttribute("position", new THREE.BufferAttribute(new Float32Array(vertices), 3));
+  together.setIndex(some.flatMap((_, k) => order.map((i) => i + (k * corners.length) / 3)));
+  return new THREE.Mesh(together, new THREE.MeshBasicMaterial({ color: spots ? "#1fae5b" : "#e0a100" }));
 });
 
 // eye: see Eye of problem/problem.py; base frame, the columns of the lens frame are the directions of its semi-axes.
@@ -147,7 +155,7 @@ SSM.eye = (eye) => {
   const surface = (name, radius, colour, { opacity = 1, side = 0, from = 0, to = Math.PI, at = 0, light = true } = {}) => {
     const options = { color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
     const material = light ? new THREE.MeshLambertMaterial(options) : new THREE.MeshBasicMaterial(options);
-    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 40, 24, 0, 2 * Math.PI, from, to - from), material);
+    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, SSM.fine(40), SSM.fine(24), 0, 2 * Math.PI, from, to - from), material);
     mesh.name = name;
     mesh.position.copy(centre).addScaledVector(front, at);
     mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
@@ -163,7 +171,7 @@ SSM.eye = (eye) => {
   const bulge = 0.0078; // usual radius of a cornea
   const half = Math.asin(limbus / bulge);
   surface("cornea", bulge, "#9cc7e8", { opacity: 0.3, side: 2, to: half, at: outer * Math.cos(opening) - bulge * Math.cos(half) });
-  const iris = new THREE.Mesh(new THREE.LatheGeometry([new THREE.Vector2(0.0022, 0), new THREE.Vector2(limbus - 0.0003, 0)], 40),
+  const iris = new THREE.Mesh(new THREE.LatheGeometry([new THREE.Vector2(0.0022, 0), new THREE.Vector2(limbus - 0.0003, 0)], SSM.fine(40)),
     new THREE.MeshBasicMaterial({ color: "#4f7f6a", side: 2, opacity: 0.55, transparent: true, depthWrite: false }));
   const disc = eye.lens ? SSM.vector(eye.lens.centre).distanceTo(centre) + Math.min(...eye.lens.semi_axes) : outer * Math.cos(opening);
   iris.position.copy(centre).addScaledVector(front, disc);

@@ -24,7 +24,7 @@ SSM.now = (container, data, channels) => {
   const stretches = data.panels.flatMap((panel) => panel.active);
   let said = null;
   return (index) => {
-    for (const { node, values, scale, digits } of cells) node.textContent = SSM.fixed(scale * values[index], digits);
+    for (const { node, values, scale, digits } of cells) SSM.say(node, SSM.fixed(scale * values[index], digits));
     const value = (i, scale, digits) => SSM.fixed(scale * channels[`task${i}`][index], digits);
     task.textContent = `roll ${value(0, degrees, 2)}°, tilt ${value(1, degrees, 2)}°, spin ${value(2, degrees, 2)}°, depth ${value(3, 1000, 2)} mm`;
     const t = channels.t[index];
@@ -49,9 +49,9 @@ SSM.timeline = (container, data, player) => {
     return node;
   };
   const row = (name, bars, said) => {
-    const cursor = SSM.element("span", { class: "cursor" });
+    const cursor = SSM.cursor();
     const track = SSM.element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => follow(event, track),
-      onpointermove: (event) => event.pointerType === "mouse" && follow(event, track) }, ...bars, cursor);
+      onpointermove: (event) => event.pointerType === "mouse" && follow(event, track) }, ...bars, cursor.node);
     cursors.push(cursor);
     return SSM.element("div", { class: "row" }, SSM.element("span", { class: "name" }, name), track);
   };
@@ -70,8 +70,7 @@ SSM.timeline = (container, data, player) => {
   const none = groups.size ? [] : [SSM.element("p", {}, "No limit comes within half a percent.")];
   container.replaceChildren(SSM.element("h2", {}, "Which limit is active when"), SSM.element("div", { class: "timeline" }, ...rows), ...none);
   player.listen((index) => {
-    const left = percent(player.times[index]);
-    for (const cursor of cursors) cursor.style.left = left;
+    for (const cursor of cursors) cursor.at(player.times[index] / end);
   });
 };
 
@@ -99,6 +98,6 @@ SSM.compareNow = (container, data, channels, names) => {
   container.replaceChildren(SSM.scrolling(table),
     SSM.element("p", {}, key(0, `${names[0]}, solid in 3D`), " ", key(1, `${names[1]}, orange and translucent in 3D`)));
   return (index) => {
-    for (const { node, values, factor, digits } of cells) node.textContent = SSM.fixed(factor * values[index], digits);
+    for (const { node, values, factor, digits } of cells) SSM.say(node, SSM.fixed(factor * values[index], digits));
   };
 };

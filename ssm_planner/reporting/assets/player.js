@@ -31,14 +31,14 @@ SSM.Player = class {
     this.range.value = this.index;
     this.range.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds${phase ? `, ${phase.name}` : ""}`);
     this.clock.textContent = `${t.toFixed(3)} s${phase ? ` · ${phase.name}` : ""}`;
-    this.cursor.style.left = `${(100 * this.index) / (this.times.length - 1)}%`;
+    this.cursor.at(this.index / (this.times.length - 1));
     for (const listener of this.listeners) listener(this.index);
   }
 
   // the phases beside the slider, each named as far as there is room; for a reader of screens the slider says them
   #strip() {
     const [first, end] = [this.times[0], this.times[this.times.length - 1] - this.times[0]];
-    this.cursor = SSM.element("span", { class: "cursor" });
+    this.cursor = SSM.cursor();
     const parts = this.phases.map((phase) => {
       const part = SSM.element("span", { class: "phase", title: `${phase.name}: ${phase.start.toFixed(3)}–${phase.end.toFixed(3)} s` });
       part.style.left = `${(100 * (phase.start - first)) / end}%`;
@@ -49,7 +49,7 @@ SSM.Player = class {
       const box = strip.getBoundingClientRect();
       this.pause();
       this.at(first + (end * (event.clientX - box.left)) / box.width);
-    } }, ...parts, this.cursor);
+    } }, ...parts, this.cursor.node);
     new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitting(this.phases[i].name, part.clientWidth); })).observe(strip);
     return this.phases.length ? [strip] : [];
   }

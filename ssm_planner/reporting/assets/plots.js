@@ -67,7 +67,7 @@ SSM.Plots = class {
   // swatch, name and value of one line; pressed while the line is shown
   #key(u, { colour, dash, label, values }, i, named) {
     const value = SSM.element("span", { class: "value" });
-    const mark = (index) => { value.textContent = Number.isFinite(values[index]) ? SSM.short(values[index]) : "–"; };
+    const mark = (index) => SSM.say(value, Number.isFinite(values[index]) ? SSM.short(values[index]) : "–");
     if (!named) return { node: SSM.element("span", { class: "key" }, value), mark };
     const node = SSM.element("button", { type: "button", class: "key", "aria-pressed": "true", title: `Show or hide ${label}`, onclick: () => {
       const show = node.getAttribute("aria-pressed") === "false";

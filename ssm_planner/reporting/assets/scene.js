@@ -18,9 +18,9 @@ SSM.Scene = class {
         "No 3D view: this browser offers no WebGL. Plots, values and tables below work without it."));
       return;
     }
-    this.soft = SSM.software();
+    SSM.soft = SSM.software();
     this.ratio = Math.min(window.devicePixelRatio || 1, 2);
-    this.renderer = new THREE.WebGLRenderer({ antialias: !this.soft, powerPreference: "low-power" });
+    this.renderer = new THREE.WebGLRenderer({ antialias: !SSM.soft, powerPreference: "low-power" });
     this.renderer.setPixelRatio(this.ratio);
     this.canvas = this.renderer.domElement;
     for (const [name, value] of [["role", "application"], ["tabindex", 0], ["aria-roledescription", "3D view"],
@@ -140,7 +140,7 @@ SSM.Scene = class {
       if (this.renderer.getPixelRatio() !== this.ratio) this.renderer.setPixelRatio(this.ratio);
       this.#draw();
       this.#watch(now);
-      if (this.soft) this.#refine();
+      if (SSM.soft) this.#refine();
     });
   }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.style import (
     COLOURS,
     DASHES,
+    LETTER,
     LIMIT,
     SIZE,
     finish,
@@ -36,16 +38,31 @@ if TYPE_CHECKING:
     from ssm_planner.simulation.simulate import SimulationResult
 
 SAMPLES = 1200
+WIDE, NARROW, FIVE = 9.0, 5.0, 8.0
+"""Inches: as `plan` draws; below, panels stand below each other; above, five entries of a legend beside each other."""
+WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
+"""Inches: one and two columns of a journal's page, and a slide, on which the type is larger than on paper."""
 NEAR = 2.0
 """Spans of a curve within which its limits are drawn."""
 
 
-def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
-    """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed."""
+def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> Figure:
+    """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed.
+
+    width: inches; in one column of a page the panels stand below each other.
+    """
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
+    narrow = width < NARROW
+    end = "\n" if narrow else " "
     figure, panels = new_panels(
-        9.0, 6.4, rows=3, columns=2, edges=(0.75, 0.1, 0.5, 0.55), gaps=(0.85, 0.2), sharex=True
+        width,
+        8.6 if narrow else min(6.4, 0.78 * width),
+        rows=6 if narrow else 3,
+        columns=1 if narrow else 2,
+        edges=(0.85 if narrow else 0.75, 0.1, 0.5, 0.85 if narrow else 0.7 if width < FIVE else 0.55),
+        gaps=(0.85, 0.2),
+        sharex=True,
     )
     rows: tuple[tuple[str, str, str, type[Limit]], ...] = (
         ("q", "position", "", JointPosition),
@@ -55,8 +72,8 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
     for row, (field, name, per, limited) in enumerate(rows):
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
             unit, scale = unit_of(base)
-            axes = panels[row, column]
-            shade_phases(axes, trajectory, named=row == 0)
+            axes = panels.flat[2 * row + column]
+            shade_phases(axes, trajectory, named=axes in panels[0])
             for i, joint in enumerate(robot.joints):
                 if joint.kind != kind:
                     continue
@@ -65,10 +82,11 @@ def motion_figure(trajectory: Trajectory, robot: Robot) -> Figure:
                 for limit in joint.limits:
                     if isinstance(limit, limited):
                         _draw_limit(axes, (scale * limit.low, scale * limit.high), values)
-            finish(axes, "time (s)" if row == 2 else "", f"{name} ({unit}{per})")
-    lines = [line for axes in panels[0] for line in axes.get_legend_handles_labels()[0]]
-    (limit_line,) = panels[1, 0].plot([], [], **LIMIT, label="limit")
-    figure.legend(handles=[*lines, limit_line], loc="upper center", ncols=5, fontsize=SIZE, frameon=False)
+            finish(axes, "time (s)" if axes in panels[-1] else "", f"{name}{end}({unit}{per})")
+    lines = [line for axes in panels.flat[:2] for line in axes.get_legend_handles_labels()[0]]
+    (limit_line,) = panels.flat[2].plot([], [], **LIMIT, label="limit")
+    columns = 2 if narrow else 3 if width < FIVE else 5
+    figure.legend(handles=[*lines, limit_line], loc="upper center", ncols=columns, fontsize=SIZE, frameon=False)
     return figure
 
 
@@ -80,28 +98,41 @@ def _draw_limit(axes: Axes, ends: tuple[float, float], values: Array) -> None:
             axes.axhline(end, **LIMIT)
 
 
-def motors_figure(trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement]) -> Figure:
-    """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures."""
-    rows = len(requirements)
+def motors_figure(
+    trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement], width: float = WIDE
+) -> Figure:
+    """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures.
+
+    width: inches; in one column of a page the panels stand below each other.
+    """
+    rows, narrow = len(requirements), width < NARROW
+    letters = int((width if narrow else width / 2) * 72 / (LETTER * SIZE)) - 8
     figure, panels = new_panels(
-        9.0, 2.3 * rows + 0.2, rows=rows, columns=2, edges=(0.8, 0.1, 0.5, 0.45), gaps=(0.35, 0.6), sharey="row"
+        width,
+        (4.6 if narrow else 2.3) * rows + 0.2,
+        rows=rows * (2 if narrow else 1),
+        columns=1 if narrow else 2,
+        edges=(0.8, 0.1, 0.5, 0.6 if width < FIVE else 0.45),
+        gaps=(0.35, 1.0 if narrow else 0.75 if width < FIVE else 0.6),
+        sharey=False if narrow else "row",
     )
     names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
         i = names.index(requirement.joint)
         torque = 1e3 * requirement.torque
-        over_time, against_speed = panels[row]
+        over_time, against_speed = panels.flat[2 * row : 2 * row + 2]
         shade_phases(over_time, trajectory, named=row == 0)
         over_time.plot(requirement.t, torque, color=COLOURS[i])
         against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
         rms = 1e3 * requirement.rms_torque
         for axes in (over_time, against_speed):
             axes.axhline(np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":")
-        last = row == len(requirements) - 1
+        last = row == rows - 1 or narrow
         finish(over_time, "time (s)" if last else "", f"{_label(robot, i)}\nmotor torque (mN·m)")
-        finish(against_speed, "motor speed (rpm)" if last else "", "")
+        finish(against_speed, "motor speed (rpm)" if last else "", "motor torque (mN·m)" if narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
-        against_speed.set_title(f"{text}\n{_limit_text(requirement.motor)}", fontsize=SIZE - 1, loc="right", pad=3)
+        lines = [text, *wrap(_limit_text(requirement.motor), letters)]
+        against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", pad=3)
     return figure
 
 

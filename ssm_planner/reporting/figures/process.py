@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
-from ssm_planner.reporting.figures.plan import DRAWN, motion_figure, motors_figure
+from ssm_planner.reporting.figures.plan import DRAWN, WIDE, motion_figure, motors_figure
 from ssm_planner.reporting.figures.style import drawn, new_panels, save_drawn, save_figures
 from ssm_planner.sizing.requirements import motor_requirements
 
@@ -131,13 +131,13 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     return paths
 
 
-def write_figures_of_file(plan: Plan, folder: Path) -> dict[str, Path]:
-    """The same figures from a plan.json that has been read, as PNG and PDF. Raises ExportError."""
+def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict[str, Path]:
+    """The same figures from a plan.json that has been read, of a width in inches, as PNG and PDF. Raises ExportError."""
     trajectory, robot = plan.motion, plan.robot
     requirements = motor_requirements(trajectory, robot)
     with publishing_results(folder, plan.sha256) as temporary:
-        figures = {"motion": motion_figure(trajectory, robot)}
+        figures = {"motion": motion_figure(trajectory, robot, width)}
         if requirements:
-            figures["motors"] = motors_figure(trajectory, robot, requirements)
+            figures["motors"] = motors_figure(trajectory, robot, requirements, width)
         paths = save_figures(figures, temporary, f"plan {plan.sha256}")
     return {name: folder / path.name for name, path in paths.items()}
