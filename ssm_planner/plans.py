@@ -460,10 +460,14 @@ def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
-    """Whether the friction of a joint's drive is used beyond the speeds at which it was identified."""
+    """Whether friction is used beyond the speeds at which it was identified; or that it does not hold the joint."""
     drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:
         return []
+    if not drive.threaded:
+        return [
+            f"joint {requirement.joint}: a {drive.kind} drive does not lock itself: without power its load moves it"
+        ]
     known = drive.friction.identified_speed
     if known is None:
         return [f"joint {requirement.joint}: the drive file does not say up to which speed its friction was identified"]

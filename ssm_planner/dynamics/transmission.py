@@ -7,6 +7,10 @@ Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. Motor angle w = rati
 An antibacklash screw has two half nuts spread by a preload P. The main nut carries F − P < 0, the second one
 P + m₂·qdd > 0, so the branch of each follows from the sign of motion alone.
 
+Direct drives, gears, belts, cables and ball screws have efficiencies η₊ and η₋ instead of a thread: the motor gives
+F/(ratio·η₊) while the load opposes motion, and feels η₋·F/ratio while the load drives. These two slopes are those of a
+thread with a lead angle of 45° (`of_efficiencies`), so that the same rows, exact in the direction of power, hold for all.
+
 Solved for the acceleration the law is piecewise linear: along the branch on which the load opposes motion the motor turns
 `effective_inertia(...)[0]`, along the other one `effective_inertia(...)[1]`, which friction can make negative when the load's
 inertia is large (J_in·ratio < γ·|tan(λ − φ)|·M). Then a rigid drive with the load ahead of it has no unique motion: it may
@@ -43,6 +47,16 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
     up = gamma * (tan_lead + tan_phi) / (1.0 - tan_lead * tan_phi)
     down = gamma * (tan_lead - tan_phi) / (1.0 + tan_lead * tan_phi)
     return up, down
+
+
+def of_efficiencies(ratio: float, forwards: float, backwards: float) -> tuple[float, float]:
+    """(γ, μ) of the thread with λ = 45° and θ_n = 0 whose slopes are 1/(ratio·forwards) and backwards/ratio.
+
+    forwards, backwards: efficiencies, above 0 and up to 1.
+    γ·(1 + μ)/(1 − μ) and γ·(1 − μ)/(1 + μ), so γ² is the product of the slopes and ((1 + μ)/(1 − μ))² their quotient.
+    """
+    root = math.sqrt(forwards * backwards)
+    return math.sqrt(backwards / forwards) / ratio, (1.0 - root) / (1.0 + root)
 
 
 def output_effort(

@@ -89,6 +89,8 @@ def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
         found = {each.stem: read(each) for each in sorted(file.glob("*.yaml"))}
         kinds = {label: section.value.get("kind") for label, section in _counted(file, found).items()}
         return [Part(label, drive_from(found[label])) for label, kind in kinds.items() if kind == own.kind]
+    if not own.threaded:
+        return []
     return [
         Part(row.label, _geared(file, row, own), *(_beside(file, row, name) for name in BESIDE))
         for row in rows_of(file)
@@ -197,7 +199,7 @@ def _beside(file: Path, row: Row, name: str) -> float | None:
 
 def _geared(file: Path, row: Row, own: Drive) -> Drive:
     """The own drive with the gear of a row."""
-    friction, slides = friction_of(own), own.kind != "worm"
+    friction, slides = friction_of(own), own.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")
     said: dict[str, Any] = {
         "name": row.label,

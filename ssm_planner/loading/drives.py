@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field as PydanticField
 from pydantic import FiniteFloat, field_validator
 
+from ssm_planner.dynamics.transmission import of_efficiencies
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drive_geometry import BadGeometry, resolve
 from ssm_planner.loading.schema import (
@@ -32,12 +33,25 @@ from ssm_planner.loading.schema import (
     wrong,
 )
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.drive import PARAMETERS, RANGED, Drive, DriveKind, Friction, Ratings, Rig
+from ssm_planner.problem.drive import (
+    PARAMETERS,
+    RANGED,
+    TURNING,
+    WEDGE,
+    Drive,
+    EfficientKind,
+    Friction,
+    Ratings,
+    Rig,
+    ThreadKind,
+)
 from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
 from ssm_planner.problem.value import Bound, Quantity, bare, descriptions, hints
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
+FLAT = 1e-9
+"""Pressure angle of a drive that has efficiencies: its cosine is 1."""
 _POSITIVE = Bound(above=0.0)
 _Number = Annotated[Figure, figure(quantity("number", _POSITIVE))] | None
 _Length = Annotated[Figure, figure(quantity("length", _POSITIVE))] | None
@@ -199,11 +213,114 @@ def _drive(kind: str) -> Any:
     return model_of(Drive, more, slides=slides, figures=True, without=without, base=_DriveModel)
 
 
+class RatioDimensions(Model):
+    """Of a gear, belt or cable whose output turns."""
+
+    ratio: Annotated[Figure, figure(quantity("number", _POSITIVE))]
+    """Turns of the motor by those of the output."""
+
+
+class LeadDimensions(Model):
+    """Of a ball screw."""
+
+    lead: Annotated[Figure, figure(quantity("length", _POSITIVE))]
+    """Advance of the nut in one turn."""
+
+
+class PulleyDimensions(Model):
+    """Of a belt or cable that pulls a slide."""
+
+    pulley_diameter: Annotated[Figure, figure(quantity("length", _POSITIVE))]
+    """At which the belt or cable runs."""
+    ratio: Annotated[Figure, figure(quantity("number", _POSITIVE))] | None = None
+    """Turns of the motor by those of the pulley; 1 unless given."""
+
+
+_GEOMETRY: dict[str, type[Model]] = {
+    "gear": RatioDimensions,
+    "belt": RatioDimensions,
+    "cable": RatioDimensions,
+    "ball_screw": LeadDimensions,
+}
+_GEOMETRY |= {"cable_slide": PulleyDimensions}
+_SHARE = Annotated[Figure, figure(quantity("number", Bound(above=0.0, at_most=1.0)))]
+_MESH = (
+    "mu",
+    "mu_static",
+    "law",
+    "mu_stribeck",
+    "stribeck_speed",
+    "dwell_constant",
+    "mu_lowest",
+    "covariance",
+    "posterior",
+)
+
+
+def _efficient(kind: str) -> Any:
+    """What the file of a kind of drive that has efficiencies may say."""
+    slides = kind not in TURNING
+    ratings = () if slides else ("free_length", "root_diameter", "ends")
+    friction = {name: optional(reading(Friction, name, slides, figures=True)) for name in ("b_c", "b_v")}
+    if kind != "direct":
+        friction["efficiency"] = optional(_SHARE, "Output by input power while the motor drives; 1 unless given.")
+        friction["backward_efficiency"] = optional(_SHARE, "The same while the load drives; by default as forwards.")
+    model = model_of(Friction, friction, slides=slides, figures=True, without=_MESH)
+    more = {
+        "kind": (Literal[kind], ...),
+        "source": SOURCE,
+        "friction": (Annotated[Any, Part(model)] | None, PydanticField(None, description="None unless given.")),
+        "ratings": _part(model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)),
+    }
+    if kind != "direct":
+        more["geometry"] = (_GEOMETRY[kind], PydanticField(description="From the motor to the output."))
+    without = ("preload", "second_nut_mass", "self_locking", "friction_ranges", "rig")
+    return model_of(Drive, more, slides=slides, figures=True, without=without)
+
+
+def _with_efficiencies(section: Section, model: Any) -> Drive:
+    """A drive that has efficiencies in the place of a thread. Raises ProblemError."""
+    geometry = getattr(model, "geometry", None)
+    dimensions = {} if geometry is None else {name: each.value for name, each in geometry.figures().items()}
+    ratio = dimensions.get("ratio", 1.0)
+    if "lead" in dimensions:
+        ratio = 2 * math.pi / dimensions["lead"]
+    elif "pulley_diameter" in dimensions:
+        ratio *= 2 / dimensions["pulley_diameter"]
+    given = {} if model.friction is None else model.friction.figures()
+    values: dict[str, Any] = {name: each.value for name, each in given.items()}
+    forwards = values.pop("efficiency", 1.0)
+    backwards = values.pop("backward_efficiency", forwards)
+    gamma, mu = of_efficiencies(ratio, forwards, backwards)
+    sources, placeholders = _origins(model)
+    with located(section.sub("ratings")):
+        ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
+    with located(section):
+        return Drive(
+            name=model.name,
+            kind=model.kind,
+            ratio=ratio,
+            gamma=gamma,
+            lead_angle=WEDGE,
+            pressure_angle=FLAT,
+            input_inertia=model.input_inertia.value,
+            output_inertia=model.output_inertia.value,
+            friction=Friction(**{"b_c": 0.0, "b_v": 0.0, **values, "mu": mu, "mu_static": mu}),
+            self_locking=False,
+            dimensions={**dimensions, "efficiency": forwards, "backward_efficiency": backwards},
+            sources=sources,
+            placeholders=placeholders,
+            file=section.file_name,
+            ratings=ratings,
+        )
+
+
 def _may_be_identified(schema: dict[str, Any]) -> None:
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
 
-DRIVES = {kind: _drive(kind) for kind in get_args(DriveKind)}
+DRIVES = {kind: _drive(kind) for kind in get_args(ThreadKind)}
+DRIVES |= {kind: _efficient(kind) for kind in get_args(EfficientKind)}
 """The model of a drive file by its kind."""
 
 
@@ -214,6 +331,8 @@ def drive_from(section: Section) -> Drive:
         reason = "missing: this key is required" if kind is None else "not a kind of drive known here"
         raise section.error(reason, "kind", allowed=", ".join(DRIVES))
     model: Any = validated(section, DRIVES[kind])
+    if kind in get_args(EfficientKind):
+        return _with_efficiencies(section, model)
     dimensions = _dimensions(section, model)
     lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
     given = {name: figure.value for name, figure in model.figures().items()}
@@ -309,12 +428,12 @@ def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """Source of each figure, and the names of those that are placeholders."""
     figures: dict[str, Figure] = {}
     sources: dict[str, str] = {}
-    for part in (model, model.geometry, model.friction, model.ratings):
+    for part in (model, getattr(model, "geometry", None), model.friction, model.ratings):
         if part is not None:
             origin = getattr(part, "source", None) or model.source
             figures |= part.figures()
             sources |= {} if origin is None else dict.fromkeys(part.figures(), origin)
-    if model.friction_ranges is not None:
+    if getattr(model, "friction_ranges", None) is not None:
         sources["friction_ranges"] = model.friction_ranges.source
     sources |= {name: figure.source for name, figure in figures.items() if figure.source is not None}
     return sources, tuple(name for name, figure in figures.items() if figure.placeholder)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from ssm_planner.problem.posterior import Posterior
 from ssm_planner.problem.value import Names, NotNegative, Positive, Quantity, Sign, Value
@@ -124,7 +124,13 @@ class Friction(Value):
                 raise self._wrong(name, "not a parameter of the coulomb law", "law: stribeck_exponential or …")
 
 
-DriveKind = Literal["worm", "lead_screw", "antibacklash_screw"]
+ThreadKind = Literal["worm", "lead_screw", "antibacklash_screw"]
+EfficientKind = Literal["direct", "gear", "belt", "cable", "ball_screw", "cable_slide"]
+DriveKind = Literal[ThreadKind, EfficientKind]
+TURNING: tuple[DriveKind, ...] = ("worm", "direct", "gear", "belt", "cable")
+"""Kinds whose output turns; that of the others slides."""
+WEDGE = math.radians(45)
+"""Lead angle of the thread that stands for a drive with efficiencies (dynamics/transmission.of_efficiencies)."""
 ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"]
 
 
@@ -160,16 +166,16 @@ class Ratings(Value):
 
 @dataclass(frozen=True, eq=False)
 class Drive(Value):
-    """A self-locking transmission, geometry resolved: w = ratio · qd."""
+    """A transmission, geometry resolved: w = ratio · qd."""
 
     name: str
     """Such as the manufacturer's designation."""
     kind: DriveKind
-    """Worm gear, or a screw with one nut or with two that a spring presses apart."""
+    """Worm gear, or a screw with one nut or with two that a spring presses apart; or a drive with efficiencies."""
     ratio: Positive
-    """Motor angle per joint coordinate: 1 (worm) or rad/m (screws)."""
+    """Motor angle per joint coordinate: 1 (where the output turns) or rad/m (where it slides)."""
     gamma: Positive
-    """Effort arm γ: d_worm / d_wheel (worm) or d_screw / 2 in m (screws)."""
+    """Effort arm γ: d_worm / d_wheel (worm) or d_screw / 2 in m (screws); of efficiencies: dynamics/transmission.py."""
     lead_angle: Positive
     """λ, rad."""
     pressure_angle: Positive
@@ -200,7 +206,19 @@ class Drive(Value):
     friction_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """What lubrication, temperature and wear may make of friction parameters, by their names in Friction."""
 
+    @property
+    def slides(self) -> bool:
+        """The output slides."""
+        return self.kind not in TURNING
+
+    @property
+    def threaded(self) -> bool:
+        """A worm or a screw whose thread slides: it may lock itself."""
+        return self.kind in get_args(ThreadKind)
+
     def _check(self) -> None:
+        if not self.threaded and self.self_locking:
+            raise self._wrong("self_locking", f"a {self.kind} drive does not lock itself", "False", "True")
         if not self.lead_angle < LARGEST_LEAD_ANGLE:
             raise self._wrong("lead_angle", "implausible", "above 0 and below 60 deg, in rad")
         if not self.pressure_angle < LARGEST_THREAD_ANGLE / 2:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar, get_args
 
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.drive import TURNING, Drive, DriveKind
 from ssm_planner.problem.limits import (
     ContinuousTorque,
     JointAcceleration,
@@ -175,10 +175,10 @@ class Joint(Value):
         revolute = self.kind == "revolute"
         if drive.friction is None:
             raise self._wrong("drive", "the friction of this drive is still to be identified", "friction", drive.name)
-        if revolute != (drive.kind == "worm"):
-            turns = "turns: it needs a worm" if revolute else "slides: it needs a lead_screw or antibacklash_screw"
-            reason = f"a {drive.kind} drive, but this joint {turns}"
-            raise self._wrong("drive", reason, "worm" if revolute else "lead_screw, antibacklash_screw", drive.name)
+        if revolute == drive.slides:
+            kinds = [kind for kind in get_args(DriveKind) if (kind in TURNING) == revolute]
+            reason = f"a {drive.kind} drive, but this joint {'turns' if revolute else 'slides'}"
+            raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
 
     @property
     def unit(self) -> str:

@@ -182,7 +182,7 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
     checks = [_speed(load, ratings), *_output(case, ratings), _duty(load, ratings, case.conditions)]
     if drive.self_locking:
         checks.append(_locking(case))
-    if drive.kind != "worm":
+    if drive.slides and drive.kind != "cable_slide":
         checks += _screw(case, ratings)
     return tuple(checks)
 
@@ -204,7 +204,7 @@ def _speed(load: JointLoad, ratings: Ratings) -> Check:
 
 
 def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
-    unit = "N·m" if case.load.drive.kind == "worm" else "N"
+    unit = "N" if case.load.drive.slides else "N·m"
     pairs: tuple[tuple[str, DemandName, str], ...] = (
         ("gear_peak_output", "peak_effort", "peak_output"),
         ("gear_continuous_output", "continuous_effort", "continuous_output"),

@@ -190,9 +190,10 @@ def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:
 
 
 def _without_friction(drive: Drive) -> Drive:
-    bare = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
-    return unchecked(drive, friction=bare)
+    return _with_bearings_only(drive, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
 
 
-def _with_bearings_only(drive: Drive) -> Drive:
-    return unchecked(drive, friction=unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0))
+def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
+    """Without losses in the mesh; of a drive with efficiencies γ is 1/ratio then."""
+    friction = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings)
+    return unchecked(drive, friction=friction, gamma=drive.gamma if drive.threaded else 1.0 / drive.ratio)

@@ -256,7 +256,7 @@ def test_drive_and_motor_written_inline(files: Any) -> None:
 
 
 def test_errors_in_a_named_file_point_into_that_file(files: Any) -> None:
-    path = files.edit("drives/vitreoretinal_joint2_worm.yaml", "kind: worm", "kind: gear")
-    with pytest.raises(Exception, match="kind = gear") as caught:
+    path = files.edit("drives/vitreoretinal_joint2_worm.yaml", "kind: worm", "kind: hypoid")
+    with pytest.raises(Exception, match="kind = hypoid") as caught:
         files.load(ROBOT)
     assert str(caught.value).startswith(f"{path}:3: ")

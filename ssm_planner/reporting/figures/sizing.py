@@ -62,8 +62,8 @@ def payload_curves(sizing: Sizing) -> Figure:
     A broad bar at the peak shows the band in which the peak lies at the stated confidence.
     """
     groups = [
-        [joint for joint in sizing.joints if joint.load.drive.kind == "worm"],
-        [joint for joint in sizing.joints if joint.load.drive.kind != "worm"],
+        [joint for joint in sizing.joints if not joint.load.drive.slides],
+        [joint for joint in sizing.joints if joint.load.drive.slides],
     ]
     groups = [group for group in groups if group]
     figure = new_figure(3.6 * len(groups) + 0.4, 3.3)
