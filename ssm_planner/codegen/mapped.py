@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +18,8 @@ class Mapped:
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
         shared = [i + 1 for i, values in enumerate(parameters) if values.ndim == 1]
         mapped = function.map(function.name(), "serial", count, shared, [])
+        self.seconds = 0.0
+        """Spent evaluating so far."""
         buffer: Any
         buffer, self._trigger = mapped.buffer()
         self._arguments = [np.empty((count, function.size1_in(0)))]
@@ -40,7 +43,9 @@ class Mapped:
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
             self._arguments[-1][...] = multipliers
+        begin = time.perf_counter()
         self._trigger()
+        self.seconds += time.perf_counter() - begin
         found = []
         for values, shape, places in zip(self._results, self._shapes, self._places, strict=True):
             if places is None:

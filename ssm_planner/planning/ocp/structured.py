@@ -35,6 +35,7 @@ def solve_structured(structure: NlpStructure, element: ElementModel, data: NlpDa
     """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged."""
     program = program_of(structure, element, data)
     outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=ITERATIONS)
+    function_store.note_time(element, sum(each.seconds for group in program.groups for each in group.mapped.values()))
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
