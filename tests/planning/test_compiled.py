@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from ssm_planner.planning.ocp import compiled
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
@@ -31,17 +33,26 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     forget_solutions()
     fresh = compiled.FunctionStore()
-    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", fresh)
+    used(fresh, monkeypatch)
     yield fresh
     fresh.wait()
+
+
+def used(store: compiled.FunctionStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("transcription", "structured"):
+        monkeypatch.setattr(f"ssm_planner.planning.ocp.{module}.function_store", store)
 
 
 def tilts(problem: Problem, degrees: float) -> Problem:
     return dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], tilt=np.radians(degrees)),))
 
 
-def test_the_same_plan_to_the_last_bit(tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path) -> None:
-    problems = [tilts(tilt_insert, degrees) for degrees in (-135, -133, -131, -129, -127, -125)]
+@pytest.mark.parametrize("planner", ["optimal", "fast"])
+def test_the_same_plan_to_the_last_bit(
+    planner: Any, tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path
+) -> None:
+    problem = unchecked(tilt_insert, planner=planner)
+    problems = [tilts(problem, degrees) for degrees in (-135, -133, -131, -129, -127, -125)]
     interpreted = [plan_motion(problem) for problem in problems]
     store.compile_all()
     assert any(entry.compiled for entry in store._entries.values())
@@ -61,16 +72,18 @@ def test_what_has_not_taken_long_is_not_compiled(
     assert not (tmp_path / "ssm_planner").exists()
 
 
+@pytest.mark.parametrize("planner", ["optimal", "fast"])
 def test_what_has_taken_long_is_compiled_for_the_next_process(
-    tilt_insert: Problem, store: compiled.FunctionStore, monkeypatch: pytest.MonkeyPatch
+    planner: Any, tilt_insert: Problem, store: compiled.FunctionStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "LONG", 1e-6)
-    plan_motion(tilt_insert)
+    problem = unchecked(tilt_insert, planner=planner)
+    plan_motion(problem)
     store.wait()
     forget_solutions()
     later = compiled.FunctionStore()
-    monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", later)
-    plan_motion(tilt_insert)
+    used(later, monkeypatch)
+    plan_motion(problem)
     later.wait()
     assert any(entry.compiled and entry.seconds > 0 for entry in later._entries.values())
 

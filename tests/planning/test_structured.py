@@ -62,8 +62,10 @@ def agree(solves: list[Solve]) -> int:
     return converged
 
 
-@pytest.mark.parametrize("jerk", [None, 35.0])
-@pytest.mark.parametrize("name", ["tilt_insert", "waypoints"])
+@pytest.mark.parametrize(
+    ("name", "jerk"),
+    [("tilt_insert", None), ("tilt_insert", 35.0), ("waypoints", None), ("waypoints", 35.0), ("laser_scan", None)],
+)
 def test_shipped_problems(name: str, jerk: float | None, solves: list[Solve], with_jerk: Any) -> None:
     problem = dataclasses.replace(load_problem(f"problems/{name}.yaml"), objective="time")
     if jerk is not None:

@@ -62,6 +62,8 @@ FAR, MORE = 2.0, 1.5
 is then known of where they are needed."""
 RAMP = 5e-4
 """Share of the time between two points in which a joint without a jerk limit reaches its acceleration, beside one with."""
+BEYOND = 1.2
+"""Depth in that of an eye's port from which on the retina's row is that of its ball alone."""
 KINEMATIC = ("velocity", "acceleration", "jerk")
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
@@ -94,6 +96,7 @@ def solve_free(
     ends, pull = speeds or (np.zeros(4), np.zeros(4)), np.zeros(4) if pull is None else pull
     if limits_jerk(robot):
         limits["jerk"] = _jerk_for_all(limits, way, ends)
+    at_port = problem.eye is not None and bool(np.abs(points[:, 3]).min() < BEYOND * problem.eye.port)
     # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
     at_rest = not (ends[0].any() or ends[1].any())
     one_time = at_rest and not (fast or limits_jerk(robot)) and problem.eye is None and len(way) == 1
@@ -118,9 +121,9 @@ def solve_free(
         structure = NlpStructure(
             moves=tuple(tuple((d[moving] != 0).tolist()) for d in directions),
             segment_sizes=sizes,
-            # one time for each segment; beside an eye more of them, for its row switches at the port
+            # one time for each segment; at the port of an eye more of them, for the retina's row switches there
             block_sizes=sizes
-            if one_time or (fast and problem.eye is None)
+            if one_time or (fast and not at_port)
             else blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
             velocity_limits=True,
@@ -144,6 +147,7 @@ def solve_free(
             pull=pull,
             starting=ends[0] == 0.0,
             shortest=SHORTEST if len(directions) == 1 else SHORTEST_PASSING,
+            at_port=at_port,
             guesses=tuple(guesses),
         )
 

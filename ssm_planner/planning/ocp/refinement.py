@@ -66,7 +66,7 @@ HEAT_ROUNDS = 4
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
 OF_EYE = {RetinaClearance.name, LensClearance.name}
-"""Rows beside which the structured solver takes longer than Ipopt, or does not converge."""
+"""Rows beside which the structured solver takes longer than Ipopt, or does not converge; the retina's only at the port."""
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -95,6 +95,8 @@ class OcpProblem(ABC):
     """By the structured solver, and by Ipopt where that does not converge."""
     shortest: float = SHORTEST
     """Least time of a block, as a share of the guess's."""
+    at_port: bool = True
+    """The motion may come near the port of an eye, where the retina's row switches."""
 
     @property
     @abstractmethod
@@ -242,7 +244,8 @@ class _Refinement:
         data = self.problem.data(self.elements, self.backoff[:, is_active])
         if duration is not None:
             data = data.least_cost(duration, time=float(aim == "cooling"))
-        beside_eye = any(name in OF_EYE for name, _ in self.active)
+        switching = OF_EYE if self.problem.at_port else OF_EYE - {RetinaClearance.name}
+        beside_eye = any(name in switching for name, _ in self.active)
         after_ipopt = self.start.multipliers is not None  # who starts warm from there
         if self.problem.fast and not (beside_eye or after_ipopt):
             found = solve_structured(structure, element, data, self.start)
