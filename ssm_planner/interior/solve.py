@@ -50,7 +50,7 @@ MARGIN, ARMIJO = 1e-5, 1e-8
 """Of the filter, and of sufficient decrease."""
 HALVINGS, REFUSED = 12, 5
 """Of a step, and steps in a row that nothing accepts."""
-SHORT, PATIENCE = 1e-2, 12
+SHORT, PATIENCE = 1e-2, 20
 """Share of a step that is a short one, and short ones in a row after which there is little hope."""
 SMALL = 1e-10
 """θ that is none."""

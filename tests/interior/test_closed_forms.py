@@ -8,7 +8,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ssm_planner.interior.newton import System
@@ -98,6 +98,7 @@ def rows_of(symbolic: Callable[[ca.SX], list[ca.SX]], fractions: Array, at: tupl
 
 @settings(deadline=None, max_examples=40)
 @given(distance=some, velocity=some, acceleration=some)
+@example(distance=5.0, velocity=0.5, acceleration=6.0)  # it begins with a dozen short steps
 def test_bang_bang_with_a_velocity_limit(distance: float, velocity: float, acceleration: float) -> None:
     """T = D/v + v/a where the limit is reached, else 2 √(D/a); elements end where the acceleration switches."""
     profile = rest_to_rest(distance, velocity, acceleration)
