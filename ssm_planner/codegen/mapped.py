@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Indices
 
 
 class Mapped:
     """A CasADi Function (z, *p, multipliers if any) at n elements, dense: (n, size) or (n, rows, columns)."""
 
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
-        shared = [i + 1 for i, values in enumerate(parameters) if values.ndim == 1]
-        mapped = function.map(function.name(), "serial", count, shared, [])
+        mapped = _mapped(function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1))
         self.seconds = 0.0
         """Spent evaluating so far."""
         buffer: Any
@@ -32,12 +32,7 @@ class Mapped:
         for i, values in enumerate(self._results):
             buffer.set_res(i, values.data)
         self._buffer = buffer
-        self._shapes = [(count, *function.size_out(i)) for i in range(function.n_out())]
-        self._places = []
-        for i, (_, rows, columns) in enumerate(self._shapes):
-            row, column = np.array(function.sparsity_out(i).get_triplet(), dtype=int)
-            whole = columns == 1 and len(row) == rows  # in order already
-            self._places.append(None if whole else row * columns + column)
+        self._outputs = [((count, *size), places) for size, places in _outputs(function)]
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
@@ -47,7 +42,7 @@ class Mapped:
         self._trigger()
         self.seconds += time.perf_counter() - begin
         found = []
-        for values, shape, places in zip(self._results, self._shapes, self._places, strict=True):
+        for values, (shape, places) in zip(self._results, self._outputs, strict=True):
             if places is None:
                 found.append(values.copy())
                 continue
@@ -55,3 +50,19 @@ class Mapped:
             whole[:, places] = values
             found.append(whole if shape[2] == 1 else whole.reshape(shape))
         return found
+
+
+@lru_cache(maxsize=128)
+def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
+    return function.map(function.name(), "serial", count, list(shared), [])
+
+
+@lru_cache(maxsize=128)
+def _outputs(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
+    """Shape of every output, and the places of its entries in it row by row; None where they are in order already."""
+    found: list[tuple[tuple[int, int], Indices | None]] = []
+    for i in range(function.n_out()):
+        rows, columns = function.size_out(i)
+        row, column = np.array(function.sparsity_out(i).get_triplet(), dtype=int)
+        found.append(((rows, columns), None if columns == 1 and len(row) == rows else row * columns + column))
+    return found

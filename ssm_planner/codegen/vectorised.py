@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ssm_planner.codegen.mapped import Mapped
 from ssm_planner.errors import GeometryError
 from ssm_planner.typing import Array
 
@@ -220,10 +221,8 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     vectorised = _vectorised(function) if samples >= MANY else None
     if vectorised is not None:
         return tuple(map(np.ascontiguousarray, vectorised(*(np.asarray(a, dtype=float) for a in arguments))))
-    results = function.map(samples)(*(np.asarray(argument, dtype=float).T for argument in arguments))
-    if function.n_out() == 1:
-        results = (results,)
-    return tuple(np.ascontiguousarray(result.full().T) for result in results)
+    first, *others = (np.asarray(argument, dtype=float) for argument in arguments)
+    return tuple(Mapped(function, others, samples)(first))
 
 
 @lru_cache(maxsize=64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -28,7 +28,7 @@ from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase, joint_room, straight_path
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import JointPath
+from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
@@ -43,6 +43,7 @@ from ssm_planner.problem.limits import (
     TaskRange,
 )
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 from ssm_planner.units import shown
 
@@ -373,7 +374,7 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
     """The motor whose continuous torque no motion keeps, however slowly it runs; None where that is not certain.
 
     In a straight phase from rest to rest that moves a joint one way, the mean of its motor torque is at least a
-    (`_least_mean_torque`), so the mean square is at least a². Over phases of durations T_k, of which a joint stands in
+    (`_SlowMotion`), so the mean square is at least a². Over phases of durations T_k, of which a joint stands in
     those that have a = 0, and a pause P: RMS² ≥ Σ a_k² T_k / (Σ T_k + P). In each T_k that is monotone, so the least is at an
     end: with every T_k at its lower bound, or with one of them infinite. A phase without a duration asked for that the joint
     may stand in allows any RMS. Stribeck friction counts at its least, ripple not at all.
@@ -382,12 +383,14 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
     if pause is None:
         return None
     worst: tuple[float, Reason] | None = None
+    bounds = [phase.motion.duration or lower_bound(robot, phase.points) for phase in phases]
+    slow = [_SlowMotion.along(robot, phase) for phase in phases]
     for i, drive, motor in motorised(robot.joints):
         moving = rest = 0.0
         slowest = np.inf
-        for phase in phases:
-            mean, asked = _least_mean_torque(problem, phase, i, drive), phase.motion.duration
-            least = asked or lower_bound(robot, phase.points)
+        for phase, least, motion in zip(phases, bounds, slow, strict=True):
+            mean = 0.0 if motion is None else motion.least_mean_torque(i, drive)
+            asked = phase.motion.duration
             moving, rest = moving + mean**2 * least, rest + least
             slowest = slowest if asked else min(slowest, mean)
         needed = min(slowest, math.sqrt(moving / (rest + pause)))
@@ -405,33 +408,49 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
     return None if worst is None else worst[1]
 
 
-def _least_mean_torque(problem: Problem, phase: Phase, i: int, drive: Drive) -> float:
-    """A torque, N·m, that the mean of motor i's over a phase does not fall below; 0 where the joint may stand or turn back.
+@dataclass(frozen=True, eq=False)
+class _SlowMotion:
+    """A straight phase from rest to rest, n samples of it."""
 
-    The load's share of the torque is the larger of two lines in F, so it is above c F of any slope c between theirs; here c
-    is that of slow motion. Of F = A s̈ + B ṡ² + C the mean over a motion from rest to rest is that of (B − A') ṡ² + C, of all
-    other inertia 0, and ṡ is at most what the joints' velocities allow.
-    """
-    if phase.path is None or drive.kind == "antibacklash_screw" or phase.qd_start.any() or phase.qd_end.any():
-        return 0.0
-    signs = np.unique(phase.path.directions[1][:, i])
-    if len(signs) != 1 or signs[0] == 0:
-        return 0.0
-    sign = float(signs[0])
-    way = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES))
-    inertia, speed, static = (
-        each[:, i] for each in RigidBody.from_robot(problem.robot).path_load(way.q, way.dq, way.ddq)
-    )
-    velocity = np.array([joint.velocity for joint in problem.robot.joints])
-    fastest = np.min(velocity / np.maximum(np.abs(way.dq), 1e-12), axis=1)
-    friction = friction_of(drive)
-    inertial = np.abs(speed - np.gradient(inertia, way.s)) * fastest**2 + friction.b_ov * np.abs(way.dq[:, i]) * fastest
-    # in the direction of motion the torque is b_c + max(up E, down E)
-    effort = sign * static + friction.b_oc
-    up, down = (float(slope) for slope in motor_torque_rows(drive, int(sign), friction.mu).slope)
-    slope = up if effort.min() > 0 else down if effort.max() < 0 else min(max(0.0, down), up)
-    least = friction.b_c + slope * effort - abs(slope) * inertial
-    return max(0.0, float(least.min()))
+    way: PathSamples
+    signs: Array
+    """Of the joints' motion between turning points, (k, 4)."""
+    load: tuple[Array, Array, Array]
+    """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each."""
+    fastest: Array
+    """Largest ṡ that the joints' velocities allow, (n,)."""
+
+    @classmethod
+    def along(cls, robot: Robot, phase: Phase) -> _SlowMotion | None:
+        """Of a phase; None where it is not straight, or begins or ends at speed."""
+        if phase.path is None or phase.qd_start.any() or phase.qd_end.any():
+            return None
+        way = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES))
+        load = RigidBody.from_robot(robot).path_load(way.q, way.dq, way.ddq)
+        velocity = np.array([joint.velocity for joint in robot.joints])
+        fastest = np.min(velocity / np.maximum(np.abs(way.dq), 1e-12), axis=1)
+        return cls(way, phase.path.directions[1], load, fastest)
+
+    def least_mean_torque(self, i: int, drive: Drive) -> float:
+        """A torque, N·m, that the mean of motor i's does not fall below; 0 where the joint may stand or turn back.
+
+        The load's share of the torque is the larger of two lines in F, so it is above c F of any slope c between theirs;
+        here c is that of slow motion. Of F = A s̈ + B ṡ² + C the mean over a motion from rest to rest is that of
+        (B − A') ṡ² + C, of all other inertia 0, and ṡ is at most what the joints' velocities allow.
+        """
+        signs = np.unique(self.signs[:, i])
+        if drive.kind == "antibacklash_screw" or len(signs) != 1 or signs[0] == 0:
+            return 0.0
+        sign, way, fastest, friction = float(signs[0]), self.way, self.fastest, friction_of(drive)
+        inertia, speed, static = (each[:, i] for each in self.load)
+        viscous = friction.b_ov * np.abs(way.dq[:, i]) * fastest
+        inertial = np.abs(speed - np.gradient(inertia, way.s)) * fastest**2 + viscous
+        # in the direction of motion the torque is b_c + max(up E, down E)
+        effort = sign * static + friction.b_oc
+        up, down = (float(slope) for slope in motor_torque_rows(drive, int(sign), friction.mu).slope)
+        slope = up if effort.min() > 0 else down if effort.max() < 0 else min(max(0.0, down), up)
+        least = friction.b_c + slope * effort - abs(slope) * inertial
+        return max(0.0, float(least.min()))
 
 
 def duration_too_short(name: str, asked: float, needed: float) -> Reason:

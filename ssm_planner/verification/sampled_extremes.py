@@ -33,14 +33,15 @@ from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.problem.limits import ContinuousTorque, MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.limits import ContinuousTorque, Limit, MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices, Mask
 from ssm_planner.verification import prefilter
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import Quantity, Worst
+from ssm_planner.verification.limits import Case, Quantity, Worst
 from ssm_planner.verification.pieces import Pieces, State, still
 
 CLOSE = 1e-8
@@ -77,7 +78,8 @@ class SampledExtremes:
         self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
-        self._law = _law(robot, eye, self.quantities) if self.quantities else None
+        wanted = tuple((type(each.limit), each.limit.name, each.index, each.case) for each in self.quantities)
+        self._law = _law(_without_limits(robot), eye, wanted) if wanted else None
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
         self.instants = 0
@@ -257,9 +259,21 @@ class RmsTorques:
         return checks
 
 
+def _without_limits(robot: Robot) -> Robot:
+    """What of a robot the quantities depend on: laws of robots that differ in limits and motors alone are the same."""
+    first, second, third, fourth = (
+        unchecked(joint, position=(0.0, 0.0), velocity=0.0, acceleration=0.0, jerk=None, motor=None, alternatives=())
+        for joint in robot.joints
+    )
+    return unchecked(robot, joints=(first, second, third, fourth), limits=())
+
+
 @lru_cache(maxsize=8)
-def _law(robot: Robot, eye: Eye | None, wanted: tuple[Quantity, ...]) -> Vectorised:
-    """The wanted quantities as one function of (q, qd, qdd, direction, breakaway); of a nut contact its effort."""
+def _law(robot: Robot, eye: Eye | None, wanted: tuple[tuple[type[Limit], str, int, Case | None], ...]) -> Vectorised:
+    """The wanted quantities (kind of limit, its name, index, case) as a function of (q, qd, qdd, direction, breakaway).
+
+    Of a nut contact it is the effort.
+    """
     q, qd, qdd, direction, breakaway = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway"))
     mechanism = Mechanism.from_geometry(robot.geometry)
     tau, torque, effort = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
@@ -269,24 +283,23 @@ def _law(robot: Robot, eye: Eye | None, wanted: tuple[Quantity, ...]) -> Vectori
     about_eye = {} if eye is None else eye_limits(casadi_namespace(), eye, (tip[0], tip[1], tip[2]))
     rows = []
     loads = {0.0: tau}
-    for quantity in wanted:
-        limit, case, i = quantity.limit, quantity.case, quantity.index
+    for kind, name, i, case in wanted:
         if case is not None:
             if case.payload not in loads:
                 loads[case.payload] = RigidBody.from_robot(with_payload(robot, case.payload)).symbolic(q, qd, qdd)
             motion = loads[case.payload][i], qd[i], qdd[i], direction[i]
             taken: ca.SX = drive_torque(case.drive, *motion, breakaway=breakaway[i])[0]
             rows.append(taken)
-        elif isinstance(limit, MotorTorque):
-            rows.append(torque[quantity.index])
-        elif isinstance(limit, NutContact):
-            rows.append(effort[quantity.index])
-        elif isinstance(limit, SpeedLimit):
-            rows.append(ca.norm_2(JACOBIANS[type(limit)](mechanism, q) @ qd))
-        elif isinstance(limit, TaskRate):
-            rows.append(rates[quantity.index])
-        elif isinstance(limit, TaskRange):
-            rows.append(task[quantity.index])
+        elif issubclass(kind, MotorTorque):
+            rows.append(torque[i])
+        elif issubclass(kind, NutContact):
+            rows.append(effort[i])
+        elif issubclass(kind, SpeedLimit):
+            rows.append(ca.norm_2(JACOBIANS[kind](mechanism, q) @ qd))
+        elif issubclass(kind, TaskRate):
+            rows.append(rates[i])
+        elif issubclass(kind, TaskRange):
+            rows.append(task[i])
         else:
-            rows.append(about_eye[limit.name][0])
+            rows.append(about_eye[name][0])
     return Vectorised(dense("limits", [q, qd, qdd, direction, breakaway], [ca.vertcat(*rows)]))

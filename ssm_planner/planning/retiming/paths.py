@@ -127,9 +127,13 @@ class StraightPath(JointPath):
         turns[:, 3] = 0.0
         return turns
 
+    @cached_property
+    def _pickled(self) -> bytes:
+        return pickle.dumps(self.mechanism)
+
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
         """The joints at s (n,), up to whole turns, and their derivatives by s up to an order, (n, 4) each."""
-        function = _line(pickle.dumps(self.mechanism), self.branch, order)
+        function = _line(self._pickled, self.branch, order)
         ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
         return call(function, s[:, None], *ends)
 
