@@ -12,7 +12,7 @@ SSM.Plots = class {
     }), { rootMargin: "300px" });
     SSM.whenRedrawn(() => {
       if (SSM.printing) {
-        document.querySelector("details.unknowns")?.setAttribute("open", "");
+        document.querySelectorAll("details.unknowns").forEach((each) => { each.open = true; });
         container.querySelectorAll("figure").forEach((figure) => figure.build?.());
       }
       for (const { u, holder } of this.all) {
