@@ -102,9 +102,8 @@ def run_reproduce(options: argparse.Namespace) -> int:
     from ssm_planner.paper.published import read_inputs
 
     document = compute(read_inputs(options.problems, options.recordings), progress)
-    progress("drawing and writing")
     folder = options.output / "paper"
-    files = write(document, folder)
+    files = write(document, folder, progress)
     progress("done")
     paths, left_out = {name: str(path) for name, path in files.items()}, document.left_out
     result = {"passed": document.passed, "left_out": list(left_out), "files": paths}

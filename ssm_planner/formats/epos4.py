@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ssm_planner.display import number
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
@@ -37,7 +38,7 @@ from ssm_planner.formats.spline_points import REST, at_times
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.typing import Array
-from ssm_planner.units import rpm
+from ssm_planner.units import rpm, shown
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.ends import end_velocities
 
@@ -199,20 +200,24 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, listed: dict[str, Any]) 
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
     for joint, way in zip(plan.robot.joints, travel.tolist(), strict=True):
-        unit = joint.unit
+        unit, scale = shown(joint.unit)
         if joint.name not in axes:
             if way > 0:
+                far = number(scale * way, 4)
                 notes.append(
-                    f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {way:.4g} {unit}"
+                    f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {far} {unit}"
                 )
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
             notes.append(f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure")
         effects = listed[joint.name]["rounding"]
+        position, speed, difference = (
+            number(scale * effects[name], 2) for name in ("position", "speed", "acceleration")
+        )
         notes.append(
-            f"joint {joint.name}: rounding to increments moves setpoints by up to {effects['position']:.2g} {unit}, "
-            f"the speed between two by {effects['speed']:.2g} {unit}/s ({100 * effects['speed'] / joint.velocity:.2g} % "
-            f"of its limit), its difference by {effects['acceleration']:.2g} {unit}/s²; it does not add up"
+            f"joint {joint.name}: rounding to increments moves setpoints by up to {position} {unit}, "
+            f"the speed between two by {speed} {unit}/s ({100 * effects['speed'] / joint.velocity:.2g} % "
+            f"of its limit), its difference by {difference} {unit}/s²; it does not add up"
         )
     return [*notes, *encoder_notes(axes)]
 

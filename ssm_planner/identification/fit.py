@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,6 +96,7 @@ def fit_map(
     fixed: Mapping[str, float] | None = None,
     reference: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
 ) -> MapFit:
     """Fit friction parameters to a torque–velocity map.
 
@@ -103,6 +104,7 @@ def fit_map(
     constant offset of it is fitted where it pays. law: one of LAWS, or `auto`: the simplest law that predicts recordings
     left out about as well as the best. fixed: known values by name. reference: values about which parameters are
     expected. free: parameters fitted beyond the law's own (`b_ov`, `preload`).
+    progress: is told each law.
     Raises RecordingError where the map cannot support the fit: one direction only, or fewer points than parameters.
     """
     fixed = {"b_ov": 0.0} | dict(fixed or {})
@@ -136,14 +138,18 @@ def fit_map(
         for offset in offsets
     ]
     models = _with_enough_points(models)
-    found = [most_likely(model) for model in models]
-    errors = [blind_errors(model, z) for model, z in zip(models, found, strict=True)]
+    found, errors = [], []
+    for k, model in enumerate(models, 1):
+        progress(f"fitting the {model.law.replace('_', ' ')} law ({k} of {len(models) + 1})")
+        found.append(most_likely(model))
+        errors.append(blind_errors(model, found[-1]))
     chosen = simplest(models, errors)
     blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
     criterion: dict[str, float] = {}
     for model, error in zip(models, blind, strict=True):
         criterion[model.law] = min(error, criterion.get(model.law, math.inf))
     criterion[models[chosen].law] = blind[chosen]
+    progress(f"drawing the confidence of the parameters ({len(models) + 1} of {len(models) + 1})")
     fit = _report(models[chosen], found[chosen], data, _others(models, found, chosen))
     apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=apart, criterion=criterion)

@@ -108,7 +108,8 @@ def identify(
     data = replace(data, repairs=(*repeated, *data.repairs))
     load, inertia = _load(here)
     progress(f"fitting the map of {len(data.w)} points")
-    fit = fit_map(here, data, load, law=law, fixed=fixed, reference=_reference(here), free=free)
+    reference = _reference(here)
+    fit = fit_map(here, data, load, law=law, fixed=fixed, reference=reference, free=free, progress=progress)
     wheel = here.ratio if here.kind == "worm" else None
     by_way = {way: fit_harmonics(steady, sign, wheel) for way, sign in (("forwards", 1), ("backwards", -1))}
     fit = replace(fit, drive=_with_harmonics(fit.drive, by_way))

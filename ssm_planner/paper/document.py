@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from ssm_planner.paper.departures import departures_section
 from ssm_planner.paper.friction import RigResult, friction_section, rig_result, rigs_section
 from ssm_planner.paper.motions import SpeedRun, motions_section, payload_section, payloads, speed_runs
-from ssm_planner.paper.published import RIGS, Inputs
+from ssm_planner.paper.published import RIGS, TABLE_III, Inputs
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.publishing import publishing
@@ -43,18 +44,23 @@ class Document:
 
 def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) -> Document:
     """Every section, computed. Raises RecordingError where the rigs' table of figures cannot be read."""
-    progress("Table I, workspace, choice of the axes")
+    number, steps = itertools.count(1), 4 + len(RIGS) + len(TABLE_III)
+
+    def begin(step: str) -> None:
+        progress(f"{step} ({next(number)} of {steps})")
+
+    begin("Table I, workspace, choice of the axes")
     sections = [workspace_section(inputs.robot), design_section(inputs.robot, inputs.eye)]
-    progress("Table II and its maps")
+    begin("Table II and its maps")
     sections.append(friction_section(inputs.robot))
     rigs = []
     for name in RIGS:
-        progress(f"identifying {name}")
+        begin(f"identifying {name}")
         rigs.append(rig_result(inputs, name))
-    progress("payload curves")
+    begin("payload curves")
     payload = payload_section(payloads(inputs))
-    runs = speed_runs(inputs.problem, progress)
-    progress("departures of the package")
+    runs = speed_runs(inputs.problem, begin)
+    begin("departures of the package")
     found = tuple(rigs)
     sections += [
         rigs_section(found),
@@ -65,10 +71,11 @@ def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) ->
     return Document(tuple(sections), runs, found)
 
 
-def write(document: Document, folder: Path) -> dict[str, Path]:
+def write(document: Document, folder: Path, progress: Callable[[str], None] = lambda _: None) -> dict[str, Path]:
     """README.md and every picture as PNG and PDF, whole or not at all; paths by name. Raises ExportError."""
     with publishing(folder) as temporary:
-        for section in document.sections:
+        for k, section in enumerate(document.sections, 1):
+            progress(f"drawing section {k} of {len(document.sections)}")
             save_figures(section.figures, temporary)
         (temporary / FILE).write_text(document.markdown(), encoding="utf-8")
         names: Sequence[str] = sorted(path.name for path in temporary.iterdir())
