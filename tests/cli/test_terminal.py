@@ -181,3 +181,12 @@ def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
     assert completed("ssm-planner si") == {"simulate", "size"}
     assert "--power-loss" in completed("ssm-planner simulate x --")
     assert {"robot", "drive"} <= completed("ssm-planner new ")
+
+
+def test_identified_parameters_have_their_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive = str(ROOT / "problems/drives/rig1_lead_screw.yaml")
+    assert main(["identify", drive, "--law", "coulomb", "-o", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    rows = {line.split()[0]: line.split()[4] for line in said.out.splitlines() if re.match(r"(b_|load_off)\w+ ", line)}
+    assert rows == {"b_c": "N·m", "b_v": "N·m·s/rad", "b_oc": "N", "load_offset": "N", "b_ov": "N·s/m"}
+    assert "coulomb law (1 of 3)" in said.err
