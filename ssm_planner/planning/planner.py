@@ -51,6 +51,8 @@ NEARLY = 1.005
 DRAWN_BACK, HALVINGS = (0.85, 0.7, 0.55, 0.4, 0.25), 3
 """Depths, as shares of that of the ends, to which the tool is drawn back where something is in its way, and how often the
 step between them is halved about the best one."""
+ROOM = 1.1
+"""Shares of the shortest braking way that joints get to stop, where nothing else is found."""
 SAME = 1e-5
 """Share by which durations may differ that are meant to be the same."""
 LONGER = 1e-6
@@ -270,6 +272,8 @@ class _PhasePlanner:
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
         free = self._free_by_optimal_control(phase)
+        if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
+            free = self._stopped_first(phase) or free
         if not isinstance(free, Reason) and (
             self.cooling is not None or free.duration <= (1 + SHORTER) * free.lower_bound
         ):
@@ -290,6 +294,35 @@ class _PhasePlanner:
         if isinstance(free, Reason) or found.duration < (1 - shorter) * free.duration:
             return found
         return free
+
+    def _stopped_first(self, phase: Phase) -> PlannedPhase | None:
+        """A free motion that begins at speed, as a stop and a motion from rest, named so; None where one is not found."""
+        first, strongest = phase.points[0], np.array([joint.acceleration for joint in self.problem.robot.joints])
+        stop = first + ROOM * phase.qd_start * np.abs(phase.qd_start) / (2 * strongest)
+        begin = replace(phase, points=np.stack([first, stop]), qd_end=np.zeros(4))
+        rest = np.zeros(4)
+        onward = replace(phase, points=np.vstack([stop, phase.points[1:]]), qd_start=rest, qdd_start=rest)
+        if infeasible_place(self.problem, self.mechanism, (begin, onward)) is not None:
+            return None
+        parts = [self._free_by_optimal_control(begin)]
+        if not isinstance(parts[0], Reason):
+            onwards = self._free_by_optimal_control(onward)
+            eye = isinstance(onwards, Reason) and isinstance(onwards.limit, (RetinaClearance, LensClearance))
+            parts.append((self._drawn_back(onward) if eye else None) or onwards)
+        motions = [part.motion for part in parts if not isinstance(part, Reason)]
+        if len(motions) < 2:
+            return None
+        trajectory = join([("", motion.breaks, motion.coefficients) for motion in motions])
+        borders = np.append(motions[0].borders, motions[0].duration + motions[1].borders[1:])
+        motion = replace(
+            motions[1],
+            breaks=trajectory.breaks,
+            coefficients=trajectory.coefficients,
+            borders=borders,
+            directions=np.vstack([each.directions for each in motions]),
+        )
+        named = replace(phase, motion=replace(phase.motion, name=f"{phase.motion.name}, stops first"))
+        return PlannedPhase(named, motion, None, self._lower_bound(phase))
 
     def _drawn_back(self, phase: Phase) -> PlannedPhase | None:
         """The fastest free motion through one point more, over what is in the way; None where none was found.

@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.folder import load_plan
 from ssm_planner.pipeline.run import Replanner, begun_at, plan
+from ssm_planner.planning import planner
+from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.ocp.turning import turning_guess
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
@@ -183,3 +186,30 @@ def test_the_command_begins_at_an_instant_of_a_plan(tmp_path: Path, capsys: pyte
     assert [phase["name"] for phase in found["phases"]] == ["stop", "tilt", "insert"]
     assert "starts       at tilt" in "\n".join(verdicts(load_plan(tmp_path / "on")))
     assert main(words) == 2
+
+
+def test_a_start_at_the_limit_of_a_rate_is_within_it() -> None:
+    shipped = load_plan(ROOT / "results/eye_approach")
+    free = dataclasses.replace(shipped.problem, objective="time", motion=(Free(Task(tilt=-1.6)),))
+    found = Replanner(free).plan_from(shipped, 0.4836, Task(0.1, -1.75, 0.4, 0.005))
+    assert found.passed, found.reason
+    assert [phase.name for phase in found.phases] == ["free"]
+    assert shipped.certificate is not None
+    first = next(each for each in shipped.certificate.limits if each.name == "tilt rate")
+    assert first.margin == pytest.approx(0.0, abs=1e-6)
+
+
+def test_where_no_joint_may_turn_by_itself_the_robot_stops_first(
+    shipped: Plan, to_anywhere: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = planner.solve_free
+
+    def without_turns(*given: Any, **named: Any) -> PhaseSolution:
+        found = solve(*given, **named)
+        return PhaseSolution("not converged", "") if len(found.directions) > 1 else found
+
+    monkeypatch.setattr(planner, "solve_free", without_turns)
+    found = Replanner(to_anywhere).plan_from(shipped, 1.0, Task(tilt=np.radians(-85)))
+    assert found.passed, found.reason
+    assert [phase.name for phase in found.phases] == ["free, stops first"]
+    assert 1.6498 < found.duration < 1.1 * 1.6498

@@ -8,7 +8,7 @@ are path constraints, active as far as they come near their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,7 @@ from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
+    NlpData,
     NlpSolution,
     NlpStructure,
     PhaseSolution,
@@ -65,6 +66,8 @@ RAMP = 5e-4
 BEYOND = 1.2
 """Depth in that of an eye's port from which on the retina's row is that of its ball alone."""
 KINEMATIC = ("velocity", "acceleration", "jerk")
+AT_LIMIT = 8e-7
+"""Share by which rows may exceed their limit at an instant at which the motion begins or ends at speed."""
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
 
@@ -265,6 +268,17 @@ class _FreeProblem(OcpProblem):
             states.append(np.hstack(scaled))
         lengths = self.times[self.structure.block] * self.fractions
         return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
+
+    def data(self, elements: Array, backoff: Array) -> NlpData:
+        """Where the motion begins or ends at speed, what is given there may be at a limit, up to rounding."""
+        found = super().data(elements, backoff)
+        bound = found.path_bound.copy()
+        rows = backoff.shape[1]
+        if self.speeds[0].any():
+            bound[0, :rows] = 1 + AT_LIMIT
+        if self.speeds[1].any():
+            bound[-1, -rows:] = 1 + AT_LIMIT
+        return replace(found, path_bound=bound)
 
     def _scaled(self, values: Array, order: int) -> Array:
         """A derivative of q − q0 (…, 4) as that of u (…, m) by scaled time."""

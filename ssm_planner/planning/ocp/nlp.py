@@ -150,7 +150,7 @@ class NlpData:
     jerk: Array
     """Limits, (m,), where the coordinates are joints."""
     path_bound: Array
-    """Upper bounds of each element's path constraints, (n, rows): 1 − backoff."""
+    """Upper bounds of each element's path constraints at its start, middle and end, (n, 3 rows): 1 − backoff."""
     breakaway_bound: Array
     """Upper bounds of the breakaway rows, (sets, rows); inf where the joint is not at rest there."""
     duration: tuple[float, float] = (0.0, np.inf)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import call
 from ssm_planner.planning.ocp.constraints import RowName
-from ssm_planner.planning.ocp.element import DENSE, Aim, ElementModel, shared
+from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, Aim, ElementModel, shared
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
@@ -135,7 +135,7 @@ class OcpProblem(ABC):
             end=np.concatenate([self.boundary.points[-1], self.boundary.end_velocity]),
             acceleration=acceleration,
             jerk=jerk,
-            path_bound=1.0 - backoff,
+            path_bound=np.tile(1.0 - backoff, (1, len(COLLOCATION))),
             breakaway_bound=self._breakaway_bound(),
         )
 

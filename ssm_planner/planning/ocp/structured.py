@@ -64,8 +64,7 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
     every = np.arange(n)
     groups = []
     if element.row_names or "cost" in functions:
-        path_bound = np.tile(data.path_bound, (1, 3))
-        groups.append(RowGroup(functions, data.element_parameters, every, path_bound, data.weights[1]))
+        groups.append(RowGroup(functions, data.element_parameters, every, data.path_bound, data.weights[1]))
     if np.isfinite(data.breakaway_bound).any():
         at, side = np.array(structure.breakaways).T
         sigma, *others = data.element_parameters

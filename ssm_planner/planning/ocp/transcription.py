@@ -16,7 +16,7 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.planning.ocp.compiled import function_store
-from ssm_planner.planning.ocp.element import COLLOCATION, ElementFunctions, ElementModel
+from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
@@ -176,7 +176,7 @@ class Transcription:
             "breakaway": (-np.inf, data.breakaway_bound.ravel()),
             "duration": data.duration,
         }
-        path_bound = np.tile(data.path_bound, (1, len(COLLOCATION))).ravel()
+        path_bound = data.path_bound.ravel()
         lower, upper = (
             [np.broadcast_to(bounds[name][side], size) for name, size in self.sizes.items()] for side in (0, 1)
         )
