@@ -31,6 +31,8 @@ from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array, Indices
 
+LOOKS_AT_PORT = 4
+"""Parts of an element that are looked at each by itself where the retina's row switches, which it does on a short way."""
 NEAR = 0.8
 """A row that stays below this share of its limit in the guess is not active until it is found violated."""
 TOLERANCE = 5e-7
@@ -56,7 +58,7 @@ SURPLUS = 5e-4
 GIVEN_BACK = 0.8
 """Share of it that is given back in one round, of at most BACK_ROUNDS; they start warm."""
 BACK_ROUNDS = 6
-GAIN = 1e-5
+GAIN, GAIN_AT_PORT = 1e-5, 2e-6
 """Share of the duration that the last of these rounds has to gain for another one."""
 SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
@@ -95,7 +97,7 @@ class OcpProblem(ABC):
     """By the structured solver, and by Ipopt where that does not converge."""
     shortest: float = SHORTEST
     """Least time of a block, as a share of the guess's."""
-    at_port: bool = True
+    at_port: bool = False
     """The motion may come near the port of an eye, where the retina's row switches."""
 
     @property
@@ -164,9 +166,16 @@ class OcpProblem(ABC):
         n = len(elements)
         if not self.row_names:
             return np.zeros((n, 0))
-        parameters = (np.broadcast_to(p, (n, p.shape[-1])) for p in self.element_parameters(elements))
-        rows = call(self.complete_element.between, elements, *parameters)[0]
-        return parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
+        parts = LOOKS_AT_PORT if self.at_port else 1
+        counts = np.full(n, parts)
+        looked = split(elements, counts) if parts > 1 else elements
+        parameters = (
+            np.repeat(p, counts, axis=0) if p.ndim == 2 else np.broadcast_to(p, (n * parts, len(p)))
+            for p in self.element_parameters(elements)
+        )
+        rows = call(self.complete_element.between, looked, *parameters)[0]
+        found = parabolic_peak(rows.reshape(n * parts, len(DENSE), -1).transpose(0, 2, 1))
+        return np.asarray(found.reshape(n, parts, -1).max(axis=1))
 
     def _breakaway_bound(self) -> Array:
         """Upper bounds of the breakaway rows, (sets, rows): 1 for joints that start or turn back there, else inf."""
@@ -347,7 +356,7 @@ def _given_back(found: _Refined) -> _Refined:
         found = replace(
             again, solution=replace(again.solution, iterations=solution.iterations + again.solution.iterations)
         )
-        if total > (1 - GAIN) * before:
+        if total > (1 - (GAIN_AT_PORT if state.problem.at_port else GAIN)) * before:
             break
     return found
 
