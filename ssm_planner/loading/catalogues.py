@@ -65,6 +65,17 @@ def entries(path: Path, gear: bool = False) -> dict[str, Any]:
     return {row.label: _motor(row, file.name) for row in rows}
 
 
+def stated_beside(path: Path) -> dict[str, dict[str, float]]:
+    """Mass (kg) and length (m) of the entries of a CSV, as far as they are stated, by name. Raises ProblemError."""
+    file = catalogue_file(path)
+    found = (
+        {}
+        if file.is_dir()
+        else {row.label: {name: _beside(file, row, name) for name in BESIDE} for row in rows_of(file)}
+    )
+    return {label: {name: x for name, x in said.items() if x is not None} for label, said in found.items()}
+
+
 def motors_of(path: Path) -> list[Part[Motor]]:
     """The motors of a catalogue. Raises ProblemError."""
     file = catalogue_file(path)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import mmap
 import pickle
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,6 +43,11 @@ CHECKED = (*MARGINS, "heat")
 SPARE = 1e-4
 """Of a motor's limits beside the margin required, for what lies between the planner's and the sizing's instants."""
 
+MEMORY = 200e6
+"""Bytes a worker may hold after a candidate: beyond them it forgets the programs of the optimal control problems."""
+GROWTH = 60e6
+"""Bytes beyond what was left then before it does so again."""
+_left = [0]
 PACES = 6
 """Speeds that are tried from that of the fastest motion to that of the candidate's pace, both included."""
 
@@ -100,7 +109,32 @@ def evaluated(pickled: bytes, candidates: Sequence[tuple[int, Design]]) -> tuple
     pickled: the Evaluation, which a worker reads once.
     """
     evaluation, begin = _read(pickled), time.monotonic()
-    return [evaluation(number, design) for number, design in candidates], time.monotonic() - begin
+    rows = []
+    for number, design in candidates:
+        rows.append(evaluation(number, design))
+        if _memory() > max(MEMORY, _left[-1] + GROWTH):
+            _give_back()
+            _left[:] = [_memory()]
+    return rows, time.monotonic() - begin
+
+
+def _memory() -> int:
+    """Bytes that the process holds; 0 where the system does not say it this way."""
+    try:
+        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * mmap.PAGESIZE
+    except OSError:
+        return 0
+
+
+def _give_back() -> None:
+    """Programs of earlier candidates, and what the allocator has kept of them, to the system."""
+    from ssm_planner.planning.ocp.transcription import forget_programs
+
+    forget_programs()
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the GNU library
+    if trim is not None:
+        trim(0)
 
 
 @lru_cache(maxsize=1)
@@ -178,7 +212,7 @@ def selected(study: Study, problems: Mapping[str, Problem], motions: Motions, pa
         own = {choice.path.split(".")[-1]: choice for choice in study.selected if choice.path.split(".")[1] == joint}
         motor_choice = own.pop("motor", None)
         gear_choice = next(iter(own.values()), None)
-        motors, gears = _motors(study, joint, motor_choice), _gears(study, joint, gear_choice)
+        motors, gears = _motors(study, joint), _gears(study, joint, gear_choice)
         judged = [
             select_joint(by_joint[joint], motors, gears, conditions)
             for conditions, by_joint in loads.values()
@@ -209,11 +243,14 @@ def _holding(judged: Sequence[JointSelection], rank: Any, margin: float) -> Iter
             yield g, m
 
 
-def _motors(study: Study, joint: str, choice: Choice | None) -> list[Part[Motor]]:
+@lru_cache(maxsize=8)
+def _motors(study: Study, joint: str) -> list[Part[Motor]]:
     """The motors to select among; a joint's own where only its gear is selected."""
-    contents = {"": study.robot["joints"][joint]["motor"]} if choice is None else choice.contents
+    choice = next((each for each in study.selected if each.path == f"joints.{joint}.motor"), None)
+    own = study.robot["joints"][joint].get("motor")
+    contents, beside = ({"": own}, {}) if choice is None else (choice.contents, choice.beside)
     motors = {label: motor_from(of_data(content)) for label, content in contents.items()}
-    return [Part(label, motor, motor.mass) for label, motor in motors.items()]
+    return [Part(label, motor, motor.mass, beside.get(label, {}).get("length")) for label, motor in motors.items()]
 
 
 def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]:
@@ -222,7 +259,8 @@ def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]
         {"": {}} if choice is None else {label: {choice.path: label} for label in choice.contents}
     )
     trees = {label: study.resolved(design)["joints"][joint]["drive"] for label, design in designs.items()}
-    return [Part(label, drive_from(of_data(tree))) for label, tree in trees.items()]
+    beside = {} if choice is None else choice.beside
+    return [Part(label, drive_from(of_data(tree)), **beside.get(label, {})) for label, tree in trees.items()]
 
 
 def _holds(figures: Mapping[str, Any], margin: float) -> bool:

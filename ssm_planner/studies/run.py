@@ -280,7 +280,7 @@ class _Driver:
 def context_of(study: Study) -> str:
     """What a result depends on besides the design: robot, motions, catalogues, what is required, and the version."""
     contents: dict[str, Any] = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
-    contents |= {v.path: [v.select, v.contents] for v in study.selected}
+    contents |= {v.path: [v.select, v.contents, v.beside] for v in study.selected}
     what: Mapping[str, Any] = {
         "robot": study.robot,
         "motions": study.motions,

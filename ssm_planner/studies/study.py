@@ -6,7 +6,7 @@ import copy
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -53,6 +53,8 @@ class Choice:
     contents: Mapping[str, Any]
     select: str | None = None
     """Not searched: the first of this rank that holds what the fastest motion, at the candidate's pace, demands."""
+    beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Mass (kg) and length (m) that a catalogue states of an entry, by the entry's name."""
 
     def at(self, place: float) -> str:
         """The choice at a place in [0, 1]."""

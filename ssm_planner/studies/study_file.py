@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.catalogues import entries
+from ssm_planner.loading.catalogues import entries, stated_beside
 from ssm_planner.loading.files import find, follow, of_data, read
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.loading.schema import Field as Share
@@ -159,7 +159,8 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
     select = value.get("select")
     if select is not None and select not in RANKS:
         raise section.error("not a rank known here", "select", allowed=", ".join(RANKS))
-    return Choice(path, catalogue(section, path), select)
+    contents, beside = catalogue(section, path)
+    return Choice(path, contents, select, beside if select else {})
 
 
 def _check_selection(section: Section, vary: Sequence[Variable], selected: Sequence[Choice]) -> None:
@@ -198,11 +199,11 @@ def _span(section: Section, path: str) -> Varied:
     return Varied(path, low, high, found[0])
 
 
-def catalogue(section: Section, path: str) -> dict[str, Any]:
-    """The entries of a catalogue by name: a CSV with units in cells or headings, or a folder of YAML files."""
-    base = Path() if section.file is None else section.file.parent
+def catalogue(section: Section, path: str) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
+    """What the entries of a catalogue, a CSV or a folder of YAML files, say by name; mass and length where stated."""
+    file = (Path() if section.file is None else section.file.parent) / str(section.value["catalogue"])
     try:
-        return entries(base / str(section.value["catalogue"]), gear=path.split(".")[-1] in GEARS)
+        return entries(file, gear=path.split(".")[-1] in GEARS), stated_beside(file)
     except ProblemError as error:
         if error.line is not None:
             raise

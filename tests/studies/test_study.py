@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,7 +23,7 @@ from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
 from ssm_planner.studies import run as driver
-from ssm_planner.studies.evaluation import Evaluation, problems_of
+from ssm_planner.studies.evaluation import Evaluation, evaluated, problems_of
 from ssm_planner.studies.page import explained, write_study_page
 from ssm_planner.studies.run import StudyError, StudyResult
 from ssm_planner.studies.run import study as run_study
@@ -234,6 +236,30 @@ def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_ro
     assert "waiting" not in result.states
 
 
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 1 MB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
+    if shutil.which("mount") is None or subprocess.run(command, capture_output=True, check=False).returncode != 0:
+        pytest.skip("no file system of 1 MB can be mounted here: that takes root")
+    yield place
+    subprocess.run(["umount", place], check=True)
+
+
+def test_a_file_system_without_room_leaves_a_whole_store(small_disk, monkeypatch):
+    monkeypatch.setattr(Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design))
+    of = study(search={"points": 4096, "seed": 3})
+    of = replace(of, motions={}, require=replace(of.require, reach=None))
+    with pytest.raises(ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"):
+        run_study(of, small_disk, executor=Here())
+    with Store(small_disk / "study.sqlite") as store:
+        assert store._read("PRAGMA integrity_check") == [("ok",)]
+    subprocess.run(["mount", "-o", "remount,size=32m", small_disk], check=True)
+    assert run_study(of, small_disk, executor=Here()).states == {"done": 4096}
+
+
 @pytest.mark.slow
 def test_dask_gives_the_same_table(tmp_path):
     distributed = pytest.importorskip("distributed")
@@ -424,6 +450,41 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
                 continue
             verdict = size_motion(made.trajectory, problem.robot).verdicts[joint]
             assert min(check.margin for check in verdict.checks if check.margin is not None) < 0.2
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process holds")
+def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
+    from ssm_planner.planning.ocp.transcription import Transcription
+
+    asked = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
+    pickled = pickle.dumps(Evaluation(study()))
+    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", math.inf)
+    ((kept,), _) = evaluated(pickled, asked)
+    assert Transcription.build.cache_info().currsize > 0
+    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", 0)
+    monkeypatch.setattr("ssm_planner.studies.evaluation.GROWTH", -math.inf)
+    ((forgotten,), _) = evaluated(pickled, asked)
+    assert Transcription.build.cache_info().currsize == 0
+    assert kept == forgotten
+
+
+@pytest.mark.parametrize("rank", ["mass", "length"])
+def test_what_a_catalogue_states_of_gears_and_motors_counts_in_the_rank(tmp_path, rank):
+    """Two screws and two motors that differ in what is stated of them alone: the first by rank is taken, of each."""
+    light = "name,geometry.diameter [mm],geometry.lead [mm],mass [g],length [mm]\n"
+    (tmp_path / "screws.csv").write_text(f"{light}heavy,4.8,1.4,90,80\nlight,4.8,1.4,20,30\n")
+    motor = ["33 mN*m,99 mN*m,20000 rpm", "40 g,20 mm"]
+    columns = "name,nominal_torque,max_torque,max_speed,mass,length,source\n"
+    rows = [f"long,{motor[0]},41 g,30 mm,made up", f"short,{motor[0]},{motor[1]},made up"]
+    (tmp_path / "motors.csv").write_text(columns + "\n".join(rows) + "\n")
+    parts = {"screw": tmp_path / "screws.csv", "motor": tmp_path / "motors.csv"}
+    paths = {name: f"joints.insertion.{'drive.screw' if name == 'screw' else 'motor'}" for name in parts}
+    of = study(
+        vary={**GEOMETRY, **{paths[name]: {"catalogue": str(file), "select": rank} for name, file in parts.items()}}
+    )
+    row = Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})
+    assert row.state == "done", row.reason
+    assert [row.figures[paths[name]] for name in ("screw", "motor")] == ["light", "short"]
 
 
 def test_a_slower_pace_allows_lighter_motors_and_none_is_said():

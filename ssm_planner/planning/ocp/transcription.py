@@ -289,6 +289,11 @@ def forget_solutions() -> None:
     _solutions.clear()
 
 
+def forget_programs() -> None:
+    """Free the memory of the programs kept, with their solutions."""
+    Transcription.build.cache_clear()
+
+
 def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Call a solver; its result and statistics. Raises KeyboardInterrupt where the user interrupted it."""
     result = solver(**arguments)
