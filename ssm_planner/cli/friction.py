@@ -83,7 +83,9 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
     from ssm_planner.reporting.text import Table
     from ssm_planner.units import RPM
 
-    lines = [f"law         {result['law']}", f"map NRMSD   {fixed(result['nrmsd'], 4)}", ""]
+    shares = ", ".join(f"{law} {share:.0%}" for law, share in result["law_shares"].items())
+    likely = f"  (how likely: {shares})" if len(result["law_shares"]) > 1 else ""
+    lines = [f"law         {result['law']}{likely}", f"map NRMSD   {fixed(result['nrmsd'], 4)}", ""]
     rows = []
     for name, p in result["parameters"].items():
         flags = [text for key, text in (("fixed", "fixed"), ("at_bound", "at its bound")) if p[key]]

@@ -11,8 +11,8 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.motors import directions, drive_torque, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.spread import drawn
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.parameters import with_parameters
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET
 from ssm_planner.problem.robot import Joint, Robot
@@ -96,7 +96,6 @@ def _band(
     sets: dict[str, Any] = {
         name: column[:, None] for name, column in friction.posterior.values().items() if name != LOAD_OFFSET
     }
-    drawn = with_parameters(drive, friction.law, sets)
-    torque = np.asarray(drive_torque(drawn, rigid, qd, qdd, way, breakaway=breakaway)[0])
+    torque = np.asarray(drive_torque(drawn(drive, sets), rigid, qd, qdd, way, breakaway=breakaway)[0])
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return low - TAIL * friction.posterior.scatter, high + TAIL * friction.posterior.scatter

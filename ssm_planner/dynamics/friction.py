@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import namespace_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive, Friction
+from ssm_planner.problem.posterior import LAWS
 from ssm_planner.typing import Array, Expression
 
 STANDSTILL = 0.005
@@ -23,12 +24,16 @@ def friction_of(drive: Drive) -> Friction:
     return drive.friction
 
 
-def stribeck_shape(law: str, x: Expression) -> Expression:
+def stribeck_shape(law: str | Array, x: Expression) -> Expression:
     """s(x) of μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed): 0 for coulomb, exp(−2x), or exp(−x²).
+
+    law: its name, or for many sets at once an array of numbers in LAWS that broadcasts against x.
 
     `stribeck_exponential` is exp(−2x), the form in which the authors' package states its Stribeck speeds.
     x ≥ 0 is an array or a CasADi expression.
     """
+    if isinstance(law, np.ndarray):
+        return sum(np.where(law == k, stribeck_shape(name, x), 0.0) for k, name in enumerate(LAWS))
     if law == "stribeck_exponential":
         return math.e ** (-2.0 * x)
     if law == "stribeck_gaussian":
@@ -43,7 +48,7 @@ def friction_coefficient(friction: Friction, w: Expression) -> Expression:
 
     At w = 0 it is the limit from motion, mu + mu_stribeck; where a drive starts, `breakaway_coefficient` applies.
     """
-    if friction.law == "coulomb" or friction.stribeck_speed is None:
+    if friction.stribeck_speed is None:
         return friction.mu + 0.0 * w
     x = abs(w) / friction.stribeck_speed
     return friction.mu + friction.mu_stribeck * stribeck_shape(friction.law, x)

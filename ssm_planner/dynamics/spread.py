@@ -16,7 +16,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior
+from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array, Range
 
@@ -120,7 +120,7 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     posterior = friction.posterior
     if posterior is not None:
         names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
-        mean = np.array([_value(drive, name) for name in names])
+        mean = np.array([_stated(drive, name, posterior) for name in names])
         covariance = np.cov(np.column_stack([posterior.column(name) for name in names]), rowvar=False)
         return FrictionSpread(names, mean, np.atleast_2d(covariance), ranges, posterior)
     table = {name: row for name, row in (friction.covariance or {}).items() if name not in ranges}
@@ -145,16 +145,30 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
 def drawn(drive: Drive, values: Mapping[str, Any]) -> Drive:
     """The drive with friction parameters (preload, input_inertia) replaced; arrays (count, 1) stand for many drives at once.
 
+    LAW among the values is the number of the friction law.
     The static coefficient keeps its ratio to the coefficient in motion unless it is among the values.
     """
     own = {name: values[name] for name in ("preload", "input_inertia") if name in values}
     friction: dict[str, Any] = {name: value for name, value in values.items() if name not in own}
     given = friction_of(drive)
+    if LAW in friction and not np.ndim(friction[LAW]):
+        friction[LAW] = LAWS[int(friction[LAW])]
+        if friction[LAW] == "coulomb":
+            friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}
     moving = given.mu + given.mu_stribeck
     if "mu_static" not in friction and moving > 0 and {"mu", "mu_stribeck"} & set(friction):
         now = friction.get("mu", given.mu) + friction.get("mu_stribeck", given.mu_stribeck)
         friction["mu_static"] = given.mu_static / moving * now
     return unchecked(drive, friction=unchecked(given, **friction), **own)
+
+
+def _stated(drive: Drive, name: str, posterior: Posterior) -> float:
+    """The drive's own; what its law has no use for, as the sets have it in the middle."""
+    friction = friction_of(drive)
+    if name == LAW:
+        return float(LAWS.index(friction.law))
+    unused = name == "stribeck_speed" and friction.stribeck_speed is None
+    return float(np.median(posterior.column(name))) if unused else _value(drive, name)
 
 
 def _value(drive: Drive, name: str) -> float:

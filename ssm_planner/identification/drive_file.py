@@ -63,6 +63,9 @@ def _heading(fit: MapFit, evidence: str) -> str:
         f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over {len(fit.predicted)} points.",
         "Intervals are of 95 % confidence.",
     ]
+    if len(fit.law_shares) > 1:
+        shares = ", ".join(f"{law} {share:.1%}" for law, share in fit.law_shares.items())
+        lines.append(f"How likely each law is, as a share of the sets of the posterior: {shares}.")
     for group in fit.inseparable:
         lines.append(
             f"The data give {', '.join(group)} only together: each alone rests on what is expected of such drives."

@@ -13,16 +13,16 @@ from ssm_planner.dynamics.transmission import nut_contact, output_effort
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import (
     ALL,
-    LAWS,
     locking_mu,
     names_of,
     rest_coefficient,
     with_parameters,
 )
 from ssm_planner.identification.posterior import (
+    DRAWS,
+    SEED,
     MapModel,
     blind_errors,
-    covariance_near,
     data_correlation,
     log_evidence,
     most_likely,
@@ -32,15 +32,15 @@ from ssm_planner.identification.posterior import (
 )
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, interval_of
-from ssm_planner.typing import Array
+from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior, interval_of
+from ssm_planner.typing import Array, Indices
 
 SEPARABLE = 0.2
-"""A parameter is given by the data where what was expected pulls it by less than this many standard deviations,"""
-AGREED = 0.5
-"""and every law that the data leave possible has it within so many of them:"""
-POSSIBLE = 6.0
-"""one whose evidence is no more than exp(POSSIBLE) times less than the best law's."""
+"""A parameter is given by the data where what was expected pulls it by less than this many standard deviations by every law
+that the data leave possible:"""
+POSSIBLE = 0.01
+"""one that is at least so likely."""
+_STRIBECK = ("mu_stribeck", "stribeck_speed")
 _QUIET = 0.1
 """Expected scatter of a mean torque from one recording to the next, as a share of its deviation within a recording."""
 
@@ -84,6 +84,8 @@ class MapFit:
     """(recording, distance from its neighbours in N·m, weight in the fit) of points that stand apart."""
     criterion: dict[str, float]
     """RMS error of every law on recordings left out, N·m."""
+    law_shares: dict[str, float]
+    """How likely the data leave every law, as the share of the posterior's sets."""
     notes: tuple[str, ...] = ()
 
 
@@ -126,7 +128,7 @@ def fit_map(
             drive=with_parameters(drive, name, {}),
             law=name,
             names=(*(n for n in (*names_of(name), *free) if n not in fixed), *offset),
-            fixed={k: v for k, v in fixed.items() if name != "coulomb" or k not in ("mu_stribeck", "stribeck_speed")},
+            fixed={k: v for k, v in fixed.items() if name != "coulomb" or k not in _STRIBECK},
             reference=dict(reference or {}),
             w=data.w,
             tau=data.tau,
@@ -137,20 +139,20 @@ def fit_map(
         for name in (LAWS if law == "auto" else (law,))
         for offset in offsets
     ]
-    models = _with_enough_points(models)
-    found, errors = [], []
+    every = []
     for k, model in enumerate(models, 1):
         progress(f"fitting the {model.law.replace('_', ' ')} law ({k} of {len(models) + 1})")
-        found.append(most_likely(model))
-        errors.append(blind_errors(model, found[-1]))
-    chosen = simplest(models, errors)
+        every.append((model, most_likely(model)))
+    enough = _with_enough_points(every)
+    errors = [blind_errors(model, z) for model, z in enough]
+    chosen = simplest([model for model, _ in enough], errors)
     blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
     criterion: dict[str, float] = {}
-    for model, error in zip(models, blind, strict=True):
+    for (model, _), error in zip(enough, blind, strict=True):
         criterion[model.law] = min(error, criterion.get(model.law, math.inf))
-    criterion[models[chosen].law] = blind[chosen]
+    criterion[enough[chosen][0].law] = blind[chosen]
     progress(f"drawing the confidence of the parameters ({len(models) + 1} of {len(models) + 1})")
-    fit = _report(models[chosen], found[chosen], data, _others(models, found, chosen))
+    fit = _report(*enough[chosen], data, _possible(every))
     apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=apart, criterion=criterion)
 
@@ -164,11 +166,12 @@ def _check_directions(data: TorqueMap) -> None:
         )
 
 
-def _with_enough_points(models: list[MapModel]) -> list[MapModel]:
-    points = len(models[0].w)
-    enough = [model for model in models if points > len(model.names)]
+def _with_enough_points(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
+    """Those of the models, each with its most likely z (k,), that the data alone can determine. Raises RecordingError."""
+    points = len(fitted[0][0].w)
+    enough = [each for each in fitted if points > len(each[0].names)]
     if not enough:
-        need = min(len(model.names) for model in models) + 1
+        need = min(len(model.names) for model, _ in fitted) + 1
         raise RecordingError(
             f"{points} points cannot determine {need - 1} parameters: record at least {need} speeds, "
             "or fix known parameters"
@@ -176,55 +179,85 @@ def _with_enough_points(models: list[MapModel]) -> list[MapModel]:
     return enough
 
 
-def _others(models: list[MapModel], found: list[Array], chosen: int) -> list[tuple[MapModel, Array]]:
-    """The other laws that the data leave possible, with their most likely z (k,)."""
-    evidence = [log_evidence(model, z) for model, z in zip(models, found, strict=True)]
+@dataclass(frozen=True, eq=False)
+class _Sets:
+    """Equally likely sets of one law: z and values by name (sets,), scatters and shares c (sets,)."""
+
+    model: MapModel
+    z: Array
+    scatters: Array
+    shares: Array
+
+    @property
+    def values(self) -> dict[str, Array]:
+        return {name: column[:, 0] for name, column in self.model.parameters(self.z).items()}
+
+    @property
+    def pulls(self) -> dict[str, float]:
+        """By name, see `prior_pull`."""
+        pulls = prior_pull(np.atleast_2d(np.cov(self.z.T)))
+        return dict(zip(self.model.names, pulls.tolist(), strict=True))
+
+
+def _possible(fitted: list[tuple[MapModel, Array]]) -> list[_Sets]:
+    """Sets of every law that the data leave possible, as many as it is likely by its evidence.
+
+    fitted: models with most likely z (k,) each, the load offset open in the last of a law: where it did not pay it is 0 in
+    the fit, but not known to be. Laws with more parameters than there are points count too: they are expected to be of
+    some size.
+    """
+    by_law = {model.law: (model, z) for model, z in fitted}
+    evidence = np.array([log_evidence(model, z) for model, z in by_law.values()])
+    weight = np.exp(evidence - evidence.max())
+    weight = np.where(weight < POSSIBLE * weight.sum(), 0.0, weight)
+    counts = np.diff(np.rint(DRAWS * np.cumsum([0.0, *weight]) / weight.sum()).astype(int))
     return [
-        (model, z)
-        for model, z, its in zip(models, found, evidence, strict=True)
-        if model.law != models[chosen].law and its > max(evidence) - POSSIBLE
+        _Sets(model, *sample(model, z, count))
+        for (model, z), count in zip(by_law.values(), counts.tolist(), strict=True)
+        if count
     ]
 
 
-def _separable(model: MapModel, z: Array, draws: Array, others: list[tuple[MapModel, Array]]) -> dict[str, bool]:
-    """By name: what was expected hardly pulls the parameter of the model, most likely at z (k,), and the other laws agree.
+def _columns(possible: list[_Sets], order: Indices) -> dict[str, Array]:
+    """Values by name (sets,) over all laws, in an order (sets,); LAW among them where there are several.
 
-    A law that is not the true one can leave a narrow interval beside the truth; draws (sets, k) are of the one chosen.
+    A law without a Stribeck term has none of its height; its speed, which does not count, is that of the others.
     """
-    covariance = np.atleast_2d(np.cov(draws.T))
-    separable = {name: bool(pull < SEPARABLE) for name, pull in zip(model.names, prior_pull(covariance), strict=True)}
-    for other, best in others:
-        pulls = dict(zip(other.names, prior_pull(covariance_near(other, best)), strict=True))
-        values = other.parameters(best[None])
-        for i, name in enumerate(model.names[: len(z)]):
-            if name not in pulls:
-                separable[name] = False
-            elif name != LOAD_OFFSET:
-                apart = abs(model.z_of(name, float(values[name][0, 0])) - z[i]) / np.sqrt(covariance[i, i])
-                separable[name] &= bool(pulls[name] < SEPARABLE and apart < AGREED)
-    return separable
+    if len(possible) == 1:
+        return {name: column[order] for name, column in possible[0].values.items()}
+    each = [
+        {**{n: np.full(len(s.z), v) for n, v in s.model.fixed.items() if n in _STRIBECK}, **s.values} for s in possible
+    ]
+    names = [*dict.fromkeys(name for values in each for name in values if name != LOAD_OFFSET)]
+    names += [LOAD_OFFSET] if any(LOAD_OFFSET in values for values in each) else []
+    columns = {}
+    for name in names:
+        known = np.concatenate([values[name] for values in each if name in values])
+        parts = [
+            values.get(name, np.zeros(len(s.z)) if name == "mu_stribeck" else np.resize(known, len(s.z)))
+            for s, values in zip(possible, each, strict=True)
+        ]
+        columns[name] = np.concatenate(parts)[order]
+    laws = [np.full(len(s.z), LAWS.index(s.model.law), dtype=float) for s in possible]
+    return {**columns, LAW: np.concatenate(laws)[order]}
 
 
-def _report(model: MapModel, z: Array, data: TorqueMap, others: list[tuple[MapModel, Array]]) -> MapFit:
-    """The fit of the chosen law with z (k,) most likely; others: the laws that the data leave possible besides.
-
-    A load offset that did not pay is 0 in the fit, but not known to be: the posterior leaves it open.
-    """
-    open_model = model
-    if LOAD_OFFSET not in (*model.names, *model.fixed):
-        open_model = replace(model, names=(*model.names, LOAD_OFFSET))
-    draws, scatters, shares = sample(open_model, np.append(z, [0.0] * (len(open_model.names) - len(z))))
-    separable = _separable(open_model, z, draws, others)
+def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -> MapFit:
+    """The fit of the chosen law with z (k,) most likely; possible: sets of all laws that the data leave possible."""
+    order = np.random.default_rng(SEED).permutation(sum(len(sets.z) for sets in possible))
+    columns = _columns(possible, order)
+    pulls = [sets.pulls for sets in possible]
+    separable = {name: all(pull.get(name, 1.0) < SEPARABLE for pull in pulls) for name in columns}
     at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(model.drive)
     if at_bound:
         z = most_likely(model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive))))
     predicted = model.torque(z[None])[0]
     usual = model.weight == 1.0
     posterior = Posterior(
-        names=open_model.names,
-        draws=np.array([_six_digits(row) for row in np.column_stack(list(open_model.parameters(draws).values()))]),
-        scatter=float(f"{np.median(scatters):.6g}"),
-        common=float(f"{np.mean(shares):.6g}"),
+        names=tuple(columns),
+        draws=np.array([_six_digits(row) for row in np.column_stack(list(columns.values()))]),
+        scatter=float(f"{np.sqrt(np.mean(np.concatenate([sets.scatters for sets in possible]) ** 2)):.6g}"),
+        common=float(f"{np.mean(np.concatenate([sets.shares for sets in possible])):.6g}"),
         speeds=_six_digits(model.w[usual]),
         departures=_six_digits((model.tau - predicted)[usual]),
         forwards=data.spread(1),
@@ -235,14 +268,14 @@ def _report(model: MapModel, z: Array, data: TorqueMap, others: list[tuple[MapMo
     }
     estimates = {
         name: _estimate(value, posterior.column(name), separable=separable[name], at_bound=at_bound and name == "mu")
-        for name, value in ((name, values[name]) for name in posterior.names)
+        for name, value in ((name, values[name]) for name in posterior.names if name in values)
     }
     estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
     offset = values.pop(LOAD_OFFSET)
     load = model.load + (0.0 if LOAD_OFFSET in model.fixed else offset)
     drive = _identified(model, values, posterior, offset)
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
-    at_rest = np.concatenate([model.torque(z[None], slow), open_model.torque(draws, slow)])
+    at_rest = np.concatenate([model.torque(z[None], slow), *(sets.model.torque(sets.z, slow) for sets in possible)])
     together = tuple(name for name in model.names if not separable[name])
     return MapFit(
         law=model.law,
@@ -259,6 +292,7 @@ def _report(model: MapModel, z: Array, data: TorqueMap, others: list[tuple[MapMo
         nrmsd=float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.ptp(model.tau)),
         outliers=(),
         criterion={},
+        law_shares=posterior.law_shares(model.law),
         notes=_notes(model, drive, predicted),
     )
 

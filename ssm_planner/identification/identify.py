@@ -64,6 +64,7 @@ class Identification:
         rows = zip(fit.correlation_names, fit.correlation, strict=True)
         return {
             "law": fit.law,
+            "law_shares": dict(fit.law_shares),
             "parameters": {name: _estimate(estimate) for name, estimate in estimates.items()},
             "nrmsd": fit.nrmsd,
             "repairs": [*self.data.repairs, *(f"{r.name}: {repair}" for r in self.moving for repair in r.repairs)],

@@ -9,10 +9,9 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem.drive import Drive, Friction, FrictionLawName
+from ssm_planner.problem.posterior import LAWS
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
-
-LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
 
 TYPICAL_MU = 0.15
 """Sliding metal on greased metal or polymer: where a fit starts when the drive file gives no value."""

@@ -51,7 +51,8 @@ DEGREES = 2.0
 SHARES = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
 """What the share c may be, each with its probability before anything is measured."""
 DRAWS = 1000
-WALKERS, STEPS, WARM_UP, KEPT_EVERY = 100, 1200, 400, 10
+WALKERS, WARM_UP, STEPS, FEWEST_STEPS, KEPT_EVERY = 100, 400, 800, 200, 10
+"""Steps after the warm-up: for DRAWS sets, in proportion for fewer, and at least."""
 FOLDS = 6
 PAYS = 0.5
 """Standard errors by which a law with more parameters has to predict better."""
@@ -237,14 +238,14 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
     return best
 
 
-def sample(model: MapModel, z: Array, draws: int = DRAWS) -> tuple[Array, Array, Array]:
+def sample(model: MapModel, z: Array, draws: int) -> tuple[Array, Array, Array]:
     """Equally likely z (draws, k), scatters (draws,) in N·m and shares c (draws,), from walkers about z (k,)."""
     rng, k = np.random.default_rng(SEED), len(z)
     root = np.linalg.cholesky(covariance_near(model, z))
     walkers = z + rng.standard_normal((WALKERS, k)) @ root.T
     height = model.log_posterior(walkers)
     kept, halves = [], (np.arange(WALKERS // 2), np.arange(WALKERS // 2, WALKERS))
-    for step in range(STEPS):
+    for step in range(WARM_UP + max(FEWEST_STEPS, STEPS * draws // DRAWS)):
         for movers, others in (halves, halves[::-1]):
             proposed, bonus = _moved(walkers[movers], walkers[others], rng)
             reached = model.log_posterior(proposed)
@@ -306,13 +307,25 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     """At motor speeds w (samples,), recorded or not: factors (samples, recordings) of the recordings' departures in the
     one expected there, and what stays open of it beside the scatter, (samples,).
 
-    Outside the recorded speeds of a direction that grows with the logarithm of the speed: nothing there tested the law.
+    Away from the recorded speeds of a direction that grows with the logarithm of the speed: nothing there tested the law.
     """
     speeds, common = np.array(posterior.speeds), posterior.common
     near = common * correlation(w, speeds)
     factors = np.linalg.solve(common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds)), near.T).T
     left = np.sqrt(np.maximum(1.0 - np.sum(factors * near, axis=1), 0.0))
-    return np.asarray(factors), np.asarray(left * (1.0 + outside(posterior, w)))
+    return np.asarray(factors), np.asarray(left * (1.0 + _apart(posterior, w)))
+
+
+def _apart(posterior: Posterior, w: Array) -> Array:
+    """(samples,) how far motor speeds w are from the nearest recorded in the same direction: |ln| of their ratio.
+
+    1 in a direction that was not recorded.
+    """
+    speeds = np.array(posterior.speeds)
+    logs, recorded = (np.log(np.maximum(np.abs(v), SLOWEST)) for v in (w, speeds))
+    apart = np.abs(logs[:, None] - recorded)
+    nearest = np.where(np.sign(w)[:, None] == np.sign(speeds), apart, np.inf).min(axis=1)
+    return np.where(np.isfinite(nearest), nearest, 1.0)
 
 
 def outside(posterior: Posterior, w: Array) -> Array:

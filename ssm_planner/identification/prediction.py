@@ -15,9 +15,10 @@ from ssm_planner.dynamics.friction import (
     static_coefficient,
     stribeck_shape,
 )
+from ssm_planner.dynamics.spread import drawn
 from ssm_planner.dynamics.transmission import holding_torque, motor_torque, nut_contact, output_effort
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import kind_of, rest_mask
@@ -215,13 +216,13 @@ def band_of(
     sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
     drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((count, 1), offset))
-    drawn = with_parameters(drive, friction.law, sets)
-    spread = map_torque(drawn, w, drawn_load) - map_torque(drive, w, load)
+    each = drawn(drive, sets)
+    spread = map_torque(each, w, drawn_load) - map_torque(drive, w, load)
     own = np.full(len(w), posterior.scatter)
     if posterior.speeds:
         expected, left = expected_departure(posterior, w)
         recorded = np.array(posterior.speeds)
-        spread = spread - (map_torque(drawn, recorded, drawn_load) - map_torque(drive, recorded, load)) @ expected.T
+        spread = spread - (map_torque(each, recorded, drawn_load) - map_torque(drive, recorded, load)) @ expected.T
         own = own * left
     spread = np.where(way == 0, 0.0, spread + own * rng.standard_t(SCATTER_DEGREES, (count, 1)))
     weight = np.bincount(of, minlength=len(w)) / len(of)

@@ -22,6 +22,7 @@ from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.dynamics.spread import drawn, spread_of
 from ssm_planner.dynamics.transmission import mesh_coefficients
 from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.posterior import LAW, LAWS
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.problem.value import unchecked
@@ -83,6 +84,8 @@ def bounding_drives(drive: Drive, share: float, *, speed: float, torque: float) 
     beyond = 1.15 * float(np.max(envelope - reached))
     found = [_raised(bare, {name: float(column[k]) for name, column in sets.items()}, beyond) for k in chosen]
     least = {name: float(column.min()) for name, column in sets.items()}
+    if LAW in least:
+        least[LAW] = float(LAWS.index("coulomb"))
     return (*found, drawn(bare, least))
 
 
@@ -95,10 +98,7 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
     """σ τ of every set (rows) at a grid of motor speeds, efforts and directions, moving and breaking away."""
     up, _ = mesh_coefficients(drive, sets.get("mu", np.array([friction_of(drive).mu])))
     at = {*(speed * SPEEDS).tolist()}
-    if friction_of(drive).stribeck_speed is not None:
-        at |= {
-            factor * value for value in np.unique(sets.get("stribeck_speed", []))[::100] for factor in (0.3, 1.0, 2.0)
-        }
+    at |= {factor * value for value in np.unique(sets.get("stribeck_speed", []))[::100] for factor in (0.3, 1.0, 2.0)}
     w, effort, way, start = (
         grid.ravel() for grid in np.meshgrid(sorted(at), torque / float(np.min(up)) * EFFORTS, [-1.0, 1.0], [0.0, 1.0])
     )

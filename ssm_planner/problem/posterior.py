@@ -17,6 +17,9 @@ PEAK_SPREAD, PEAK_DEGREES = 0.3, 4
 """Spread expected of the logarithm of recordings' peaks, and for how many recordings this expectation counts."""
 LOAD_OFFSET = "load_offset"
 """A constant effort on the output beside the payload: of the rig, not of the drive."""
+LAW = "law"
+"""Column of the sets' friction laws, by their number in LAWS, where the recordings leave several possible."""
+LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
 FRICTION_NAMES = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
 """Parameters of a drive that may be uncertain, by their names in Friction (and preload)."""
 
@@ -113,7 +116,7 @@ class Posterior(Value):
     """Sets of friction parameters that recordings make equally likely; SI."""
 
     names: tuple[str, ...]
-    """Of the columns: parameters of Friction, `preload`, or LOAD_OFFSET."""
+    """Of the columns: parameters of Friction, `preload`, LOAD_OFFSET; LAW where not all sets are of the drive's law."""
     draws: Annotated[Array, Shape((-1, -1))]
     """(sets, parameters)."""
     scatter: NotNegative = 0.0
@@ -134,7 +137,7 @@ class Posterior(Value):
     """The same in negative motion."""
 
     def _check(self) -> None:
-        known = (*FRICTION_NAMES, LOAD_OFFSET)
+        known = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
         for name in self.names:
             if name not in known:
                 raise self._wrong("names", "unknown parameter", ", ".join(known), name)
@@ -151,6 +154,9 @@ class Posterior(Value):
         for name, column in zip(self.names, self.draws.T, strict=True):
             if name != LOAD_OFFSET and column.min() < 0:
                 raise self._wrong("draws", f"friction is not negative: {name}", "0 or more", float(column.min()))
+        if LAW in self.names and not np.isin(self.column(LAW), range(len(LAWS))).all():
+            allowed = ", ".join(f"{k} ({law})" for k, law in enumerate(LAWS))
+            raise self._wrong("draws", "not the number of a law", allowed)
 
     @property
     def recordings(self) -> int:
@@ -164,6 +170,13 @@ class Posterior(Value):
     def interval(self, name: str, confidence: float = CONFIDENCE) -> tuple[float, float]:
         """Central interval of one parameter."""
         return interval_of(self.column(name), confidence)
+
+    def law_shares(self, law: str) -> dict[str, float]:
+        """Share of the sets of every law among them, the most first; law: the drive's."""
+        if LAW not in self.names:
+            return {law: 1.0}
+        shares = {name: float(np.mean(self.column(LAW) == k)) for k, name in enumerate(LAWS)}
+        return {name: share for name, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share}
 
     def ripple(self, direction: int) -> Ripple | None:
         """In motion of a direction (±1)."""

@@ -7,6 +7,8 @@ its mean square is largest are then looked at as closely as the robot's own torq
 
 from __future__ import annotations
 
+from itertools import starmap
+
 import numpy as np
 
 from ssm_planner.dynamics.motors import directions, drive_torque
@@ -14,6 +16,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
 from ssm_planner.dynamics.spread import drawn, spread_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import MotorTorque
+from ssm_planner.problem.posterior import LAW, LAWS
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
@@ -43,22 +46,26 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             {case for load in range(len(masses)) for case in motion.worst(i, joint.drive, sets, load)}
         ):
             values = {name: float(column[k]) for name, column in sets.items()}
-            words = ", ".join(f"{name} {value:.4g}" for name, value in values.items()) if limits.friction else ""
+            words = ", ".join(starmap(_said, values.items())) if limits.friction else ""
             payload = f"payload {1e3 * masses[mass]:g} g" if limits.payload else ""
             case = Case(drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (words, payload))))
             found.append(Quantity(joint.limit(MotorTorque), i, case=case))
     return found
 
 
+def _said(name: str, value: float) -> str:
+    return f"{name} {LAWS[int(value)]}" if name == LAW else f"{name} {value:.4g}"
+
+
 def _outermost(sets: dict[str, Array]) -> dict[str, Array]:
     """The sets of parameters (sets,) that no other exceeds in all of them, or none is below in all.
 
-    The torque in the direction of motion grows with every one of them.
+    The torque in the direction of motion grows with every one of them, by one law.
     """
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
     more = np.ones((len(values), len(values)), dtype=bool)
-    for column in values.T:
-        more &= column[:, None] >= column
+    for name, column in zip(sets, values.T, strict=True):
+        more &= column[:, None] == column if name == LAW else column[:, None] >= column
     np.fill_diagonal(more, False)
     outer = values[~more.any(axis=0) | ~more.any(axis=1)]
     return dict(zip(sets, outer.T, strict=True))

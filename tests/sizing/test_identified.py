@@ -15,7 +15,7 @@ from ssm_planner.loading.files import shipped_names
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Stroke
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.posterior import Posterior, Ripple
+from ssm_planner.problem.posterior import LAW, LAWS, Posterior, Ripple
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
@@ -61,9 +61,10 @@ def torque(
     """(n,) motor torque; the static coefficient keeps its ratio to that just after the start."""
     friction, w = drive.friction, drive.ratio * qd
     mu = np.full(len(w), values["mu"])
-    if friction.law != "coulomb":
+    law = LAWS[int(values[LAW])] if LAW in values else friction.law
+    if law != "coulomb":
         x = np.abs(w) / values["stribeck_speed"]
-        mu = mu + values["mu_stribeck"] * (np.exp(-2 * x) if friction.law.endswith("exponential") else np.exp(-(x**2)))
+        mu = mu + values["mu_stribeck"] * (np.exp(-2 * x) if law.endswith("exponential") else np.exp(-(x**2)))
     ratio = friction.mu_static / (friction.mu + friction.mu_stribeck)
     mu = np.where(start, np.maximum(mu, ratio * (values["mu"] + values["mu_stribeck"])), mu)
     effort = rigid + drive.output_inertia * qdd + values["b_oc"] * way + values["b_ov"] * qd
