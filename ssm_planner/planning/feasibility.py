@@ -23,7 +23,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joint_rates, task_from_joints
+from ssm_planner.kinematics.task import joint_rates, task_from_joints, task_of_joints
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase, joint_room, straight_path
 from ssm_planner.planning.reason import Reason
@@ -95,10 +95,11 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
         for i, joint in enumerate(problem.robot.joints):
             tolerance = TOLERANCE * (joint.position[1] - joint.position[0])
             yield joint.limit(JointPosition), f"joint {joint.name} would have to reach", q[:, i], tolerance
-        task = task_from_joints(mechanism, q)
+        wrapped, continuous = task_from_joints(mechanism, q), _continuous(mechanism, phase, q)
         for limit in problem.limits:
             if isinstance(limit, TaskRange):
                 name = limit.coordinate
+                task = wrapped if limit.high - limit.low >= 2 * np.pi else continuous  # out of all else a turn leads
                 yield limit, f"{name} would have to be", task[:, TASK.index(name)], AT_POINTS
 
     for limit, words, values, tolerance in ranges():
@@ -110,6 +111,12 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
             text = f"{words} {value * scale:.6g} {unit}, its range ends at {bound * scale:.6g} {unit} ({where})"
             return Reason(limit, where, value, bound, text)
     return None
+
+
+def _continuous(mechanism: Mechanism, phase: Phase, q: Array) -> Array:
+    """Task coordinates (n, 4) of the joints along a phase, from its start on without wrapping: a whole turn is one."""
+    task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
+    return np.asarray(task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0))
 
 
 def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:

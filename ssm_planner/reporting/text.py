@@ -9,6 +9,8 @@ from itertools import accumulate, zip_longest
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+
 from ssm_planner.display import NOTHING, columns, fixed, number, percent, signed, words
 from ssm_planner.problem.limits import JUMPS, READ_IN, MotorTorque
 from ssm_planner.problem.robot import JOINTS
@@ -133,6 +135,18 @@ def phases_table(plan: Plan) -> Table:
     return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
 
 
+def joints_table(plan: Plan) -> Table:
+    """Where the joints start and end: which of the configurations that reach the points the motion takes."""
+    if plan.trajectory is None:
+        return Table(("joint", "from", "to", "unit"), [], (1, 2))
+    ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
+    rows = []
+    for joint, (start, end) in zip(plan.problem.robot.joints, ends.T, strict=True):
+        unit, scale = shown(joint.unit)
+        rows.append((joint.name, number(scale * start, 5), number(scale * end, 5), unit))
+    return Table(("joint", "from", "to", "unit"), rows, (1, 2))
+
+
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     """What the motion requires of each motor beside the motor file's figures."""
     rows = []
@@ -164,7 +178,7 @@ def summary_lines(plan: Plan) -> list[str]:
         if plan.reason.relaxation:
             lines.append(f"relaxation: {plan.reason.relaxation}")
     limits = () if plan.certificate is None else plan.certificate.limits
-    for table in (phases_table(plan), motors_table(plan.requirements), limits_table(limits)):
+    for table in (phases_table(plan), joints_table(plan), motors_table(plan.requirements), limits_table(limits)):
         lines += ["", *table.lines()] if table.rows else []
     if plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]

@@ -17,6 +17,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.relaxation import Cure, search
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import MotorTorque, TaskRange
@@ -259,6 +260,16 @@ def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(tilt_i
     with pytest.raises(ProblemError, match="the speed of joint tilt grows without bound") as caught:
         plan(problem)
     assert "-139.778 deg to -79.778 deg" in str(caught.value)
+
+
+def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(tilt_insert: Problem) -> None:
+    # joint 1 cannot go on beyond its range, and back it would take the tool around
+    start = Joints((np.radians(294.1), np.radians(73.2), np.radians(39.4), -0.01))
+    target = Free(Task(np.radians(16.7), np.radians(-136.5), np.radians(35.0), 0.01))
+    found = plan_motion(dataclasses.replace(tilt_insert, start=start, motion=(target,)))
+    assert found.reason is not None
+    assert found.reason.limit == next(each for each in tilt_insert.limits if each.name == TaskRange.name_of("roll"))
+    assert found.reason.message.startswith("roll would have to be -343.3 deg, its range ends at -30 deg")
 
 
 def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:

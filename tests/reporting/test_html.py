@@ -27,7 +27,7 @@ from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
 from ssm_planner.reporting.html.panels import active_stretches
 from ssm_planner.reporting.html.report import report_data, write_report
 from ssm_planner.reporting.html.simulation import simulation_data, write_simulation_page
-from ssm_planner.reporting.text import Table
+from ssm_planner.reporting.text import Table, joints_table, summary_lines
 from ssm_planner.simulation.simulate import Scenario, simulate
 from ssm_planner.verification.check import check
 
@@ -54,6 +54,19 @@ class Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     return write_report(load_plan(PLAN), tmp_path_factory.mktemp("page") / "report.html").read_text(encoding="utf-8")
+
+
+def test_page_and_terminal_show_where_the_joints_start_and_end(page: str) -> None:
+    plan = load_plan(PLAN)
+    assert plan.trajectory is not None
+    rows = joints_table(plan).rows
+    ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
+    for k, (row, unit) in enumerate(zip(rows, ("deg", "deg", "deg", "mm"), strict=True)):
+        shown = [float(cell.replace("\u2212", "-")) for cell in row[1:3]]
+        assert shown == pytest.approx(ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3)
+        assert row[3] == unit
+    assert "<h3>Joints at both ends</h3>" in page
+    assert "joint        from" in "\n".join(summary_lines(plan))
 
 
 def stretched(factor: float, **names: str) -> dict[str, Any]:
