@@ -8,12 +8,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses the core
 os.environ["COLUMNS"] = "100"  # what is printed must not depend on the terminal that the tests run in
 
 import pytest
+from hypothesis import settings
 
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
 ROOT = Path(__file__).parent.parent
+
+# The same cases in every run, or a failure would say nothing of the change; HYPOTHESIS_PROFILE=search looks at others.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("search", deadline=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
 @pytest.fixture(scope="session")
