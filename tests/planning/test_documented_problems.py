@@ -33,6 +33,7 @@ def blocks(document: str) -> list[str]:
 @pytest.fixture
 def load(tmp_path: Path) -> Load:
     shutil.copytree(ROOT / "problems", tmp_path / "problems")
+    (tmp_path / "problems/scan.csv").write_text("tilt [deg],depth_mm\n-120,12\n-118,13\n-115,13\n", encoding="utf-8")
 
     def made(text: str) -> Problem:
         """A problem file out of one block: whole, or with what it leaves out."""

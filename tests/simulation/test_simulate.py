@@ -16,8 +16,10 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.formats.epos4 import setpoints
 from ssm_planner.formats.epos4_setup import axes_of
 from ssm_planner.formats.export import export
+from ssm_planner.pipeline import run as pipeline
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
+from ssm_planner.problem.motion import Straight
 from ssm_planner.problem.posterior import Posterior
 from ssm_planner.simulation.arm import ArmSimulation
 from ssm_planner.simulation.cascade import electrics_of
@@ -39,6 +41,13 @@ def plan():
 @pytest.fixture(scope="module")
 def nominal(plan):
     return simulate(plan)
+
+
+@pytest.fixture(scope="module")
+def short(plan):
+    """A plan of half a second, in which every motor moves."""
+    motion = (Straight(roll=0.04, tilt=plan.problem.start.tilt - 0.05, depth=0.003),)
+    return pipeline.plan(replace(plan.problem, motion=motion))
 
 
 def without_controller(loop_period=4e-4):
@@ -276,10 +285,11 @@ def test_the_arm_with_controllers_runs_faster_than_real_time(plan):
     assert min(times) < stage.time[-1] / 20
 
 
-def test_draws_are_what_single_playbacks_are(plan, nominal):
-    frictions, notes = drawn_frictions(plan.robot, 6, 0.15)
+def test_draws_are_what_single_playbacks_are(short):
+    nominal = simulate(short)
+    frictions, notes = drawn_frictions(short.robot, 6, 0.15)
     assert notes == ()
-    stage = _Stage(plan, Scenario(), Controller())
+    stage = _Stage(short, Scenario(), Controller())
     played = stage.play()
     frictions[0] = stage.friction
     found = play_draws(
@@ -299,7 +309,7 @@ def test_draws_are_what_single_playbacks_are(plan, nominal):
     assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["count"] == 6
 
 
-def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan):
+def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan, short):
     drive = plan.robot.joints[0].drive
     sets = np.column_stack([np.linspace(0.12, 0.14, 50), np.full(50, 3e-3)])
     known = replace(drive, friction=replace(drive.friction, posterior=Posterior(("mu", "b_c"), sets)))
@@ -311,6 +321,6 @@ def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan):
     assert [note.split(":")[0] for note in notes] == ["joint tilt", "joint insertion"]
     ratio = drive.friction.mu_static / drive.friction.mu
     np.testing.assert_allclose(frictions[:, FRICTION.index("mu_static")], ratio * mu)
-    assert any("as stated" in note for note in simulate(plan, Scenario(draws=2)).notes)
+    assert any("as stated" in note for note in simulate(short, Scenario(draws=2)).notes)
     with pytest.raises(ProblemError):
         simulate(plan, Scenario(draws=-1))
