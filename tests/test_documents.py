@@ -91,9 +91,13 @@ def test_blocks_of_yaml_can_be_read_and_problems_load(name: str, tmp_path: Path)
                 shutil.copy(catalogue, tmp_path)
             assert load_study(tmp_path / "study.yaml").vary
         elif isinstance(data, dict) and {"start", "limits", "eye"} & set(data):
-            whole = {**yaml.safe_load((ROOT / "problems/tilt_insert.yaml").read_text(encoding="utf-8")), **data}
+            complete = {"robot", "start", "motion"} <= set(data)
+            rest = {} if complete else yaml.safe_load((ROOT / "problems/tilt_insert.yaml").read_text(encoding="utf-8"))
+            whole = {**rest, **data}
+            named = ROOT / "problems/robots" / Path(whole["robot"]).name
             file = tmp_path / f"{k}.yaml"
-            file.write_text(yaml.safe_dump({**whole, "robot": "vitreoretinal"}), encoding="utf-8")
+            robot = named.stem if named.is_file() else "vitreoretinal"
+            file.write_text(yaml.safe_dump({**whole, "robot": robot}), encoding="utf-8")
             load_problem(file)
 
 
