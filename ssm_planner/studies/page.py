@@ -63,7 +63,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         "file": study.file or "FILE",
         "summary": f"{len(rows)} candidates: {listed}. Objectives: {', '.join(map(named, study.minimise))}.",
         "fallen": [
-            {"stage": stage, "count": len(each), "example": each[0].reason}
+            {"stage": stage, "count": len(each), "example": re.sub(r"(?<!\w)-(?=\d)", "−", each[0].reason or "")}
             for stage, each in sorted(stages.items(), key=lambda item: -len(item[1]))
         ],
         "objectives": [title_of(name) for name in study.minimise],

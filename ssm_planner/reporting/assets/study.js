@@ -130,7 +130,7 @@ front.canvas.addEventListener("pointermove", (event) => {
   front.paint();
 });
 
-const stages = [...new Set(data.stage)];
+const stages = [...new Set(data.stage)].sort((a, b) => (b === "done") - (a === "done"));
 const mapAcross = fill("map-across", data.choices, data.choices[0], () => map.paint());
 const mapUp = fill("map-up", data.choices, data.choices[1] ?? data.choices[0], () => map.paint());
 const map = surface("map", (context, width, height) => {
