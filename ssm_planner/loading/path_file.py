@@ -46,7 +46,7 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
     except csv.Error as error:
         raise ProblemError(f"not a table: {error}", file=file, line=rows.line_num) from None
     if len(points) < 2:
-        raise ProblemError(f"{len(points)} points", file=file, allowed="at least two")
+        raise ProblemError("a single point is no path" if points else "no point", file=file, allowed="at least two")
     return Follow(points[-1], tuple(points[:-1]), name, curve="samples", file=str(file), line=line)
 
 

@@ -23,6 +23,7 @@ from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.loading.load import load_robot
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples
@@ -178,6 +179,15 @@ def test_c_equals_python_for_other_drives(robot: Robot, tmp_path: Path) -> None:
     s = states(5000, 2)
     torque = run_all(compiled(tmp_path, other, "-O1"), s)[3]
     close(torque[:, [0, 1, 3]], expected_torque(other, s)[:, [0, 1, 3]])
+
+
+@pytest.mark.parametrize("name", ["raven_like", "direct_drive"])
+def test_c_equals_python_for_drives_with_efficiencies(name: str, tmp_path: Path) -> None:
+    robot = load_robot(Path(__file__).parents[2] / f"problems/robots/{name}.yaml")
+    s = states(5000, 3)
+    torque = run_all(compiled(tmp_path, robot, "-O1"), s)[3]
+    assert np.abs(torque).min(axis=1).max() > 0
+    close(torque, expected_torque(robot, s))
 
 
 def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:

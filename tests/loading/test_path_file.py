@@ -58,7 +58,7 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
         ("tilt [deg]\n-95\n-150\n-96\n", ":3: column tilt = ", "outside the limits of tilt"),
         ("q1_deg,q2_deg,q3_deg,q4_mm\n0,30,0,-5\n0,30,0,5\n", ":3: column q4 = ", "outside the position limits"),
         ("x_mm,y_mm,z_mm,spin_deg\n0,0,-5,0\n0,0,-500,0\n", ":3: column x, y, z = ", "outside the limits of depth"),
-        ("tilt [deg]\n-95\n", ": ", "1 points (allowed: at least two)"),
+        ("tilt [deg]\n-95\n", ": ", "a single point is no path (allowed: at least two)"),
         ("", ":1: ", "the file is empty"),
     ],
 )
