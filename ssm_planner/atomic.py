@@ -21,7 +21,8 @@ HELD = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") i
 LONGEST_STEM = 60
 SWEPT_AFTER = 60.0
 """Age of a forgotten temporary folder from which on it is removed, s."""
-_stages: set[Path] = set()
+_temporaries: set[Path] = set()
+"""Temporary files and folders of this process that have not been removed yet."""
 written: list[Path] = []
 """What this process has put in place, in order: what an interruption leaves is said from it."""
 
@@ -36,10 +37,11 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = None
     try:
         target = destination(path)
-        whole = not any(target.is_relative_to(stage) for stage in _stages)  # else it is put in place with its folder
+        whole = not any(target.is_relative_to(stage) for stage in _temporaries)  # else put in place with its folder
         target.parent.mkdir(parents=True, exist_ok=True)
         # no file is created ahead: whoever writes it gives it the permissions that the umask leaves
         temporary = target.with_name(f".{target.stem[:LONGEST_STEM]}-{secrets.token_hex(6)}{target.suffix}")
+        _temporaries.add(temporary)
         yield temporary
         if not whole:
             temporary.replace(target)
@@ -54,6 +56,7 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+            _temporaries.discard(temporary)
 
 
 @contextmanager
@@ -66,8 +69,8 @@ def staging(folder: Path) -> Iterator[Path]:
         parent.mkdir(parents=True, exist_ok=True)
         _sweep(parent, stem)
         temporary = parent / (stem + secrets.token_hex(6))
+        _temporaries.add(temporary)
         temporary.mkdir()
-        _stages.add(temporary)
         with locked(temporary):
             yield temporary
     except OSError as error:
@@ -75,7 +78,18 @@ def staging(folder: Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
-            _stages.discard(temporary)
+            _temporaries.discard(temporary)
+
+
+def remove_temporaries() -> None:
+    """Remove what is left of this process where an interruption came while it was being removed; call at the very end."""
+    for path in list(_temporaries):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        _temporaries.discard(path)
 
 
 def _sweep(parent: Path, stem: str) -> None:
@@ -153,10 +167,10 @@ def held_signals() -> Iterator[None]:
     def note(number: int, _: FrameType | None) -> None:
         arrived.append(number)
 
-    for number, handler in before.items():
-        if callable(handler):  # what ends the process at once cannot be put off
-            signal.signal(number, note)
     try:
+        for number, handler in before.items():
+            if callable(handler):  # what ends the process at once cannot be put off
+                signal.signal(number, note)
         yield
     finally:
         for number, handler in before.items():

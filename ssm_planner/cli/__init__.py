@@ -147,6 +147,8 @@ def _interrupted(signals: _Signals) -> int:
     exec("")  # CPython remembers an interruption within exec(), and would end by SIGINT; the next exec() forgets it
     atomic = sys.modules.get("ssm_planner.atomic")
     written = [str(path) for path in atomic.written] if atomic is not None else []
+    if atomic is not None and signals.for_good:
+        atomic.remove_temporaries()
     left = f"written whole before that: {', '.join(written)}" if written else "earlier results are untouched"
     term = signals.arrived is not None and signals.arrived != signal.SIGINT
     print(f"\nssm-planner: {'ended from outside' if term else 'interrupted'}; {left}", file=sys.stderr)

@@ -333,3 +333,34 @@ sys.exit(cli.main())
     assert done.returncode == status, done.stderr
     assert done.stderr.endswith("earlier results are untouched\n")
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+@pytest.mark.parametrize("command", [["export", "--to", "ros2"], ["report"], ["export", "--to", "csv"]], ids=" ".join)
+def test_a_signal_while_temporary_files_are_removed_leaves_none(
+    command: list[str], name: str, status: int, tmp_path: Path
+) -> None:
+    (tmp_path / "begun.py").write_text(f"""
+import pathlib, shutil, signal, sys
+from ssm_planner import cli
+def interrupted(remove, first=[]):
+    def removed(path, *words, **options):
+        if "/.out" in str(path) and not first:
+            first.append(path)
+            signal.raise_signal(signal.{name})
+        remove(path, *words, **options)
+    return removed
+shutil.rmtree = interrupted(shutil.rmtree)
+pathlib.Path.unlink = interrupted(pathlib.Path.unlink)
+sys.exit(cli.main())
+""")
+    (tmp_path / "out").mkdir()
+    out = tmp_path / "out" if "ros2" in command else tmp_path / "out" / f"out.{'csv' if 'csv' in command else 'html'}"
+    words = [command[0], str(ROOT / "results/tilt_insert"), *command[1:], "-o", str(out)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    done = subprocess.run(
+        [sys.executable, "-m", "begun", *words], capture_output=True, text=True, env=environment, timeout=60
+    )
+    assert done.returncode == status, done.stderr
+    assert "written whole before that" in done.stderr
+    assert not list(tmp_path.rglob(".out-*"))
