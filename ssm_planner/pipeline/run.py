@@ -79,9 +79,7 @@ def _plan(
 ) -> Plan:
     begin = time.perf_counter()
     # what gives cures is the motion that runs too warm: where none are asked for, none is planned
-    hot = None if relaxations else hopelessly_hot(problem)
-    outcome: Outcome = (PlannerResult("infeasible", None, (), hot), None, hot)
-    planned, certificate, reason = _attempt(problem, progress, found) if hot is None else outcome
+    planned, certificate, reason = _attempt(problem, progress, found, warm=relaxations)
     if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
@@ -213,9 +211,14 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
     )
 
 
-def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory], None]) -> Outcome:
-    """Plan, check, and where a motor gets too hot trade time for heat; the reason where there is no certified motion."""
-    outcome = _tightened(problem, progress, found)
+def _attempt(
+    problem: Problem, progress: Progress, found: Callable[[Trajectory], None], *, warm: bool = True
+) -> Outcome:
+    """Plan, check, and where a motor gets too hot trade time for heat; the reason where there is no certified motion.
+
+    warm: plan a motion even where no motion is cool enough.
+    """
+    outcome = _tightened(problem, progress, found, warm=warm)
     if not _excess(outcome) or hopelessly_hot(problem) is not None:
         return outcome
     progress("slowing down, for a motor gets too hot")
@@ -223,12 +226,17 @@ def _attempt(problem: Problem, progress: Progress, found: Callable[[Trajectory],
 
 
 def _tightened(
-    problem: Problem, progress: Progress, found: Callable[[Trajectory], None], cooling: Array | None = None
+    problem: Problem,
+    progress: Progress,
+    found: Callable[[Trajectory], None],
+    cooling: Array | None = None,
+    *,
+    warm: bool = True,
 ) -> Outcome:
     """Plan and check, tightening what is exceeded."""
     strict = problem
     for attempt in range(1, ATTEMPTS + 1):
-        planned = plan_motion(replace(strict, robot=problem.robot), strict.robot, progress, cooling)
+        planned = plan_motion(unchecked(strict, robot=problem.robot), strict.robot, progress, cooling, warm=warm)
         if planned.trajectory is None:
             return planned, None, planned.reason
         found(planned.trajectory)

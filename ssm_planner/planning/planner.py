@@ -93,20 +93,24 @@ def plan_motion(
     strict: Robot | None = None,
     progress: Callable[[str], None] = lambda _: None,
     cooling: Array | None = None,
+    *,
+    warm: bool = True,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
-    spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`.
+    spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
-    problem = unchecked(problem, robot=robot)
+    stated, problem = problem, unchecked(problem, robot=robot)
     planner = _PhasePlanner(
         problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest), cooling
     )
     phases, reason = feasible_phases(problem, mechanism)
+    if reason is None and not warm:
+        reason = motor_too_hot(stated, phases)
     if reason is None and problem.duration is not None:
         phases, reason = _with_durations(phases, problem.duration, planner, progress)
     if reason is not None:

@@ -18,9 +18,14 @@ from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import Interval, Names, Positive, built, check_mapping, converted, wrong
 
+PRIMITIVE = {type(None), bool, int, float, str}
+"""What most fields hold, and JSON as it is."""
+
 
 def plain(value: Any) -> Any:
     """Dataclasses, arrays and mappings as JSON types; limits by the names of what they limit."""
+    if type(value) in PRIMITIVE:
+        return value
     if isinstance(value, Robot):
         fields = {**_fields(value), "limits": plain(value.ranges)}
         del fields["corners"], fields["lightest"]  # of a planner's making

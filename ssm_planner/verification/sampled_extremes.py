@@ -128,14 +128,20 @@ class SampledExtremes:
 
     def _sample(self, pieces: Pieces, at: Intervals) -> Array:
         """Values (4, n, k) at the instants of n intervals; the worst of them are kept."""
-        s = np.minimum(at.begin + INSTANTS * at.width, 1.0)
-        q, qd, qdd = (x.reshape(-1, 4) for x in pieces.at(at.piece, s))
-        direction = np.tile(at.direction, (4, 1))
+        last = np.flatnonzero(~at.joined)
+        s, end = at.begin + INSTANTS[:3] * at.width, np.minimum(at.begin[last] + at.width[last], 1.0)
+        behind = pieces.at(at.piece[last], end)
+        inner = pieces.at(at.piece, s)
+        q, qd, qdd = (_stacked(x.reshape(-1, 4), more) for x, more in zip(inner, behind, strict=True))
+        direction = _stacked(at.direction, at.direction, at.direction, at.direction[last])
         static = np.zeros_like(direction)
         static[: len(at.piece)] = at.starting
-        values = self.evaluate((q, qd, qdd), direction, static)
-        self._keep_worst(values, pieces.time(at.piece, s).ravel())
-        return values.reshape(4, len(at.piece), -1)
+        found = self.evaluate((q, qd, qdd), direction, static)
+        self._keep_worst(found, np.append(pieces.time(at.piece, s), pieces.time(at.piece[last], end)))
+        values = np.empty((found.shape[1], 4, len(at.piece))).transpose(1, 2, 0)
+        values[:3] = found[: s.size].reshape(3, len(at.piece), -1)
+        values[3, :-1], values[3, last] = values[0, 1:], found[s.size :]
+        return values
 
     def _suspicious(self, pieces: Pieces, slopes: Array, certain: Mask) -> Mask:
         """(m,): pieces that may hold something worse than what is known, or friction at rest.
@@ -162,6 +168,11 @@ class SampledExtremes:
         """(n,): by how much some quantity between these bounds (n, k) may exceed the worst known."""
         bounds = zip(self.worst, lowest.T, highest.T, strict=True)
         return np.max([w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0)
+
+
+def _stacked(*parts: Array) -> Array:
+    """Rows (n, 4) one below the other, each column's values together in memory."""
+    return np.concatenate([part.T for part in parts], axis=1).T
 
 
 def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
@@ -193,6 +204,8 @@ class Intervals:
     """(n, 4): in which the joints move; 0: they stand."""
     starting: Mask
     """(n, 4): the joint starts from rest where the interval begins, so that friction there is static."""
+    joined: Mask
+    """(n,): the interval ends where the next one begins, so that both have one value there."""
 
     @classmethod
     def of_segments(
@@ -208,7 +221,12 @@ class Intervals:
         part = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         width = ((end - begin) / counts)[of]
         return cls(
-            piece[of], begin[of] + part * width, width, direction[of], starting=starting[of] & (part == 0)[:, None]
+            piece[of],
+            begin[of] + part * width,
+            width,
+            direction[of],
+            starting=starting[of] & (part == 0)[:, None],
+            joined=np.append(of[1:] == of[:-1], False),
         )
 
     def halves(self, chosen: Indices) -> Intervals:
@@ -217,7 +235,8 @@ class Intervals:
         width, begin, starting = self.width[twice] / 2, self.begin[twice], self.starting[twice]
         begin[1::2] += width[1::2]
         starting[1::2] = False
-        return Intervals(self.piece[twice], begin, width, self.direction[twice], starting)
+        joined = np.arange(len(twice)) % 2 == 0
+        return Intervals(self.piece[twice], begin, width, self.direction[twice], starting=starting, joined=joined)
 
 
 class RmsTorques:
@@ -240,7 +259,7 @@ class RmsTorques:
         for i, (column, joint) in enumerate(zip(self.columns, self.joints, strict=True)):
             square = values[:, :, column] ** 2
             mean = np.where(starting[:, joint], WITHOUT_FIRST @ square, FOUR_EIGHTHS @ square)
-            self.integrals[i] += mean @ duration
+            self.integrals[i] += (mean * duration).sum()
 
     def add_middles(self, values: Array, duration: Array) -> None:
         """n short pieces with values (n, k) at their middle and durations (n,)."""
