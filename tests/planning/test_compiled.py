@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.codegen import library
 from ssm_planner.planning.ocp import compiled
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.retiming import reachability
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 
@@ -31,6 +33,8 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix"
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.FunctionStore]:
     monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(reachability, "PASSES", library.Compiled("", "none"))
+    monkeypatch.setattr(reachability.PASSES, "note_time", lambda _: None)
     forget_solutions()
     fresh = compiled.FunctionStore()
     used(fresh, monkeypatch)
@@ -67,7 +71,7 @@ def test_the_same_plan_to_the_last_bit(
 def test_what_has_not_taken_long_is_not_compiled(
     tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled, "LONG", np.inf)
+    monkeypatch.setattr(library, "LONG", np.inf)
     plan_motion(tilt_insert)
     assert not (tmp_path / "ssm_planner").exists()
 
@@ -76,7 +80,7 @@ def test_what_has_not_taken_long_is_not_compiled(
 def test_what_has_taken_long_is_compiled_for_the_next_process(
     planner: Any, tilt_insert: Problem, store: compiled.FunctionStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled, "LONG", 1e-6)
+    monkeypatch.setattr(library, "LONG", 1e-6)
     problem = unchecked(tilt_insert, planner=planner)
     plan_motion(problem)
     store.wait()
@@ -91,7 +95,7 @@ def test_what_has_taken_long_is_compiled_for_the_next_process(
 def test_only_the_libraries_used_last_are_kept(
     tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled, "KEPT_FILES", 3)
+    monkeypatch.setattr(library, "KEPT_FILES", 3)
     folder = tmp_path / "ssm_planner"
     folder.mkdir(mode=0o700)
     for k in range(5):
@@ -127,13 +131,13 @@ SPOILT: dict[str, Callable[[Path], object]] = {
 def test_a_library_that_is_not_whole_or_not_the_users_is_not_loaded(
     fault: str, tilt_insert: Problem, store: compiled.FunctionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled, "LONG", np.inf)
+    monkeypatch.setattr(library, "LONG", np.inf)
     plan_motion(tilt_insert)
     store.compile_all()
     libraries = list((tmp_path / "ssm_planner").glob("*.so"))
     assert libraries
-    for library in libraries:
-        SPOILT[fault](library)
+    for path in libraries:
+        SPOILT[fault](path)
     later = compiled.FunctionStore()
     monkeypatch.setattr("ssm_planner.planning.ocp.transcription.function_store", later)
     forget_solutions()
@@ -147,8 +151,8 @@ def test_a_folder_that_cannot_be_written_does_not_matter(
     def full(**_: object) -> str:
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(compiled.tempfile, "mkdtemp", full)
-    monkeypatch.setattr(compiled, "LONG", 0.0)
+    monkeypatch.setattr(library.tempfile, "mkdtemp", full)
+    monkeypatch.setattr(library, "LONG", 0.0)
     assert plan_motion(tilt_insert).trajectory is not None
     store.compile_all()
     assert not any(entry.compiled for entry in store._entries.values())
@@ -161,8 +165,8 @@ def test_a_user_without_a_home_has_no_folder(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(os, "getuid", lambda: 2**31 - 2)
     with pytest.raises(RuntimeError):
         Path.home()
-    assert compiled.cache() is None
-    assert compiled.filled_cache() is None
+    assert library.cache() is None
+    assert library.filled_cache() is None
 
 
 def test_a_compiler_that_fails_is_asked_once(
@@ -194,10 +198,11 @@ def children(pid: int) -> set[int]:
 
 HANGING = """
     import sys, time
+    from ssm_planner.codegen import library
     from ssm_planner.loading.load import load_problem
     from ssm_planner.planning.ocp import compiled
     from ssm_planner.planning.planner import plan_motion
-    compiled.LONG, compiled.PATIENCE = 0.0, float(sys.argv[2])
+    library.LONG, library.PATIENCE = 0.0, float(sys.argv[2])
     plan_motion(load_problem(sys.argv[1]))
     print("planned", flush=True)
     compiled.function_store.wait()
@@ -244,11 +249,11 @@ def test_a_folder_that_others_can_write_is_not_used(
     folder = tmp_path / "ssm_planner"
     folder.mkdir()
     folder.chmod(0o777)
-    assert compiled.cache() is None
+    assert library.cache() is None
     folder.chmod(0o700)
-    assert compiled.cache() == folder
+    assert library.cache() == folder
 
 
 def test_it_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, store: compiled.FunctionStore) -> None:
     monkeypatch.setenv("SSM_PLANNER_COMPILE", "0")
-    assert compiled.cache() is None
+    assert library.cache() is None

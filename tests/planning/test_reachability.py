@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from ssm_planner.codegen.library import Compiled
+from ssm_planner.planning.retiming import reachability
 from ssm_planner.planning.retiming.constraints import LinearConstraints
 from ssm_planner.planning.retiming.reachability import fastest
 from ssm_planner.typing import Array
@@ -62,13 +68,36 @@ def duration(grid: Array, speed_squared: Array) -> float:
     return float((2 * np.diff(grid) / (speed[1:] + speed[:-1])).sum())
 
 
-@pytest.mark.parametrize("seed", range(60))
-def test_as_fast_as_toppra_and_within_the_rows(seed: int) -> None:
+def random_case(seed: int) -> tuple[Array, LinearConstraints, tuple[float, float]]:
     rng = np.random.default_rng(seed)
     grid = np.sort(np.concatenate([[0.0, 1.0], rng.uniform(0, 1, POINTS - 2)]))
     rows = random_rows(rng, grid, viscous=seed % 3 == 0)
-    speeds = (0.0, 0.0) if seed % 2 else tuple(np.sqrt(rows.ceiling[[0, -1]]) * rng.uniform(0, 0.5, 2))
-    mine, other = fastest(grid, rows, (speeds[0], speeds[1])), by_toppra(grid, rows, (speeds[0], speeds[1]))
+    first, last = (0.0, 0.0) if seed % 2 else np.sqrt(rows.ceiling[[0, -1]]) * rng.uniform(0, 0.5, 2)
+    return grid, rows, (float(first), float(last))
+
+
+@pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
+def test_in_c_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSM_PLANNER_COMPILE", "0")
+    monkeypatch.setattr(reachability, "PASSES", Compiled(reachability.PASSES.text, reachability.PASSES.name))
+    cases = [random_case(seed) for seed in range(200)]
+    interpreted = [fastest(*case) for case in cases]
+    assert any(each is None for each in interpreted)
+    monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    reachability.PASSES.compile()
+    reachability.PASSES.wait()
+    assert reachability.PASSES.function is not None
+    for case, before in zip(cases, interpreted, strict=True):
+        after = fastest(*case)
+        assert (after is None) == (before is None)
+        assert before is None or np.array_equal(after, before)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_as_fast_as_toppra_and_within_the_rows(seed: int) -> None:
+    grid, rows, speeds = random_case(seed)
+    mine, other = fastest(grid, rows, speeds), by_toppra(grid, rows, speeds)
     assert (mine is None) == (other is None)
     if mine is None or other is None:
         return

@@ -12,8 +12,8 @@ Backward pass: the controllable ṡ² at s_i, from which a motion within the row
 
 A line of (1) that bounds x from above in (2) makes hi_i a line in hi_{i+1}, or in lo_{i+1}: hi is a recurrence
 y_{i+1} = min_k (v_k + s_k y_i), and so are −lo, and in the forward pass x_{i+1} = min(U_i(x_i), hi_{i+1}). All i are solved
-together: at the present values one line of each is active, with which the recurrence is linear; where the active lines stay,
-it is exact.
+together: at the present values one line of each is active, with which the recurrence is linear; where the values stay, they
+are what taking one interval after the other gives, as reachability.c does, where there is a compiler.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis, IEEE
 T-RO 34(3), 2018, §III, with rows at both ends of every interval (its interpolation scheme); R. Howard, Dynamic Programming
@@ -22,21 +22,34 @@ and Markov Processes, 1960 (policy iteration).
 
 from __future__ import annotations
 
+import ctypes
+import time
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ssm_planner.codegen.library import Compiled
 from ssm_planner.planning.retiming.constraints import LinearConstraints
 from ssm_planner.typing import Array, Mask
 
 LEVEL = 1e-10
 """A row whose q is smaller than this share of its p bounds x alone."""
-STEPS, TURNS = 15, 10
-"""Of the iterations over all intervals before they are taken one by one; of lo and hi in turns."""
+STEPS, NEWTON = 15, 150
+"""Of the iterations over all intervals before they are taken one by one; of Newton's method for the bounds of an interval."""
 SETTLED = 1e-12
-"""Relative change of every ṡ² at which the active lines have settled."""
+"""Relative distance below 0 at which two lines of an interval count as meeting."""
 ROUNDING = 1e-9
 """Share by which bounds may cross, and a speed asked for at an end may lie outside what is controllable."""
+
+_CONSTANTS = {"LEVEL": LEVEL, "SETTLED": SETTLED, "ROUNDING": ROUNDING, "NEWTON": NEWTON}
+PASSES = Compiled(
+    "".join(f"#define {name} {value!r}\n" for name, value in _CONSTANTS.items())
+    + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"),
+    "ssm_fastest",
+)
+"""`fastest` in C."""
 
 Lines = tuple[Array, Array]
 """Values at 0 and slopes, (n, lines) each; a line that is none has an infinite value and no slope."""
@@ -45,6 +58,29 @@ Lines = tuple[Array, Array]
 def fastest(grid: Array, rows: LinearConstraints, speeds: tuple[float, float]) -> Array | None:
     """The largest ṡ² (n + 1,) on a grid (n + 1,) that keeps rows without k, from and to the given ṡ; None without one."""
     start, end = (speed**2 for speed in speeds)
+    compiled = PASSES.function
+    if compiled is not None:
+        return _fastest_compiled(compiled, grid, rows, (start, end))
+    begin = time.perf_counter()
+    found = _fastest(grid, rows, (start, end))
+    PASSES.note_time(time.perf_counter() - begin)
+    return found
+
+
+def _fastest_compiled(
+    function: Any, grid: Array, rows: LinearConstraints, squares: tuple[float, float]
+) -> Array | None:
+    n, m = len(grid) - 1, rows.a.shape[1]
+    found, work = np.empty(n + 1), np.empty(8 * m + 2 * (n + 1) + 4 * m * n)
+    given = [np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)]
+    pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*given, found, work)]
+    sizes, ends = map(ctypes.c_long, (n, m)), map(ctypes.c_double, squares)
+    return found if function(*sizes, *pointers[:5], *ends, *pointers[5:]) else None
+
+
+def _fastest(grid: Array, rows: LinearConstraints, squares: tuple[float, float]) -> Array | None:
+    """The same from and to the given ṡ², by NumPy."""
+    start, end = squares
     intervals = _Intervals.of(grid, rows)
     found = intervals.controllable(end)
     if found is None or not (1 - ROUNDING) * found[0][0] <= start <= (1 + ROUNDING) * found[1][0]:
@@ -89,7 +125,7 @@ class _Intervals:
         rising, falling = _solved(lower, lower[1] > 0, np.inf), _solved(upper, upper[1] < 0, np.inf)
         gaining, losing = _solved(upper, upper[1] > 0, -np.inf), _solved(lower, lower[1] < 0, -np.inf)
         low = np.append(least, end)
-        for _ in range(TURNS):
+        for _ in range(len(low) + 1):
             bound = np.minimum(most, _at(falling, low[1:]).min(axis=1, initial=np.inf))
             high = _recurrence(end, _reversed(rising), bound[::-1])[::-1]
             bound = np.maximum(least, _at(losing, high[1:]).max(axis=1, initial=-np.inf))
@@ -107,7 +143,7 @@ class _Intervals:
         for sign, x in ((-1, self.most.copy()), (1, self.least.copy())):
             if not np.isfinite(x).all():
                 return None
-            for _ in range(STEPS * TURNS):
+            for _ in range(NEWTON):
                 (upper, rise), (lower, fall) = _active(self.upper, x[:-1]), _active(self.lower, x[:-1], -1)
                 upper, lower, slope = upper + rise * x[:-1], lower + fall * x[:-1], rise - fall
                 open_ = upper - lower < -SETTLED * (np.abs(upper) + np.abs(lower))
@@ -132,7 +168,7 @@ def _recurrence(first: float, lines: Lines, most: Array) -> Array:
                 last = bound
             found.append(last)
         y = np.array(found)
-        if (np.abs(y - before) <= SETTLED * (np.abs(y) + SETTLED * np.abs(y).max())).all():
+        if np.array_equal(y, before):
             return y
     found = [first]
     for values, slopes, bound in zip(*lines, most.tolist(), strict=True):
