@@ -81,9 +81,13 @@ class PhaseSummary:
     branch: int | None
     """Of the inverse kinematics, ±1; None for a phase without a path of its own."""
     iterations: int
-    """Of the solver."""
+    """Of the solvers."""
     solver: str = "Ipopt"
     """That found the motion: "Ipopt", "structured" (`planner: fast`), "TOPP-RA"; "" where the arm stands."""
+    confirmation_iterations: int | None = None
+    """In which Ipopt confirmed what the structured solver found; None where either solved alone."""
+    confirmation_difference: float | None = None
+    """Ipopt's duration of the fastest motion over the structured solver's, less 1; the shorter motion is taken."""
 
     @property
     def disagreement(self) -> str | None:
@@ -183,6 +187,18 @@ class Plan:
         known = [duration for duration in durations if duration is not None]
         whole = self.trajectory is not None and 0 < len(known) == len(durations)
         return float(sum(known)) if whole else None
+
+    @property
+    def confirmation(self) -> tuple[int, float] | None:
+        """Ipopt's iterations in the phases in which it confirmed the structured solver, and the largest difference."""
+        found = [
+            (phase.confirmation_iterations or 0, phase.confirmation_difference)
+            for phase in self.phases
+            if phase.confirmation_difference is not None
+        ]
+        if not found:
+            return None
+        return sum(iterations for iterations, _ in found), max((difference for _, difference in found), key=abs)
 
     @property
     def lower_bound(self) -> float | None:

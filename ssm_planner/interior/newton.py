@@ -41,11 +41,14 @@ class Factors:
     schur: Array
 
     def solve(self, right: Array) -> Array:
-        """[dc, dT, dν] of the right-hand side."""
+        """[dc, dT, dν] of the right-hand side; not numbers where the system is singular."""
         size = len(self.border)
         inner = _solved(self.band, right[:size])
         rest = right[size:] - self.border.T @ inner
-        outer = rest / self.schur[0] if len(rest) == 1 else np.linalg.solve(self.schur, rest)
+        try:
+            outer = rest / self.schur[0] if len(rest) == 1 else np.linalg.solve(self.schur, rest)
+        except np.linalg.LinAlgError:
+            outer = np.full(len(rest), np.nan)
         return np.concatenate([inner - self.solved_border @ outer, outer])
 
 

@@ -197,7 +197,7 @@ def _nominal(problem: Problem, progress: Progress) -> float | None:
 
 
 def _summary(planned: PlannedPhase) -> PhaseSummary:
-    phase = planned.phase
+    phase, confirmation = planned.phase, planned.motion.confirmation
     return PhaseSummary(
         name=phase.motion.name,
         duration=planned.duration,
@@ -208,6 +208,8 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
         branch=phase.branch,
         iterations=planned.motion.iterations,
         solver=planned.motion.solver,
+        confirmation_iterations=None if confirmation is None else confirmation.iterations,
+        confirmation_difference=None if confirmation is None else confirmation.difference,
     )
 
 

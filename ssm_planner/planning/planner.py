@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,9 +23,9 @@ from ssm_planner.planning.feasibility import (
     with_boundary_rates,
 )
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
-from ssm_planner.planning.ocp.constraints import with_margin
+from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
 from ssm_planner.planning.ocp.free import solve_free
-from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.nlp import Method, PhaseSolution
 from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
 from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
@@ -40,8 +41,12 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.typing import Array
 
+METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
+"""By planner."""
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
+LONGER_THAN_TOPPRA = 1.003
+"""Times TOPP-RA's duration, beyond which a motion of the structured solver is planned by Ipopt alone too."""
 FAR = 1.001
 """TOPP-RA's duration in that of the motion beyond which it is worked out along the motion too."""
 SHORTER = 1e-5
@@ -206,10 +211,19 @@ class _PhasePlanner:
         phase, guess, motion = planned.phase, planned.toppra_duration, planned.motion
         if phase.stands or phase.motion.duration is not None:
             return planned
-        if phase.path is not None and (guess is None or guess <= FAR * motion.duration):
+        if phase.path is None or not (guess is None or guess <= FAR * motion.duration):
+            again = retime_motion(self._way(phase, motion), self.problem.robot, self.problem.task_limits)
+            planned = replace(planned, toppra_duration=again.duration if again.converged else None)
+        reached = planned.toppra_duration
+        if motion.confirmation is None or reached is None or motion.duration <= LONGER_THAN_TOPPRA * reached:
             return planned
-        again = retime_motion(self._way(phase, motion), self.problem.robot, self.problem.task_limits)
-        return replace(planned, toppra_duration=again.duration if again.converged else None)
+        if limits_jerk(self.problem.robot):  # of which TOPP-RA knows nothing
+            return planned
+        by_ipopt = replace(self, problem=unchecked(self.problem, planner="ipopt"))
+        alone = by_ipopt.plan(phase)
+        if isinstance(alone, Reason) or alone.duration >= motion.duration:
+            return planned
+        return by_ipopt.cross_checked(alone)
 
     def _way(self, phase: Phase, motion: PhaseSolution) -> MotionPath:
         """The path that a motion of the phase takes."""
@@ -259,7 +273,8 @@ class _PhasePlanner:
             # a motor that barely starts creeps over TOPP-RA's first interval, where a real one breaks away at a point
             kinetic = self._retime(path, problem.robot, speeds, static=False)
             guess = kinetic if kinetic.solved else retiming
-        motion = solve_straight(
+        solve = partial(
+            solve_straight,
             problem.robot,
             path,
             guess,
@@ -269,9 +284,14 @@ class _PhasePlanner:
             objective=problem.objective,
             duration=asked,
             speeds=speeds,
-            fast=problem.planner == "fast",
         )
+        motion = self._solved(solve)
         return self._planned(phase, path, motion, None if asked else retiming.duration)
+
+    def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
+        """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
+        found = solve(method=METHODS[self.problem.planner])
+        return solve(method="Ipopt") if not found.solved and found.solver == "structured" else found
 
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
@@ -371,7 +391,8 @@ class _PhasePlanner:
         reason = None if moving else motor_too_weak(self.problem, phase, direct)
         if reason is not None:
             return reason
-        motion = solve_free(
+        solve = partial(
+            solve_free,
             self.problem,
             self.mechanism,
             phase.points,
@@ -379,9 +400,9 @@ class _PhasePlanner:
             cooling=self.cooling,
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
-            fast=self.problem.planner == "fast",
             pull=phase.qdd_start,
         )
+        motion = self._solved(solve)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:

@@ -167,7 +167,7 @@ class TaskLimits(Limited):
 
 
 Objective = Literal["time", "time then heat", "effort"]
-Planner = Literal["optimal", "fast", "toppra"]
+Planner = Literal["optimal", "fast", "ipopt", "toppra"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +200,9 @@ class Problem(Value, Limited):
     duty: Annotated[NotNegative, Quantity("time")] | None = 0.0
     """Pause before the motion repeats, in which motors cool, s. Done once (None), continuous torque is no limit."""
     planner: Planner = "optimal"
-    """"optimal": by Ipopt. "fast": the same optimal control problems by the structured solver, Ipopt where that does not
-    converge. "toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
+    """"optimal": by the structured solver, whose optimum Ipopt confirms; by Ipopt alone where there is none to confirm.
+    "fast": the same optimal control problems by the structured solver, Ipopt where that does not converge. "ipopt": by
+    Ipopt alone. "toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
     friction: Positive | None = None
     """Share of what is known of the drives' friction within which motor torques hold, as 0.95; None: friction as stated."""
     payload: Interval | None = None

@@ -31,6 +31,8 @@ ANSWERS = {True: "yes", False: "no", None: "not known"}
 LOUD = {**ANSWERS, False: "NO"}
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 KELVIN = 273.15
+AGREES_IPOPT = 1e-6
+"""Share within which Ipopt's duration is the structured solver's."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,19 @@ def solvers(plan: Plan) -> str:
     return "Ipopt" if len(by_ipopt) == len(plan.phases) else f"structured; Ipopt in {', '.join(by_ipopt)}"
 
 
+def confirmation(plan: Plan) -> tuple[str, str]:
+    """Ipopt's iterations from the structured solver's motions, and how both durations agree; "" where either solved alone."""
+    if plan.confirmation is None:
+        return "", ""
+    iterations, difference = plan.confirmation
+    apart = f"{abs(difference):.0e}"
+    agreement = f"durations agree within {apart}"
+    if abs(difference) > AGREES_IPOPT:
+        agreement = f"durations differ by up to {apart}: the shorter motion is taken"
+    alone = [phase.name for phase in plan.phases if phase.solver == "Ipopt" and phase.confirmation_iterations is None]
+    return f"{iterations} iterations", agreement + (f"; Ipopt alone in {', '.join(alone)}" if alone else "")
+
+
 def range_lines(plan: Plan) -> list[str]:
     """What a range of friction and payload costs, and where in it each motor has most to do."""
     friction, payload = plan.problem.friction, plan.problem.payload
@@ -229,6 +244,9 @@ def verdicts(plan: Plan) -> list[str]:
         lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
     if plan.problem.planner == "fast" and plan.phases:
         lines.append(f"solver       {solvers(plan)}")
+    iterations, agreement = confirmation(plan)
+    if iterations:
+        lines.append(f"cross-check  Ipopt confirms the structured solver's motion in {iterations}: {agreement}")
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
         lines += [f"{verb:<12} at {rate_words(rates)}, as declared"] if any(rates.values()) else []
     lines += range_lines(plan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -99,8 +100,10 @@ class Way:
 def problems(motion: str) -> list[Problem]:
     """The problem of every change; the first is solved first."""
     if motion.startswith("straight"):
-        return [straight_problem(change, WEAK if "weak" in motion else 1.0) for change in STRAIGHT]
-    return [free_problem(change, FREE_WEAK) for change in FREE]
+        found = [straight_problem(change, WEAK if "weak" in motion else 1.0) for change in STRAIGHT]
+    else:
+        found = [free_problem(change, FREE_WEAK) for change in FREE]
+    return [dataclasses.replace(problem, planner="ipopt") for problem in found]
 
 
 def make(name: str, motion: str) -> Way:

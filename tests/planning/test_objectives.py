@@ -152,8 +152,8 @@ def test_without_the_least_effort_any_motion_that_takes_as_long_does(
 ) -> None:
     solve = Transcription.solve
 
-    def no_effort(self: Transcription, *arguments: Any) -> Any:
-        answer = solve(self, *arguments)
+    def no_effort(self: Transcription, *arguments: Any, **named: Any) -> Any:
+        answer = solve(self, *arguments, **named)
         return (
             dataclasses.replace(answer, message="Maximum_Iterations_Exceeded")
             if self.element.aim == "effort"

@@ -33,6 +33,7 @@ from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
+    Method,
     NlpData,
     NlpSolution,
     NlpStructure,
@@ -52,6 +53,8 @@ from ssm_planner.typing import Array, Indices, Mask
 
 ELEMENTS, ONE_TIME_ELEMENTS = 40, 64
 """Of a motion; of one with one time for all elements, for they cannot move to where they are needed."""
+PASSING_ELEMENTS, JERK_FINER = 48, 1.25
+"""Of one with a time for each way between two points; times as many where jerk is limited."""
 STRETCHED = 1.2
 """Times of such a guess, which then is off its bounds."""
 SHORTEST_PASSING = 0.01
@@ -82,12 +85,12 @@ def solve_free(
     duration: float | None = None,
     speeds: tuple[Array, Array] | None = None,
     count: int | None = None,
-    fast: bool = False,
+    method: Method = "Ipopt",
     pull: Array | None = None,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
-    strict, cooling, fast: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
+    strict, cooling, method: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     pull: q̈ (4,) at the start where jerk is limited, 0 by default.
     """
     robot = problem.robot
@@ -102,7 +105,11 @@ def solve_free(
     at_port = problem.eye is not None and bool(np.abs(points[:, 3]).min() < BEYOND * problem.eye.port)
     # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
     at_rest = not (ends[0].any() or ends[1].any())
-    one_time = at_rest and not (fast or limits_jerk(robot)) and problem.eye is None and len(way) == 1
+    structured = method == "structured" or (method == "confirmed" and not at_port)
+    one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
+    if method == "confirmed" and structured and at_rest:
+        finer = (ONE_TIME_ELEMENTS if len(way) == 1 else PASSING_ELEMENTS) * (JERK_FINER if limits_jerk(robot) else 1.0)
+        count = count or round(finer)
     count = count or (ONE_TIME_ELEMENTS if one_time else ELEMENTS)
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
@@ -116,6 +123,8 @@ def solve_free(
     given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
+    hard = turning or bool(pull.any())
+    structured = structured and (method == "structured" or not hard)
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -126,7 +135,7 @@ def solve_free(
             segment_sizes=sizes,
             # one time for each segment; at the port of an eye more of them, for the retina's row switches there
             block_sizes=sizes
-            if one_time or (fast and not at_port)
+            if one_time or (structured and not at_port)
             else blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
             velocity_limits=True,
@@ -140,7 +149,7 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
-            fast=fast and not turning and not pull.any(),
+            method=method if structured and not hard else "Ipopt",
             directions=directions,
             problem=problem,
             mechanism=mechanism,
@@ -341,7 +350,7 @@ class _FreeProblem(OcpProblem):
     def result(self, solution: NlpSolution) -> PhaseSolution:
         """The solution as joint polynomials; neighbours share position and velocity to the last digit."""
         if not solution.solved:
-            return PhaseSolution(solution.status, solution.message, solution.iterations)
+            return PhaseSolution(solution.status, solution.message, solution.iterations, solver=solution.solver)
         n = len(solution.elements)
         pieces, boundary = cubics(solution.elements), self.boundary
 
@@ -367,4 +376,5 @@ class _FreeProblem(OcpProblem):
             solver=solution.solver,
             borders=borders,
             directions=self.directions,
+            confirmation=solution.confirmation,
         )

@@ -18,6 +18,9 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
 Solver = Literal["structured", "Ipopt"]
+Method = Literal["Ipopt", "structured", "confirmed"]
+"""How a problem is solved: by Ipopt; by the structured solver, or Ipopt where that does not converge; by the structured
+solver, and Ipopt confirms its optimum."""
 LARGEST_BLOCK = 20
 """Elements of a block; more freedom than this leaves the optimisation undecided about where to put its elements."""
 
@@ -191,6 +194,16 @@ class Guess:
         return Guess(self.elements / factor ** orders.astype(float), self.times * factor)
 
 
+@dataclass(frozen=True)
+class Confirmation:
+    """What Ipopt made of the structured solver's optima of a motion, started from them."""
+
+    iterations: int
+    """Of Ipopt, for the fastest motion and for that of least heat or effort."""
+    difference: float
+    """Ipopt's duration of the fastest motion over the structured solver's, less 1."""
+
+
 @dataclass(frozen=True, eq=False)
 class NlpSolution:
     """What a solver found; message: its return status, in Ipopt's words."""
@@ -205,6 +218,8 @@ class NlpSolution:
     point: InitialPoint
     """For a warm start from here."""
     solver: Solver = "Ipopt"
+    objective: float = np.nan
+    confirmation: Confirmation | None = None
 
     @property
     def status(self) -> str:
@@ -237,6 +252,7 @@ class PhaseSolution:
     """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
     directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """Of the joints between them, of a free motion, (k, 4)."""
+    confirmation: Confirmation | None = None
 
     @property
     def solved(self) -> bool:

@@ -18,14 +18,16 @@ from ssm_planner.planning.ocp.constraints import RowName
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, Aim, ElementModel, shared
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
+    Confirmation,
     Guess,
     InitialPoint,
+    Method,
     NlpData,
     NlpSolution,
     NlpStructure,
     split,
 )
-from ssm_planner.planning.ocp.structured import solve_structured
+from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.problem import Objective
@@ -67,8 +69,11 @@ HEAT_ROUNDS = 4
 """The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
+NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
 OF_EYE = {RetinaClearance.name, LensClearance.name}
 """Rows beside which the structured solver takes longer than Ipopt, or does not converge; the retina's only at the port."""
+SAME, SAME_COST = 1e-6, 1e-5
+"""Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -93,8 +98,8 @@ class OcpProblem(ABC):
     """Of every joint in every segment: +1, −1 or 0, (k, 4)."""
     starting: Array
     """Which joints begin the motion at rest, (4,), bool."""
-    fast: bool = False
-    """By the structured solver, and by Ipopt where that does not converge."""
+    method: Method = "Ipopt"
+    """By which solver."""
     shortest: float = SHORTEST
     """Least time of a block, as a share of the guess's."""
     at_port: bool = False
@@ -192,11 +197,15 @@ def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: 
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
     With a cooling in joint_limits the heat of the motors so weighted is traded for time, in place of heat and effort.
+    What is to be confirmed is not solved where the structured solver finds no fastest motion, or Ipopt does not confirm it.
     """
     hopeless = np.inf if duration is None else HOPELESS * duration
     first = _Refinement.begin(problem, guess)
-    fastest = _given_back(_refine(first, "time", hopeless=hopeless))
-    total = float(fastest.solution.times.sum())
+    found = _given_back(_refine(first, "time", hopeless=hopeless))
+    confirmed = _confirmed(found, "time")
+    if confirmed is None:
+        return replace(found.solution, message=NOT_CONFIRMED)
+    fastest, total = confirmed, float(confirmed.solution.times.sum())
     cooled = bool(problem.joint_limits["cooling"].any())
     enough = duration is None and objective == "time" and not cooled
     if not fastest.solution.solved or enough or (duration or np.inf) < total:
@@ -204,18 +213,23 @@ def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: 
     reached = Guess(fastest.solution.elements, fastest.solution.times)
     if duration is None:
         begin = fastest.state.restarted(reached)
-        if cooled:
-            best = _refine(begin, "cooling", duration=(0.0, np.inf))
-        else:
-            best = _refine(begin, "heat", duration=(0.0, (1 + LONGER) * total))
+        longest = np.inf if cooled else (1 + LONGER) * total
+        best = _refined(begin, "cooling" if cooled else "heat", (0.0, longest))
         if not (best.solution.solved and best.feasible):
             return fastest.solution
     else:
         begin = _Refinement.begin(fastest.state.problem, reached.stretched(duration / total))
-        best = _refine(begin, "cooling" if cooled else "effort", duration=(duration, duration))
+        best = _refined(begin, "cooling" if cooled else "effort", (duration, duration))
         if not best.solution.solved:  # then any motion that takes as long
             best = _refine(begin, "time", duration=(duration, duration))
-    return replace(best.solution, iterations=fastest.solution.iterations + best.solution.iterations)
+    confirmation, of_cost = fastest.solution.confirmation, best.solution.confirmation
+    if confirmation is not None and of_cost is not None:
+        confirmation = replace(confirmation, iterations=confirmation.iterations + of_cost.iterations)
+    iterations = fastest.solution.iterations + best.solution.iterations
+    return replace(best.solution, iterations=iterations, confirmation=confirmation)
+
+
+NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,20 +260,31 @@ class _Refinement:
         """From another guess, with the same active rows and backoff."""
         return replace(self, guess=guess, elements=guess.elements, start=guess.point)
 
-    def solve(self, aim: Aim, duration: tuple[float, float] | None) -> NlpSolution:
-        """Transcribe and solve."""
+    def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
+        """What is to be solved next."""
         structure, element = self.problem.structure, self.problem.element(self.active, aim)
         is_active = [name in self.active for name in self.problem.row_names]
         data = self.problem.data(self.elements, self.backoff[:, is_active])
         if duration is not None:
             data = data.least_cost(duration, time=float(aim == "cooling"))
+        return structure, element, data
+
+    def solve(self, program: NlpProgram, aim: Aim) -> NlpSolution:
+        """The program's solution, by the solver that is asked for."""
+        structure, element, data = program
         switching = OF_EYE if self.problem.at_port else OF_EYE - {RetinaClearance.name}
         beside_eye = any(name in switching for name, _ in self.active)
         after_ipopt = self.start.multipliers is not None  # who starts warm from there
-        if self.problem.fast and not (beside_eye or after_ipopt):
+        alone = self.problem.method == "confirmed" and aim == "time"
+        if self.problem.method != "Ipopt" and not (after_ipopt or beside_eye):
             found = solve_structured(structure, element, data, self.start)
-            if found.solved:
+            if found.solved or alone:
                 return found
+        if alone:
+            times = self.start.x[-len(data.least_times) :]
+            return NlpSolution(
+                NOT_CONVERGED, structure, self.elements, times, iterations=0, point=self.start, solver="structured"
+            )
         return Transcription.of(structure, element).solve(data, self.start)
 
     def activated(self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool) -> _Refinement:
@@ -289,6 +314,8 @@ class _Refined:
     state: _Refinement
     feasible: bool
     """No row is violated between the collocation points."""
+    program: NlpProgram
+    """That was solved last."""
 
 
 def _refine(
@@ -302,7 +329,8 @@ def _refine(
     rounds = HEAT_ROUNDS if aim == "heat" else ROUNDS
     iterations, feasible = 0, False
     for k in range(1, rounds + 1):
-        solution = state.solve(aim, duration)
+        program = state.program(aim, duration)
+        solution = state.solve(program, aim)
         iterations += solution.iterations
         state = replace(state, elements=solution.elements)
         if not solution.solved or solution.times.sum() > hopeless:
@@ -312,7 +340,37 @@ def _refine(
         if feasible or k == rounds:
             break
         state = _next(state, solution, violation, k, may_cut=aim != "heat")
-    return _Refined(replace(solution, iterations=iterations), state, feasible)
+    return _Refined(replace(solution, iterations=iterations), state, feasible, program)
+
+
+def _refined(begin: _Refinement, aim: Aim, duration: tuple[float, float]) -> _Refined:
+    """Refined and confirmed; by Ipopt alone where it does not confirm what the structured solver found."""
+    found = _confirmed(_refine(begin, aim, duration=duration), aim)
+    by_ipopt = replace(begin, problem=replace(begin.problem, method="Ipopt"))
+    return found or _refine(by_ipopt, aim, duration=duration)
+
+
+def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
+    """Ipopt's motion, started from the structured solver's, or the better one; None where Ipopt does not converge."""
+    own, problem = found.solution, found.state.problem
+    if problem.method != "confirmed" or own.solver != "structured" or not own.solved:
+        return found
+    structure, element, data = found.program
+    ipopts = Transcription.of(structure, element).solve(data, InitialPoint(own.point.x), confirming=True)
+    if not ipopts.solved:
+        return None
+    before, after = (float(each.times.sum()) if aim == "time" else each.objective for each in (own, ipopts))
+    difference = after / before - 1 if before else 0.0
+    same = SAME if aim == "time" else SAME_COST
+    better = difference <= same
+    if difference < -same:  # another optimum
+        better = bool(problem.row_maxima(ipopts.elements).max(initial=0.0) <= 1 + TOLERANCE)
+    solution = replace(
+        ipopts if better else own,
+        iterations=own.iterations + ipopts.iterations,
+        confirmation=Confirmation(ipopts.iterations, difference),
+    )
+    return replace(found, solution=solution, state=replace(found.state, elements=solution.elements))
 
 
 def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool) -> _Refinement:

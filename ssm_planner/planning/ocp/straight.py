@@ -26,7 +26,7 @@ from ssm_planner.planning.ocp.constraints import (
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.models import StraightElement, fit, fit_of, fits_hold
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, NlpStructure, PhaseSolution, cubics
+from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, Method, NlpStructure, PhaseSolution, cubics
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import JointPath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
@@ -53,13 +53,13 @@ def solve_straight(
     duration: float | None = None,
     speeds: tuple[float, float] = (0.0, 0.0),
     count: int = ELEMENTS,
-    fast: bool = False,
+    method: Method = "Ipopt",
 ) -> PhaseSolution:
     """Motion along the path, from TOPP-RA's motion as guess.
 
     strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
     cooling: as in constraints.LIMITS, (4,).
-    duration: asked for, s; speeds: ṡ at both ends, 1/s. fast: by the structured solver, Ipopt where that does not converge.
+    duration: asked for, s; speeds: ṡ at both ends, 1/s. method: by which solver.
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
@@ -80,7 +80,7 @@ def solve_straight(
         times=mesh.times,
         joint_limits=joint_limits(strict or robot, cooling),
         time_scale=scale,
-        fast=fast,
+        method=method,
         directions=signs,
         robot=robot,
         path=path,
@@ -92,7 +92,7 @@ def solve_straight(
     begin = Guess(mesh.elements(guess), mesh.times)
     solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
     if not solution.solved:
-        return PhaseSolution(solution.status, solution.message, solution.iterations)
+        return PhaseSolution(solution.status, solution.message, solution.iterations, solver=solution.solver)
     elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     breaks, coefficients = joint_pieces(path, elements, SUBDIVISION, speeds[1])
     borders = np.interp(knots, np.append(elements[:, 0], 1.0), breaks[::SUBDIVISION])
@@ -104,6 +104,7 @@ def solve_straight(
         coefficients,
         solver=solution.solver,
         borders=borders,
+        confirmation=solution.confirmation,
     )
 
 

@@ -27,6 +27,7 @@ SLOWER = 1.2
 """By how much a guess is slowed down: fewer of its rows are exceeded then."""
 SAME = 1e-12
 """Bounds that differ by less are one value."""
+NOT_CONVERGED = "Structured_Solver_Not_Converged"
 Equalities = tuple[Indices, Indices, Array]
 _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
 
@@ -39,10 +40,16 @@ def solve_structured(structure: NlpStructure, element: ElementModel, data: NlpDa
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
-    message = "Solve_Succeeded" if outcome.converged else "Structured_Solver_Not_Converged"
     point = InitialPoint(x, structured=state)
     return NlpSolution(
-        message, structure, elements, times, iterations=outcome.iterations, point=point, solver="structured"
+        "Solve_Succeeded" if outcome.converged else NOT_CONVERGED,
+        structure,
+        elements,
+        times,
+        iterations=outcome.iterations,
+        point=point,
+        solver="structured",
+        objective=outcome.objective,
     )
 
 

@@ -6,15 +6,17 @@ program from top to bottom; only the element model differs between the two.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
 from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
@@ -49,6 +51,21 @@ WARM: dict[str, Any] = {
     "warm_start_mult_bound_push": 1e-9,
 }
 """From the solution of the same problem with a few bounds moved."""
+CONFIRMING: dict[str, Any] = {
+    **IPOPT,
+    **FROM_BARRIER,
+    "mu_init": TOLERANCE / LAST_BARRIER,
+    "bound_push": 1e-13,
+    "bound_frac": 1e-13,
+    "slack_bound_push": 1e-13,
+    "slack_bound_frac": 1e-13,
+    "bound_relax_factor": 0.0,
+    "constr_mult_init_max": 1e10,
+}
+"""From a solution of the structured solver: its slacks as they are and its last barrier give its multipliers, so that the
+start is Ipopt's solution too, if it is one."""
+CONFIRMING_ITERATIONS = 30
+Start = Literal["cold", "warm", "confirming"]
 
 
 @dataclass(frozen=True)
@@ -57,9 +74,8 @@ class Transcription:
 
     structure: NlpStructure
     element: ElementModel
-    cold: ca.Function = field(compare=False)
-    warm: ca.Function = field(compare=False)
-    """Solvers without and with multipliers to start from."""
+    solver: Callable[[Start], ca.Function] = field(compare=False)
+    """For a start from a guess, from an earlier solution with its multipliers, or from the structured solver's."""
     parameters: Layout = field(compare=False)
     """Fields of NlpData that are parameters, after those of the element model."""
     sizes: dict[str, int] = field(compare=False)
@@ -140,7 +156,7 @@ class Transcription:
             "breakaway": ca.vertcat(*breakaway),
             "duration": duration,
         }
-        cold, warm = _solvers(
+        solver = _solvers(
             x=ca.vertcat(ca.vec(x), times),
             p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
             objective=objective,
@@ -155,16 +171,19 @@ class Transcription:
             ),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
-        return cls(structure, element, cold=cold, warm=warm, parameters=layout, sizes=sizes)
+        return cls(structure, element, solver=solver, parameters=layout, sizes=sizes)
 
-    def solve(self, data: NlpData, start: InitialPoint) -> NlpSolution:
-        """Ipopt's solution from a guess, or warm from an earlier solution's point."""
+    def solve(self, data: NlpData, start: InitialPoint, *, confirming: bool = False) -> NlpSolution:
+        """Ipopt's solution from a guess, warm from an earlier solution's point, or confirming the structured solver's."""
         n, m = self.structure.elements, self.structure.coordinates
         inputs = tuple((name, values.tobytes()) for name, values in self._inputs(data, start).items())
-        message, iterations, point = _solved(self, inputs)
+        way: Start = "confirming" if confirming else "cold" if start.multipliers is None else "warm"
+        message, iterations, objective, point = _solved(self, way, inputs)
         states, times = point.x[: 4 * m * n].reshape(n, 4 * m), point.x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
-        return NlpSolution(message, self.structure, elements, times, iterations=iterations, point=point)
+        return NlpSolution(
+            message, self.structure, elements, times, iterations=iterations, point=point, objective=objective
+        )
 
     def _inputs(self, data: NlpData, start: InitialPoint) -> dict[str, Array]:
         """Arguments of the solver."""
@@ -206,8 +225,8 @@ def _solvers(
     functions: ElementFunctions,
     first: dict[str, Any],
     iterations: int,
-) -> tuple[ca.Function, ca.Function]:
-    """Ipopt for cold and for warm starts, on the program with the elements z (4 m + 1, n) and their parameters:
+) -> Callable[[Start], ca.Function]:
+    """Ipopt for every kind of start, on the program with the elements z (4 m + 1, n) and their parameters:
 
         min f(x) = objective + w Σ L(z_k)  subject to bounds on  g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant
 
@@ -253,35 +272,38 @@ def _solvers(
         "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
     }
     nlp: Any = {"x": x, "p": p, "f": f, "g": g}
-    cold, warm = (
-        ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": {**ipopt_options, "max_iter": iterations}})
-        for ipopt_options in ({**IPOPT, **first}, WARM)
-    )
-    return cold, warm
+    of_ipopt: dict[Start, dict[str, Any]] = {
+        "cold": {**IPOPT, **first, "max_iter": iterations},
+        "warm": {**WARM, "max_iter": iterations},
+        "confirming": {**CONFIRMING, "max_iter": CONFIRMING_ITERATIONS},
+    }
+    return cache(lambda start: ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": of_ipopt[start]}))
 
 
-Solved = tuple[str, int, InitialPoint]
-"""Ipopt's message, iterations and solution."""
+Solved = tuple[str, int, float, InitialPoint]
+"""Ipopt's message, iterations, objective and solution."""
+Inputs = tuple[tuple[str, bytes], ...]
 KEPT_SOLUTIONS = 64
 """Of each program, for as long as the program itself is kept."""
-_solutions: WeakKeyDictionary[Transcription, dict[tuple[tuple[str, bytes], ...], Solved]] = WeakKeyDictionary()
+_solutions: WeakKeyDictionary[Transcription, dict[tuple[Start, Inputs], Solved]] = WeakKeyDictionary()
 
 
-def _solved(transcription: Transcription, inputs: tuple[tuple[str, bytes], ...]) -> Solved:
+def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solved:
     """Kept from an earlier call or solved: trials of relaxations and second attempts ask for most of them again."""
     kept = _solutions.setdefault(transcription, {})
-    if inputs in kept:
-        return kept[inputs]
+    asked = start, inputs
+    if asked in kept:
+        return kept[asked]
     arguments = {name: np.frombuffer(values) for name, values in inputs}
-    solver = transcription.warm if "lam_g0" in arguments else transcription.cold
-    result, stats = ipopt(solver, **arguments)
+    result, stats = ipopt(transcription.solver(start), **arguments)
     seconds = sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f"))
     function_store.note_time(transcription.element, seconds)
     x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
     if len(kept) == KEPT_SOLUTIONS:
         del kept[next(iter(kept))]
-    kept[inputs] = str(stats["return_status"]), int(stats["iter_count"]), InitialPoint(x, (lam_x, lam_g))
-    return kept[inputs]
+    message, iterations = str(stats["return_status"]), int(stats["iter_count"])
+    kept[asked] = message, iterations, float(result["f"]), InitialPoint(x, (lam_x, lam_g))
+    return kept[asked]
 
 
 def forget_solutions() -> None:

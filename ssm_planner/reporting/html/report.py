@@ -35,6 +35,7 @@ from ssm_planner.reporting.text import (
     ANSWERS,
     MOTOR_MARGINS,
     Table,
+    confirmation,
     gear_margin,
     joints_table,
     limit_cells,
@@ -267,7 +268,7 @@ def _certified(plan: Plan) -> Mark:
 
 
 def _figures(plan: Plan) -> list[tuple[str, str, str]]:
-    """(name, value, note) of duration, lower bound, gap, TOPP-RA's time."""
+    """(name, value, note) of duration, lower bound, gap, TOPP-RA's time, and Ipopt's confirmation."""
     duration, toppra, gap = plan.duration, plan.toppra_duration, plan.gap
     against = f"this plan: {percent(duration / toppra - 1, 3)}" if duration and toppra else ""
     return [
@@ -275,6 +276,7 @@ def _figures(plan: Plan) -> list[tuple[str, str, str]]:
         ("Lower bound", _seconds(plan.lower_bound), "no motion on this path can be shorter"),
         ("Gap", NOTHING if gap is None else f"{fixed(100 * gap, 2)} %", "duration above the bound"),
         ("TOPP-RA", _seconds(toppra), against),
+        *([("Ipopt", *confirmation(plan))] if plan.confirmation else []),
         *([("Without the range", _seconds(plan.nominal_duration), _range(plan))] if plan.nominal_duration else []),
     ]
 
