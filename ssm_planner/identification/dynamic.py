@@ -50,7 +50,7 @@ class _Problem:
     def __init__(self, drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float) -> None:
         self.drive, self.recordings, self.load, self.load_inertia = drive, recordings, load, load_inertia
         self.motions = [Motion.of(r.time, r.w) for r in recordings]
-        self.measured = [r.tau - departure(drive, m) for r, m in zip(recordings, self.motions, strict=True)]
+        self.measured = [r.tau - departure(drive, m, load) for r, m in zip(recordings, self.motions, strict=True)]
         """What is left for the law, N·m."""
         base = friction_of(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])

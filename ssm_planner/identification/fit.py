@@ -40,6 +40,8 @@ SEPARABLE = 0.2
 that the data leave possible:"""
 POSSIBLE = 0.01
 """one that is at least so likely."""
+_FOR_PULLS = 250
+"""Sets of a law, at least, from which it is told what the data alone decide."""
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
 _QUIET = 0.1
 """Expected scatter of a mean torque from one recording to the next, as a share of its deviation within a recording."""
@@ -152,7 +154,7 @@ def fit_map(
         criterion[model.law] = min(error, criterion.get(model.law, math.inf))
     criterion[enough[chosen][0].law] = blind[chosen]
     progress(f"drawing the confidence of the parameters ({len(models) + 1} of {len(models) + 1})")
-    fit = _report(*enough[chosen], data, _possible(every))
+    fit = _report(*enough[chosen], data, _possible(every, enough[chosen][0].law))
     apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=apart, criterion=criterion)
 
@@ -187,20 +189,23 @@ class _Sets:
     z: Array
     scatters: Array
     shares: Array
+    pulls: dict[str, float]
+    """By name, see `prior_pull`."""
+
+    @staticmethod
+    def of(model: MapModel, z: Array, count: int) -> _Sets:
+        """Drawn about the most likely z (k,)."""
+        sets, scatters, shares = sample(model, z, max(count, _FOR_PULLS))
+        pulls = dict(zip(model.names, prior_pull(np.atleast_2d(np.cov(sets.T))).tolist(), strict=True))
+        return _Sets(model, sets[:count], scatters[:count], shares[:count], pulls)
 
     @property
     def values(self) -> dict[str, Array]:
         return {name: column[:, 0] for name, column in self.model.parameters(self.z).items()}
 
-    @property
-    def pulls(self) -> dict[str, float]:
-        """By name, see `prior_pull`."""
-        pulls = prior_pull(np.atleast_2d(np.cov(self.z.T)))
-        return dict(zip(self.model.names, pulls.tolist(), strict=True))
 
-
-def _possible(fitted: list[tuple[MapModel, Array]]) -> list[_Sets]:
-    """Sets of every law that the data leave possible, as many as it is likely by its evidence.
+def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[_Sets]:
+    """Sets of every law that the data leave possible, as many as it is likely by its evidence; of the chosen one always.
 
     fitted: models with most likely z (k,) each, the load offset open in the last of a law: where it did not pay it is 0 in
     the fit, but not known to be. Laws with more parameters than there are points count too: they are expected to be of
@@ -209,12 +214,11 @@ def _possible(fitted: list[tuple[MapModel, Array]]) -> list[_Sets]:
     by_law = {model.law: (model, z) for model, z in fitted}
     evidence = np.array([log_evidence(model, z) for model, z in by_law.values()])
     weight = np.exp(evidence - evidence.max())
-    weight = np.where(weight < POSSIBLE * weight.sum(), 0.0, weight)
+    least = POSSIBLE * weight.sum()
+    weight = np.where(weight < least, [least if law == chosen else 0.0 for law in by_law], weight)
     counts = np.diff(np.rint(DRAWS * np.cumsum([0.0, *weight]) / weight.sum()).astype(int))
     return [
-        _Sets(model, *sample(model, z, count))
-        for (model, z), count in zip(by_law.values(), counts.tolist(), strict=True)
-        if count
+        _Sets.of(model, z, count) for (model, z), count in zip(by_law.values(), counts.tolist(), strict=True) if count
     ]
 
 

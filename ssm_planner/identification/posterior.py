@@ -310,6 +310,8 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     Away from the recorded speeds of a direction that grows with the logarithm of the speed: nothing there tested the law.
     """
     speeds, common = np.array(posterior.speeds), posterior.common
+    if not len(speeds):
+        return np.zeros((len(w), 0)), np.ones(len(w))
     near = common * correlation(w, speeds)
     factors = np.linalg.solve(common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds)), near.T).T
     left = np.sqrt(np.maximum(1.0 - np.sum(factors * near, axis=1), 0.0))

@@ -23,8 +23,8 @@ from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_depar
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem.drive import Drive, Friction
-from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET, interval_of
-from ssm_planner.typing import Array
+from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET, Posterior, interval_of
+from ssm_planner.typing import Array, Indices
 
 START_LEAD = 0.05
 """Time before the first nonzero speed reading in which the motor already pushes, s; at least one sample.
@@ -153,7 +153,7 @@ def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, loa
     effort = output_effort(loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     at_rest = motion.direction == 0
-    tau = tau + departure(drive, motion)
+    tau = tau + departure(drive, motion, load)
     wave = repeating(drive, recording, motion)
     band = band_of(drive, motion, tau, load, wave=wave)
     tau = tau if wave is None else tau + wave
@@ -186,45 +186,62 @@ def unseen_speed(drive: Drive, motion: Motion) -> float | None:
     return float(fastest[np.argmax(apart)]) if apart.max() > UNSEEN else None
 
 
-def departure(drive: Drive, motion: Motion) -> Array:
-    """(samples,) torque beyond the law that recordings of near speed lead to expect, N·m; 0 at rest or without posterior."""
+def departure(drive: Drive, motion: Motion, load: float) -> Array:
+    """(samples,) torque beyond that of the drive's own parameters, N·m; 0 at rest or without posterior.
+
+    What recordings of near speed lead to expect, and the middle of the equally likely sets: where the recordings leave
+    several laws possible, the one that was chosen is not the best guess at speeds that none of them had.
+    load: constant effort on the output, the rig's load_offset included, N·m or N.
+    """
     posterior = friction_of(drive).posterior
-    if posterior is None or not posterior.speeds:
+    if posterior is None:
         return np.zeros(len(motion.w))
-    w = np.where(motion.direction == 0, 1.0, motion.direction * np.maximum(np.abs(motion.w), STANDSTILL))
-    expected = expected_departure(posterior, w)[0] @ np.array(posterior.departures)
-    return np.where(motion.direction == 0, 0.0, expected)
+    w, way, of = _kinds(motion)
+    expected, _ = expected_departure(posterior, w)
+    middle = np.median(_sets(drive, posterior, w, load), axis=0) + expected @ np.array(posterior.departures)
+    return np.asarray(np.where(way == 0, 0.0, middle)[of])
+
+
+def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
+    """Speeds (kinds,) and directions (kinds,) that a motion has, and which of them each sample has, (samples,)."""
+    kinds, of = np.unique(np.column_stack([motion.w, motion.direction]), axis=0, return_inverse=True)
+    way = kinds[:, 1]
+    return np.where(way == 0, 1.0, way * np.maximum(np.abs(kinds[:, 0]), STANDSTILL)), way, of.reshape(-1)
+
+
+def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
+    """(sets, speeds) torque by each set of the posterior less that by the drive's parameters at speeds w, N·m.
+
+    Where recordings were made the sets agree with them: their difference there is taken off as the recordings' departure is.
+    """
+    sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
+    offset = 0.0 if drive.rig is None else drive.rig.load_offset
+    drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
+    each = drawn(drive, sets)
+
+    def beyond(at: Array) -> Array:
+        return np.asarray(map_torque(each, at, drawn_load) - map_torque(drive, at, load))
+
+    return beyond(w) - beyond(np.array(posterior.speeds)) @ expected_departure(posterior, w)[0].T
 
 
 def band_of(
     drive: Drive, motion: Motion, tau: Array, load: float, *, wave: Array | None = None
 ) -> PredictionBand | None:
-    """The band about the predicted torque tau (samples,); None where the drive has no posterior.
+    """The band about the predicted torque tau (samples,), departure included; None where the drive has no posterior.
 
     load: constant effort on the output, the rig's load_offset included. wave: what repeats with the angle, (samples,),
     where it is known; the ripple is smaller by it.
     """
-    friction = friction_of(drive)
-    posterior = friction.posterior
+    posterior = friction_of(drive).posterior
     if posterior is None:
         return None
     # Samples of equal speed and direction have equal bands: only what differs is drawn.
-    kinds, of = np.unique(np.column_stack([motion.w, motion.direction]), axis=0, return_inverse=True)
-    way, of = kinds[:, 1], of.reshape(-1)
-    w = np.where(way == 0, 1.0, way * np.maximum(np.abs(kinds[:, 0]), STANDSTILL))
+    w, way, of = _kinds(motion)
     rng, count = np.random.default_rng(SEED), len(posterior.draws)
-    sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
-    offset = 0.0 if drive.rig is None else drive.rig.load_offset
-    drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((count, 1), offset))
-    each = drawn(drive, sets)
-    spread = map_torque(each, w, drawn_load) - map_torque(drive, w, load)
-    own = np.full(len(w), posterior.scatter)
-    if posterior.speeds:
-        expected, left = expected_departure(posterior, w)
-        recorded = np.array(posterior.speeds)
-        spread = spread - (map_torque(each, recorded, drawn_load) - map_torque(drive, recorded, load)) @ expected.T
-        own = own * left
-    spread = np.where(way == 0, 0.0, spread + own * rng.standard_t(SCATTER_DEGREES, (count, 1)))
+    spread = _sets(drive, posterior, w, load)
+    own = posterior.scatter * expected_departure(posterior, w)[1] * rng.standard_t(SCATTER_DEGREES, (count, 1))
+    spread = np.where(way == 0, 0.0, spread - np.median(spread, axis=0) + own)
     weight = np.bincount(of, minlength=len(w)) / len(of)
     low, high = interval_of(tau.mean() + spread @ weight)
     peaks = np.zeros(count)

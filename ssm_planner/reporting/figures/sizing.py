@@ -201,7 +201,7 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None
     quiet = replace(friction.posterior, forwards=None, backwards=None)
     smooth = replace(drive, friction=replace(friction, posterior=quiet))
     motion = Motion(np.arange(len(w), dtype=float), w, np.zeros(len(w)), np.sign(w), ())
-    tau = map_torque(drive, w, load) + departure(drive, motion)
+    tau = map_torque(drive, w, load) + departure(drive, motion, load)
     for known, alpha, of in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
         band = band_of(known, motion, tau, load)
         if band is not None:

@@ -1,0 +1,92 @@
+"""Recordings that a fit has not seen, over many splits of whole files: bands, peaks and errors, rig by rig.
+
+    python tests/benchmarks/bench_blind.py [SPLITS] [SEED] [rigs …]
+
+Of every rig: SPLITS random splits, each of a random number of files, then those that leave out the slowest and the
+fastest speeds and every second file. Prints all figures of each split, pooled over the splits and of the worst of
+them; exits with 1 where a figure is beyond ASKED.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parents[1] / "identification"))
+
+import numpy as np
+from test_blind import RIGS, predicted, recordings_of, split
+
+from ssm_planner.identification.prediction import Prediction
+from ssm_planner.identification.recordings import Recording
+
+FEWEST, LEFT_OUT = 6, 4
+"""Files of a fit at least; speeds left out at either end."""
+ASKED: dict[str, Callable[[float, str], bool]] = {
+    "means": lambda share, _: share >= 0.90,
+    "samples": lambda share, _: 0.90 <= share <= 0.98,
+    "peaks": lambda share, _: share >= 0.95,
+    "beyond constant": lambda excess, _: excess <= 0.03,
+    "start-stop": lambda error, rig: error <= RIGS[rig][1],
+}
+
+
+def splits(steady: list[Recording], count: int, seed: int) -> Iterator[tuple[str, list[Recording], list[Recording]]]:
+    """(name, files of the fit, others)."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        fitted = int(rng.integers(FEWEST, len(steady) - LEFT_OUT))
+        yield f"{k}: {fitted} files", *split(steady, fitted, int(rng.integers(2**31)))
+    speeds = sorted(steady, key=lambda r: abs(r.w.mean()))
+    yield f"without the {LEFT_OUT} slowest", speeds[LEFT_OUT:], speeds[:LEFT_OUT]
+    yield f"without the {LEFT_OUT} fastest", speeds[:-LEFT_OUT], speeds[-LEFT_OUT:]
+    by_speed = sorted(steady, key=lambda r: r.w.mean())
+    for first in (0, 1):
+        yield f"every second from {first}", by_speed[first::2], by_speed[1 - first :: 2]
+
+
+def figures(found: list[Prediction], moving: list[Prediction]) -> dict[str, float]:
+    """By the names of ASKED."""
+    beyond = [np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found]
+    return {
+        "means": float(np.mean([p.mean_inside for p in found])),
+        "samples": float(np.mean([p.sample_coverage for p in found])),
+        "peaks": float(np.mean([np.abs(p.recording.tau).max() <= p.band.peak for p in found if p.band])),
+        "beyond constant": float(np.mean(beyond)),
+        "start-stop": max(p.nrmsd for p in moving),
+    }
+
+
+def main(count: int = 20, seed: int = 1, *rigs: str) -> int:
+    met = True
+    for rig in rigs or RIGS:
+        drive, steady = recordings_of(rig, "steady_state")
+        _, moving = recordings_of(rig, "start_stop")
+        every: list[dict[str, float]] = []
+        pooled: tuple[list[Prediction], list[Prediction]] = ([], [])
+        print(f"\n{rig}: {len(steady)} files{'':20}" + "".join(f"{name:>16}" for name in ASKED))
+        for name, fitted, others in splits(steady, count, seed):
+            found = predicted(drive, fitted, others + moving)
+            parts = found[: len(others)], found[len(others) :]
+            every.append(figures(*parts))
+            for whole, part in zip(pooled, parts, strict=True):
+                whole += part
+            tell(name, every[-1], rig)
+        told = figures(*pooled)
+        tell("pooled", told, rig)
+        tell("lowest", {name: min(each[name] for each in every) for name in ASKED}, rig)
+        tell("highest", {name: max(each[name] for each in every) for name in ASKED}, rig)
+        met &= all(reached(told[name], rig) for name, reached in ASKED.items())
+    return int(not met)
+
+
+def tell(name: str, found: dict[str, float], rig: str) -> None:
+    marked = (f"{found[key]:15.3f}{' ' if reached(found[key], rig) else '!'}" for key, reached in ASKED.items())
+    print(f"{name:37}" + "".join(marked), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*(int(a) if a.isdigit() else a for a in sys.argv[1:])))
