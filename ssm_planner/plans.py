@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property
 from importlib import metadata
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,10 +18,11 @@ import numpy as np
 
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.json_files import parse_json, read_json_in_parts
 from ssm_planner.problem.limit import in_words
 from ssm_planner.problem.limits import Limit, TaskRange
-from ssm_planner.problem.motion import Joints
+from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import plain, problem_from_plain
@@ -245,6 +247,7 @@ class Plan:
         stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
         notes += [f"skipped, for the robot already is where they lead: {stays}"] if stays else []
         notes += _whole_turns(self.problem, self.trajectory)
+        notes += [] if self.trajectory is None else _ways_round(self.problem, self.trajectory, self.phases)
         notes += [f"cross-check failed: {text}" for text in self.disagreements]
         if self.certificate is not None:
             notes += [f"not checked: {what}" for what in self.certificate.unchecked]
@@ -473,6 +476,26 @@ def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
         for joint, angle in zip(problem.robot.joints, first, strict=True)
         if joint.kind == "revolute" and abs(angle) > 180.0 + 1e-6
     ]
+
+
+def _ways_round(problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]) -> list[str]:
+    """Phases that go over to the other branch of the inverse kinematics, and joints that turn by more than half a turn."""
+    mechanism, joints = Mechanism.from_geometry(problem.robot.geometry), problem.robot.joints
+    if not any(isinstance(entry, Free) for entry in problem.motion):
+        return []
+    instants = np.concatenate([[0.0], np.cumsum([phase.duration for phase in phases])])
+    ends = trajectory.sample(trajectory.breaks[0] + np.minimum(instants, trajectory.duration)).q
+    branches = np.where(np.sin(ends[:, 1] - mechanism.delta) > 0, 1, -1)
+    notes = []
+    for phase, before, after, (first, last) in zip(phases, branches, branches[1:], pairwise(ends), strict=False):
+        if before != after:
+            notes.append(f"{phase.name}: goes from branch {before:+d} of the inverse kinematics to branch {after:+d}")
+        notes += [
+            f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by {angle - math.copysign(360.0, angle):.6g} deg"
+            for joint, angle in zip(joints, np.degrees(last - first), strict=True)
+            if joint.kind == "revolute" and abs(angle) > 180.0 + 1e-6
+        ]
+    return notes
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:

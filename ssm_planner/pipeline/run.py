@@ -13,9 +13,10 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
+from ssm_planner.pipeline.branches import Outcome, on_any_branch
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
-from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
+from ssm_planner.planning.planner import PlannedPhase, hopelessly_hot, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import JUMPS, TASK, ContinuousTorque, Jump, Limit, SelfLocking
@@ -48,8 +49,6 @@ _ONE_AT_A_TIME = RLock()
 """Programs and solutions that plans share are for one thread at a time; two would not be faster, for Python runs one."""
 
 Progress = Callable[[str], None]
-Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
-"""What was planned, its certificate, and the reason where it is none that passed."""
 
 
 def plan(
@@ -78,8 +77,17 @@ def _plan(
     cured: Callable[[Problem], None],
 ) -> Plan:
     begin = time.perf_counter()
+    shown: list[Trajectory] = []
+
+    def show(trajectory: Trajectory) -> None:
+        shown.append(trajectory)
+        found(trajectory)
+
     # what gives cures is the motion that runs too warm: where none are asked for, none is planned
-    planned, certificate, reason = _attempt(problem, progress, found, warm=relaxations)
+    outcome, settled = on_any_branch(problem, lambda other: _attempt(other, progress, show, warm=relaxations))
+    planned, certificate, reason = outcome
+    if planned.trajectory is not None and shown[-1] is not planned.trajectory:
+        found(planned.trajectory)
     if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
@@ -95,7 +103,7 @@ def _plan(
         phases=tuple(map(_summary, planned.phases)),
         certificate=certificate,
         reason=reason,
-        nominal_duration=_nominal(problem, progress) if reason is None else None,
+        nominal_duration=_nominal(settled, progress) if reason is None else None,
         solve_time=time.perf_counter() - begin,
     )
 
@@ -380,8 +388,12 @@ def _lasting(entry: Motion, duration: float | None) -> Motion:
     return entry if duration is None or isinstance(entry, (Follow, Scan)) else replace(entry, duration=duration)
 
 
+def _ignore(_: object) -> None:
+    pass
+
+
 def _duration_or_reason(problem: Problem) -> float | Reason:
-    planned, _, reason = _attempt(problem, lambda _: None, lambda _: None)
+    (planned, _, reason), _ = on_any_branch(problem, lambda other: _attempt(other, _ignore, _ignore), rescues=0)
     if reason is not None or planned.trajectory is None:
         return reason or Reason(None, None, None, None, "no motion found")
     return planned.trajectory.duration

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 
@@ -188,6 +189,33 @@ def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array
     if not usable.any():
         usable = found.valid[0] if found.valid[0].any() else found.reaches[0]
     return np.array(found.joints[0, int(np.argmax(usable))])
+
+
+def other_ends(problem: Problem, mechanism: Mechanism, phase: Phase, place: int) -> list[Array]:
+    """Joints (4,) within their ranges that reach a target of a free phase, as those that it takes do; place: of which.
+
+    The targets are those on the way and the last. Branches of the inverse kinematics, and whole turns of joints.
+    """
+    motion, end, point = phase.motion, phase.start, phase.q_start
+    assert isinstance(motion, Free)
+    for target in (*motion.through, motion.to)[: place + 1]:
+        held, first = end, point
+        point = _free_end(problem, mechanism, target, held, first)
+        end = task_from_joints(mechanism, point[None, :], near=held)[0]
+    if isinstance(target, Joints):
+        return []
+    found = _solutions(problem, mechanism, target, held, first)
+    ranges = np.array([joint.position for joint in problem.robot.joints[:3]])
+    others = []
+    for q in found.joints[0, found.valid[0]]:
+        turns = [_turns_within(float(angle), *limits) for angle, limits in zip(q, ranges, strict=False)]
+        others += [np.array([*angles, q[3]]) for angles in product(*turns)]
+    return [q for q in others if np.abs(q - point).max() > NOWHERE]
+
+
+def _turns_within(angle: float, low: float, high: float) -> list[float]:
+    """The angles within a range that are whole turns from one, up to one to each side of it."""
+    return [turned for k in (0, -1, 1) if low - NOWHERE <= (turned := angle + 2 * np.pi * k) <= high + NOWHERE]
 
 
 def _solutions(

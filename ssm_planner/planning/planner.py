@@ -421,11 +421,15 @@ class _PhasePlanner:
 
     def _lower_bound(self, phase: Phase) -> float:
         """A duration that no motion between the ends of the phase can beat, s."""
-        robot, limits = self.problem.robot, self.problem.task_limits
-        speeds = np.stack([phase.qd_start, phase.qd_end])
-        rates = task_rates(self.mechanism, phase.points[[0, -1]], speeds)
-        found = rate_bound(robot, np.stack([phase.start, phase.end]), rates, limits)
-        return max(lower_bound(robot, phase.points, speeds, limits), found)
+        return least_duration(self.problem, self.mechanism, phase)
+
+
+def least_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> float:
+    """A duration that no motion between the ends of a phase can beat, s."""
+    speeds = np.stack([phase.qd_start, phase.qd_end])
+    rates = task_rates(mechanism, phase.points[[0, -1]], speeds)
+    found = rate_bound(problem.robot, np.stack([phase.start, phase.end]), rates, problem.task_limits)
+    return max(lower_bound(problem.robot, phase.points, speeds, problem.task_limits), found)
 
 
 def _lasting(motion: Motion, duration: float) -> Motion:
