@@ -54,13 +54,25 @@ def plain(value: Any) -> Any:
 
 def robot_hash(robot: Robot) -> str:
     """SHA-256 of a robot's resolved values, whatever files they came from."""
+    return hashlib.sha256(robot_text(robot).encode()).hexdigest()
 
-    def values(data: Any) -> Any:
-        if isinstance(data, dict):
-            return {key: values(item) for key, item in data.items() if key != "file"}
-        return [values(item) for item in data] if isinstance(data, list) else data
 
-    return hashlib.sha256(json.dumps(values(plain(robot)), sort_keys=True).encode()).hexdigest()
+def robot_text(robot: Robot) -> str:
+    """A robot's resolved values as JSON, whatever files they came from; of the one last asked for it is known."""
+    global _last
+    known = _last
+    if known is None or known[0] is not robot:
+        known = _last = robot, json.dumps(_without_files(plain(robot)), sort_keys=True)
+    return known[1]
+
+
+_last: tuple[Robot, str] | None = None
+
+
+def _without_files(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _without_files(item) for key, item in data.items() if key != "file"}
+    return [_without_files(item) for item in data] if isinstance(data, list) else data
 
 
 def _fields(value: Any) -> dict[str, Any]:

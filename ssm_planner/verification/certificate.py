@@ -14,7 +14,7 @@ from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.limits import Limit
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import plain, robot_text
 from ssm_planner.trajectory import BLOCK, Trajectory
 
 TOLERANCE = 1e-6
@@ -145,16 +145,9 @@ def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limi
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
     found = {**certificate.to_dict(), "sha256": None}
-    stated = {"robot": _without_files(plain(robot)), "limits": {**plain(limits), **rates}, "found": found}
-    digest = hashlib.sha256(json.dumps(stated, sort_keys=True).encode())
+    stated = json.dumps({"found": found, "limits": {**plain(limits), **rates}}, sort_keys=True)
+    digest = hashlib.sha256(f'{stated[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
     for first in range(0, len(trajectory.breaks) - 1, BLOCK):
         digest.update(trajectory.pieces(slice(first, first + BLOCK)).astype("<f8").tobytes())
     return digest.hexdigest()
-
-
-def _without_files(data: Any) -> Any:
-    """Resolved values, whatever files they came from."""
-    if isinstance(data, dict):
-        return {key: _without_files(item) for key, item in data.items() if key != "file"}
-    return [_without_files(item) for item in data] if isinstance(data, list) else data

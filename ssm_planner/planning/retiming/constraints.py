@@ -14,7 +14,8 @@ T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²)); dynamics/transmission.py (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -40,30 +41,40 @@ CEILING, NONE = -1, -2
 
 @dataclass(frozen=True, eq=False)
 class PathTerm:
-    """a s̈ + b ṡ² + c + k ṡ at n points of a path; each coefficient (n,), or a number for all of them."""
+    """a s̈ + b ṡ² + c + k ṡ at n points of a path."""
 
-    a: Array | float = 0.0
-    b: Array | float = 0.0
-    c: Array | float = 0.0
-    k: Array | float = 0.0
+    values: Array
+    """a, b, c, k: (4, n)."""
 
     __array_ufunc__ = None
     """So that array * term is a term, not an array of objects."""
 
+    @classmethod
+    def of(cls, points: int, **given: Array | float) -> PathTerm:
+        """From coefficients by name, each (points,) or a number for all; 0 where not given."""
+        values = np.zeros((4, points))
+        for name, value in given.items():
+            values["abck".index(name)] = value
+        return cls(values)
+
     def __add__(self, other: PathTerm | Array | float) -> PathTerm:
-        if not isinstance(other, PathTerm):
-            return PathTerm(self.a, self.b, self.c + other, self.k)
-        return PathTerm(self.a + other.a, self.b + other.b, self.c + other.c, self.k + other.k)
+        if isinstance(other, PathTerm):
+            return PathTerm(self.values + other.values)
+        values = self.values.copy()
+        values[2] += other
+        return PathTerm(values)
 
     def __rmul__(self, factor: Array | float) -> PathTerm:
-        return PathTerm(factor * self.a, factor * self.b, factor * self.c, factor * self.k)
+        return PathTerm(factor * self.values)
 
     def __neg__(self) -> PathTerm:
-        return -1.0 * self
+        return PathTerm(-self.values)
 
     def without_negative_k(self) -> PathTerm:
         """A term that is at least as large and concave in ṡ²."""
-        return PathTerm(self.a, self.b, self.c, np.maximum(self.k, 0.0))
+        values = self.values.copy()
+        np.maximum(values[3], 0.0, out=values[3])
+        return PathTerm(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +90,11 @@ class LinearConstraints:
     @classmethod
     def of(cls, rows: list[tuple[PathTerm, float]], ceiling: Array) -> LinearConstraints:
         """From the rows (term, limit), term ≤ limit, in their order."""
-
-        def column(name: str) -> Array:
-            values = np.empty((len(rows), len(ceiling)))
-            for row, (term, limit) in zip(values, rows, strict=True):
-                row[:] = getattr(term, name) / limit
-            return np.ascontiguousarray(values.T)
-
-        return cls(column("a"), column("b"), column("c"), column("k"), ceiling)
+        values = np.empty((4, len(ceiling), len(rows)))
+        for row, (term, limit) in enumerate(rows):
+            values[:, :, row] = term.values / limit
+        a, b, c, k = values
+        return cls(a, b, c, k, ceiling)
 
     def tangent(self, speed_squared: Array) -> LinearConstraints:
         """Rows without k, at least as strict, exact at ṡ² = speed_squared (n,): √x ≤ √x₀/2 + x/(2 √x₀)."""
@@ -110,6 +118,42 @@ class LinearConstraints:
 
 
 @dataclass(frozen=True, eq=False)
+class _TorqueLaw:
+    """Terms of which the torque of one motor is made, for friction coefficients mu (n,).
+
+    With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor speed w = r q̇, the torque in the
+    direction σ of motion is the larger of two linear functions (transmission.TorqueRows):
+
+        σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)]
+
+    Driving, σ τ ≤ limit: both functions, exact. Braking, −σ τ ≤ limit: either function bounds σ τ from below, so one of
+    them is enough; that which is larger at the given ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
+    """
+
+    mu: Array
+    slopes: tuple[Array, Array]
+    effort: PathTerm
+    """σF."""
+    motor: PathTerm
+    """σ (inertia ẇ + coulomb + viscous w)."""
+
+    @cached_property
+    def driving(self) -> list[PathTerm]:
+        return [(slope * self.effort + self.motor).without_negative_k() for slope in self.slopes]
+
+    def braking(self, speed_squared: Array, ceiling: Array) -> PathTerm:
+        """For ṡ² (n,) near the given one and up to the ceiling (n,)."""
+        first, second = self.slopes
+        _, b, c, _ = self.effort.values
+        mesh = b * speed_squared + c
+        larger = np.where(first * mesh > second * mesh, first, second)
+        values = (larger * self.effort + self.motor).without_negative_k().values
+        values[1] += values[3] / np.sqrt(ceiling)
+        values[3] = 0.0
+        return PathTerm(-values)
+
+
+@dataclass(frozen=True, eq=False)
 class PathLimits:
     """The limits of a robot at n points of a path, and what of them does not depend on the motion along it."""
 
@@ -125,6 +169,8 @@ class PathLimits:
     """Where joints start from rest, (n, 4)."""
     stops: Array | None
     """|J q'| / (2d) (n,) of a limit d on the way of a stop."""
+    laws: dict[tuple[int, int], _TorqueLaw] = field(default_factory=dict)
+    """Of every joint's drives, as last asked for: most friction coefficients are the same in every pass."""
 
     @classmethod
     def along(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
@@ -152,21 +198,24 @@ class PathLimits:
         speed_squared (n,): ṡ² at which the friction coefficient is taken, that of the previous pass. static_start: friction
         is static where joints start.
 
-        Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max, and (2) of `braking_travel`. Torque: see `_torque_rows`.
+        Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max, and (2) of `braking_travel`. Torque: see `_TorqueLaw`.
         """
         rows: list[tuple[PathTerm, float]] = []
         for i, joint in enumerate(self.robot.joints):
-            acceleration = PathTerm(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
+            acceleration = self._term(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
             rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
             if self.stops is not None:
-                braking = PathTerm(b=self.stops * np.abs(self.samples.dq[:, i]))
+                braking = self._term(b=self.stops * np.abs(self.samples.dq[:, i]))
                 rows.append((braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration))
         for i, _, motor in motorised(self.robot.joints):
-            for load, drive, sides in self.robot.actuations(i):
+            for k, (load, drive, sides) in enumerate(self.robot.actuations(i)):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-                terms = self._torque_rows(drive, i, mu, speed_squared=speed_squared, load=self.loads[load])
-                wanted = [*(terms[:2] if 1 in sides else ()), *(terms[2:] if -1 in sides else ())]
-                rows += [(term, motor.max_torque) for term in wanted]
+                law = self.laws.get((i, k))
+                if law is None or not np.array_equal(law.mu, mu):
+                    law = self.laws[i, k] = self._torque_law(drive, i, mu, self.loads[load])
+                rows += [(term, motor.max_torque) for term in law.driving if 1 in sides]
+                if -1 in sides:
+                    rows.append((law.braking(speed_squared, self.ceiling), motor.max_torque))
         return LinearConstraints.of(rows, self.ceiling)
 
     def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
@@ -176,33 +225,20 @@ class PathLimits:
         starts = self.starts[:, i] if static_start else np.zeros_like(self.starts[:, i])
         return np.where(starts, np.asarray(breakaway_coefficient(friction, w)), friction_coefficient(friction, w))
 
-    def _torque_rows(
-        self, drive: Drive, i: int, mu: Array, *, speed_squared: Array, load: tuple[Array, Array, Array]
-    ) -> list[PathTerm]:
-        """Terms ≤ the largest motor torque of joint i, three of them, for friction coefficients mu (n,).
-
-        With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor speed w = r q̇, the torque in the
-        direction σ of motion is the larger of two linear functions (transmission.TorqueRows):
-
-            σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)]
-
-        Driving, σ τ ≤ limit: both functions, exact. Braking, −σ τ ≤ limit: either function bounds σ τ from below, so one of
-        them is enough; that which is larger at the given ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
-        """
+    def _torque_law(self, drive: Drive, i: int, mu: Array, load: tuple[Array, Array, Array]) -> _TorqueLaw:
+        """The motor torque of joint i for friction coefficients mu (n,)."""
         sigma, dq, ddq = self.directions[:, i], self.samples.dq[:, i], self.samples.ddq[:, i]
-        qd, qdd = PathTerm(k=sigma * np.abs(dq)), PathTerm(a=dq, b=ddq)
-        tau_rigid = PathTerm(*(part[:, i] for part in load))
-        effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
-
+        qd, qdd = self._term(k=sigma * np.abs(dq)), self._term(a=dq, b=ddq)
+        tau_rigid = self._term(**{name: part[:, i] for name, part in zip("abc", load, strict=True)})
         rows = motor_torque_rows(drive, sigma, mu)
         first, second = (np.asarray(slope) for slope in rows.slope)
-        motor = sigma * rows.torque(PathTerm(), drive.ratio * qd, drive.ratio * qdd)
+        effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
+        return _TorqueLaw(
+            mu, (first, second), effort, sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd)
+        )
 
-        mesh = effort.b * speed_squared + effort.c
-        larger = np.where(first * mesh > second * mesh, first, second)
-        driving = [(slope * effort + motor).without_negative_k() for slope in (first, second)]
-        bound = (larger * effort + motor).without_negative_k()
-        return [*driving, -PathTerm(bound.a, bound.b + bound.k / np.sqrt(self.ceiling), bound.c)]
+    def _term(self, **given: Array | float) -> PathTerm:
+        return PathTerm.of(len(self.ceiling), **given)
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssm_planner.planning.retiming.constraints import PathLimits
+from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest
 from ssm_planner.problem.problem import TaskLimits
@@ -134,6 +134,7 @@ def _retimed(
         passes=0,
         active=np.full(len(grid) - 1, -2),
     )
+    last: LinearConstraints | None = None
     for count in range(1, PASSES + 1):
         rows = path_limits.constraints(tangent, static_start=static)
         linear = rows.tangent(_lifted(tangent))
@@ -146,8 +147,7 @@ def _retimed(
             continue
         duration = float(_times(grid, found)[-1])
         # the tangents only over-estimate: where no row that has one binds with it, they do not matter
-        binding = linear.active(grid, found)
-        settled = abs(best.duration - duration) <= CONVERGED * duration or not rows.k[:, binding[binding >= 0]].any()
+        settled = abs(best.duration - duration) <= CONVERGED * duration or not _bind(linear, rows, grid, found)
         best = Retiming(
             "solved",
             "",
@@ -155,13 +155,22 @@ def _retimed(
             s=grid,
             speed_squared=found,
             passes=count,
-            active=rows.active(grid, found),
+            active=best.active,
             converged=settled,
         )
+        last = rows
         if settled:
             break
         tangent = found
-    return best
+    return replace(best, active=last.active(grid, best.speed_squared)) if last else best
+
+
+def _bind(linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array) -> bool:
+    """Whether a row binds that has a tangent."""
+    if not rows.k.any():
+        return False
+    binding = linear.active(grid, speed_squared)
+    return bool(rows.k[:, binding[binding >= 0]].any())
 
 
 def _lifted(speed_squared: Array) -> Array:
