@@ -136,6 +136,8 @@ MANY = 200
 """Samples from which on `call` lets NumPy run a Function: the same numbers."""
 BLOCK = 8192
 """Samples at a time: the registers stay in the cache."""
+_KEPT: list[Array] = []
+"""Memory of registers, for the next call: to get it anew from the system takes as long as an eighth of the operations."""
 
 
 class Vectorised:
@@ -159,7 +161,10 @@ class Vectorised:
             if argument.shape != (n, rows):
                 raise GeometryError(f"{self.name}: argument of shape {argument.shape}, expected {(n, rows)}")
         results = [np.empty((rows, n)) for rows in self.rows_out]
-        work = np.empty((self._registers, min(n, BLOCK)))
+        size = self._registers * min(n, BLOCK)
+        kept = _KEPT.pop() if _KEPT else np.empty(0)
+        memory = kept if len(kept) >= size else np.empty(size)
+        work = memory[:size].reshape(self._registers, min(n, BLOCK))
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, BLOCK):
                 block = slice(start, min(start + BLOCK, n))
@@ -167,12 +172,16 @@ class Vectorised:
                 slots += self._constants
                 slots += [column[block] for argument in arguments for column in argument.T]
                 slots += [row[block] for result in results for row in result]
-                for operation, operands, out in self._program:
-                    operation(*[slots[k] for k in operands], slots[out])
+                for operation, first, second, out in self._program:
+                    if second < 0:
+                        operation(slots[first], slots[out])
+                    else:
+                        operation(slots[first], slots[second], slots[out])
+        _KEPT[:] = [memory]
         return [result.T for result in results]
 
-    def _compile(self, function: ca.Function) -> list[tuple[Callable[..., Any], tuple[int, ...], int]]:
-        """Operations on slots: registers, constants, rows of the arguments, rows of the results."""
+    def _compile(self, function: ca.Function) -> list[tuple[Callable[..., Any], int, int, int]]:
+        """Operations on slots: registers, constants, rows of the arguments, rows of the results; −1: no second operand."""
         sequence = list(steps(function))
         constants = [step for step in sequence if step.name == "const"]
         self._constants = [np.array(step.constant) for step in constants]
@@ -181,19 +190,19 @@ class Vectorised:
         firsts_out = firsts_in[-1] + np.cumsum([0, *self.rows_out])
         place = list(range(self._registers))
         """Where the value of each register is to be found."""
-        program: list[tuple[Callable[..., Any], tuple[int, ...], int]] = []
+        program: list[tuple[Callable[..., Any], int, int, int]] = []
         used = 0
         for step in sequence:
-            operands = tuple(place[k] for k in step.operands)
+            first, second = (*(place[k] for k in step.operands), -1, -1)[:2]
             if step.name == "const":
                 place[step.out] = self._registers + used
                 used += 1
             elif step.name == "input":
                 place[step.out] = int(firsts_in[step.argument]) + step.index
             elif step.name == "output":
-                program.append((_copy, operands, int(firsts_out[step.argument]) + step.index))
+                program.append((_copy, first, second, int(firsts_out[step.argument]) + step.index))
             else:
-                program.append((OPERATIONS[step.name].numpy, operands, step.out))
+                program.append((OPERATIONS[step.name].numpy, first, second, step.out))
                 place[step.out] = step.out
         return program
 

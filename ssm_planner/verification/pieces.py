@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 
@@ -55,9 +56,9 @@ class Pieces:
         lowest = np.stack([b.min(axis=0).min(axis=0) for b in self.bernstein])
         return lowest, np.stack([b.max(axis=0).max(axis=0) for b in self.bernstein])
 
-    def at(self, piece: Indices | slice, s: Array) -> State:
-        """q, qd, qdd, each (…, n, 4), at s (…, n) of pieces (n,), counted from the first of these."""
-        q, qd, qdd = (_horner(powers.T[..., piece], s) for powers in self.powers[:3])
+    def at(self, piece: Indices | slice, s: Array, out: Sequence[Array] | Array = ()) -> State:
+        """q, qd, qdd, each (…, n, 4), at s (…, n) of pieces (n,), counted from the first of these; out: of shape (4, … n)."""
+        q, qd, qdd = (_horner(powers.T[..., piece], s, values) for powers, values in zip_longest(self.powers[:3], out))
         return q, qd, qdd
 
     def time(self, piece: Indices, s: Array) -> Array:
@@ -108,13 +109,18 @@ def still(robot: Robot) -> Array:
     return np.array([joint.velocity for joint in robot.joints]) * STILL
 
 
-def _horner(powers: Array, s: Array) -> Array:
-    """Σ powers[:, k] s^k: powers (4, degree + 1, n), s (…, n) → (…, n, 4), each joint's values together in memory."""
+def _horner(powers: Array, s: Array, out: Array | None = None) -> Array:
+    """Σ powers[:, k] s^k: powers (4, degree + 1, n), s (…, n) → (…, n, 4), each joint's values together in memory.
+
+    out: where they are to be, with any shape of (4, … n).
+    """
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
-    value = np.broadcast_to(powers[:, -1].reshape(shape), (4, *s.shape)).copy()
-    for coefficient in powers.swapaxes(0, 1)[-2::-1]:
+    last, *others = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
+    value = np.multiply(last, s, out=None if out is None else out.reshape(4, *s.shape))
+    value += others[0]
+    for coefficient in others[1:]:
         value *= s
-        value += coefficient.reshape(shape)
+        value += coefficient
     return np.moveaxis(value, 0, -1)
 
 

@@ -54,6 +54,8 @@ INTERVALS, PIECE = 40_000, (64, 512)
 hour, so that cost grows with pieces, not with seconds."""
 MOST = 2048
 """Intervals of a block that are halved at a time, those first that may hold the worst."""
+BLOCK = 2500
+"""Intervals that are sampled at a time, so that what is worked out stays in the cache."""
 INSTANTS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
 """Of an interval, as shares of its width."""
 LONG = 10.0
@@ -126,22 +128,29 @@ class SampledExtremes:
                     values[:, k] = nut_contact(drive, values[:, k], drive.ratio * state[2][:, quantity.index])
         return values
 
-    def _sample(self, pieces: Pieces, at: Intervals) -> Array:
+    def _sample(self, pieces: Pieces, intervals: Intervals) -> Array:
         """Values (4, n, k) at the instants of n intervals; the worst of them are kept."""
+        values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
+        for first in range(0, len(intervals.piece), BLOCK):
+            block = slice(first, first + BLOCK)
+            self._sample_block(pieces, intervals.chosen(block), values[:, block])
+        return values
+
+    def _sample_block(self, pieces: Pieces, at: Intervals, values: Array) -> None:
+        """Write into values (4, n, k)."""
         last = np.flatnonzero(~at.joined)
         s, end = at.begin + INSTANTS[:3] * at.width, np.minimum(at.begin[last] + at.width[last], 1.0)
-        behind = pieces.at(at.piece[last], end)
-        inner = pieces.at(at.piece, s)
-        q, qd, qdd = (_stacked(x.reshape(-1, 4), more) for x, more in zip(inner, behind, strict=True))
-        direction = _stacked(at.direction, at.direction, at.direction, at.direction[last])
+        states = np.empty((3, 4, s.size + len(last)))
+        pieces.at(at.piece, s, states[..., : s.size])
+        pieces.at(at.piece[last], end, states[..., s.size :])
+        q, qd, qdd = (state.T for state in states)
+        direction = np.concatenate([at.direction.T] * 3 + [at.direction[last].T], axis=1).T
         static = np.zeros_like(direction)
         static[: len(at.piece)] = at.starting
         found = self.evaluate((q, qd, qdd), direction, static)
         self._keep_worst(found, np.append(pieces.time(at.piece, s), pieces.time(at.piece[last], end)))
-        values = np.empty((found.shape[1], 4, len(at.piece))).transpose(1, 2, 0)
         values[:3] = found[: s.size].reshape(3, len(at.piece), -1)
         values[3, :-1], values[3, last] = values[0, 1:], found[s.size :]
-        return values
 
     def _suspicious(self, pieces: Pieces, slopes: Array, certain: Mask) -> Mask:
         """(m,): pieces that may hold something worse than what is known, or friction at rest.
@@ -168,11 +177,6 @@ class SampledExtremes:
         """(n,): by how much some quantity between these bounds (n, k) may exceed the worst known."""
         bounds = zip(self.worst, lowest.T, highest.T, strict=True)
         return np.max([w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0)
-
-
-def _stacked(*parts: Array) -> Array:
-    """Rows (n, 4) one below the other, each column's values together in memory."""
-    return np.concatenate([part.T for part in parts], axis=1).T
 
 
 def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
@@ -228,6 +232,13 @@ class Intervals:
             starting=starting[of] & (part == 0)[:, None],
             joined=np.append(of[1:] == of[:-1], False),
         )
+
+    def chosen(self, some: slice) -> Intervals:
+        """Some in a row."""
+        joined = self.joined[some].copy()
+        joined[-1:] = False
+        piece, begin, width = self.piece[some], self.begin[some], self.width[some]
+        return Intervals(piece, begin, width, self.direction[some], starting=self.starting[some], joined=joined)
 
     def halves(self, chosen: Indices) -> Intervals:
         """The two halves of each of the chosen intervals."""

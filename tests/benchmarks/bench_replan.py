@@ -1,9 +1,10 @@
 """What a re-plan with changed numbers takes: CPU time of one thread, by part, against another checkout in turns.
 
-    python tests/benchmarks/bench_replan.py [--against FOLDER] [--rounds N] [--kinds KIND …]
+    python tests/benchmarks/bench_replan.py [--against FOLDER] [--rounds N] [--kinds KIND …] [--fast]
 
 FOLDER: the root of another checkout of this project, for example a git worktree of an earlier commit. Medians in ms; the
-first plan of every kind, which builds its programs, is not counted.
+first plan of every kind, which builds its programs, is not counted. --fast: as a `Replanner` plans with `planner: fast`, with
+what is compiled in the background compiled; a checkout that knows no such planner plans as it does.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ import statistics
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
-KINDS = ("straight", "free", "jerk", "waypoints", "eye", "scan")
+KINDS = ("straight", "free", "jerk", "waypoints", "eye", "scan", "tilt_insert")
 PARTS = {
     "Ipopt": ("planning.ocp.transcription.ipopt",),
     "TOPP-RA": (
@@ -49,15 +50,29 @@ def problem_of(kind: str, turn: int) -> Any:
     if kind in ("free", "jerk"):
         problem = free_problem(Change(velocity=slower), FREE_WEAK)
         return problem if kind == "free" else replace(problem, robot=with_limits(problem.robot, jerk=JERK))
-    name = {"waypoints": "waypoints", "eye": "eye_approach", "scan": "laser_scan"}[kind]
+    name = {"eye": "eye_approach", "scan": "laser_scan"}.get(kind, kind)
     problem = load_problem(ROOT / f"problems/{name}.yaml")
     return replace(problem, robot=with_limits(problem.robot, velocity=slower))
 
 
-def serve() -> None:
+def compiled() -> None:
+    """Compile what is compiled in the background, as far as a checkout has it."""
+    from ssm_planner.planning.ocp.compiled import function_store
+
+    function_store.compile_all()
+    with suppress(ImportError):
+        from ssm_planner.planning.retiming.reachability import PASSES
+
+        if PASSES.function is None:
+            PASSES.compile()
+            PASSES.wait()
+
+
+def serve(fast: bool) -> None:
     """Answer requests "kind turn", one in a line, with times in ms and the outcome as JSON."""
     from importlib import import_module
 
+    from ssm_planner.errors import ProblemError
     from ssm_planner.pipeline import run
     from ssm_planner.sizing.size import size_motion
 
@@ -86,9 +101,16 @@ def serve() -> None:
         for line in sys.stdin:
             kind, turn = line.split()
             problem = problem_of(kind, int(turn))
+            if fast:
+                with suppress(ProblemError):
+                    problem = replace(problem, planner="fast")
+                if turn == "0":
+                    run.plan(problem, relaxations=False)
+                    compiled()
+                    run.plan(problem, relaxations=False)
             spent.clear()
             begin = time.thread_time()
-            found = run.plan(problem)
+            found = run.plan(problem, relaxations=not fast)
             middle = time.thread_time()
             if found.trajectory is not None:
                 size_motion(found.trajectory, problem.robot)
@@ -103,10 +125,11 @@ def serve() -> None:
 class Served:
     """A checkout in a process of its own."""
 
-    def __init__(self, root: Path) -> None:
-        environment = {**os.environ, "PYTHONPATH": str(root), "SSM_PLANNER_COMPILE": "0", "OPENBLAS_NUM_THREADS": "1"}
+    def __init__(self, root: Path, fast: bool) -> None:
+        threads = {"OPENBLAS_NUM_THREADS": "1", "SSM_PLANNER_COMPILE": "1" if fast else "0"}
+        environment = {**os.environ, "PYTHONPATH": str(root), **threads}
         pipe = subprocess.PIPE
-        command = [sys.executable, __file__, "--serve"]
+        command = [sys.executable, __file__, "--serve", *(["--fast"] if fast else [])]
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
 
     def ask(self, kind: str, turn: int) -> dict[str, Any]:
@@ -124,13 +147,14 @@ def main() -> int:
     parser.add_argument("--against", type=Path, help="root of another checkout")
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--fast", action="store_true", help="planner: fast, compiled")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:
-        serve()
+        serve(options.fast)
         return 0
     roots = {"this": ROOT} if options.against is None else {"before": options.against.resolve(), "this": ROOT}
-    ways = {name: Served(root) for name, root in roots.items()}
+    ways = {name: Served(root, options.fast) for name, root in roots.items()}
     columns = ("plan", *PARTS, "sizing")
     print(f"{'':18s}" + "".join(f"{name:>9s}" for name in columns) + "   iterations   duration   certified")
     for kind in options.kinds:
