@@ -96,6 +96,12 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
         values = (number(scale * p[key], 4) for key in ("value", "low", "high"))
         rows.append((name, *values, unit, ", ".join(flags)))
     lines += Table(("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)).lines()
+    if result["inseparable"]:
+        given = (
+            f"{1e3 * c['value']:.3f} [{1e3 * c['low']:.3f}, {1e3 * c['high']:.3f}] mN·m {way}"
+            for way, c in result["combinations"].items()
+        )
+        lines.append(f"together     {', '.join(given)}, in slow motion")
     for row in result["start_stop"]:
         lines.append(
             f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, {row['nrmsd']:.4f} fitted"
@@ -110,7 +116,10 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
             lines += ["", title, *(f"  {item}" for item in items)]
     if result["outliers"]:
         lines += ["", "Outliers (kept, with less weight)"]
-        lines += [f"  {o['recording']}: {o['distance']:.1f} σ, weight {o['weight']:.2f}" for o in result["outliers"]]
+        lines += [
+            f"  {o['recording']}: {1e3 * o['distance']:.3f} mN·m from its neighbours, weight {o['weight']:.2f}"
+            for o in result["outliers"]
+        ]
     return [*lines, "", *(f"{name}: {path}" for name, path in result["files"].items())]
 
 

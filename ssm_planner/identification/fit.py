@@ -297,7 +297,7 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -
         outliers=(),
         criterion={},
         law_shares=posterior.law_shares(model.law),
-        notes=_notes(model, drive, predicted),
+        notes=_notes(model, drive, predicted, offset),
     )
 
 
@@ -312,8 +312,13 @@ def _estimate(value: float, draws: Array, separable: bool = True, at_bound: bool
     return Estimate(value, min(low, value), high=max(high, value), separable=separable, at_bound=at_bound)
 
 
-def _notes(model: MapModel, drive: Drive, predicted: Array) -> tuple[str, ...]:
+def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
     notes = []
+    if model.load * (model.load + offset) < 0.0:
+        notes.append(
+            f"the load found, {model.load + offset:.3g}, is opposite to the payload's {model.load:.3g}: are direction and "
+            "payload of the rig right?"
+        )
     effort = output_effort(drive, model.load, model.w / drive.ratio, 0.0)
     lost = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
     if lost:

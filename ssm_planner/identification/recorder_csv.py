@@ -18,16 +18,25 @@ from ssm_planner.typing import Array
 from ssm_planner.units import SPEEDS, TIMES
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_OTHER = {".": ",", ",": "."}
+_GROUPED = {
+    mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{other}\d{{3}})+(\{mark}\d*)?([eE][+-]?\d+)?")
+    for mark, other in _OTHER.items()
+}
+"""Numbers with thousands separators, by the decimal mark."""
+_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+"""Numbers whose mark may be that of decimals or of thousands."""
+_MARKED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
+_BLANKS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f ](?=\\d{3})")
+"""Thousands separators that are no mark: apostrophes and blanks."""
 _EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
 
 class Notes:
     """Repairs of one file, equal ones counted."""
 
-    def __init__(self, path: Path, decimal_point: bool) -> None:
-        self.path, self.decimal_point = path, decimal_point
+    def __init__(self, path: Path) -> None:
+        self.path = path
         self.single: list[str] = []
         self.counted: dict[str, list[int]] = {}
 
@@ -37,27 +46,36 @@ class Notes:
     def count(self, text: str, line: int) -> None:
         self.counted.setdefault(text, []).append(line + 1)
 
-    def number(self, text: str, line: int) -> float:
-        """The number a field holds, its local habits undone; NaN for an empty field or a stated nan."""
-        text = text.strip().strip('"').strip()
+    def number(self, text: str, line: int, mark: str) -> float:
+        """The number a field holds, its local habits undone; NaN for an empty field or a stated nan.
+
+        mark: the column's decimal mark, "" where it has both or does not show.
+        """
+        text = _bare(text)
         if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
             return math.nan
-        if NUMBER.fullmatch(text):
-            return float(text)
+        if _EITHER.fullmatch(text) and not mark:
+            raise RecordingError(
+                f"{self.path}:{line + 1}: {text!r} may have decimals or thousands: write numbers without thousands separators"
+            )
+        joined = _BLANKS.sub("", text)
+        if mark and _GROUPED[mark].fullmatch(joined):
+            joined = joined.replace(_OTHER[mark], "")
+        if joined != text and NUMBER.fullmatch(joined.replace(",", ".")):
+            self.count("numbers with thousands separators read without them", line)
+        if NUMBER.fullmatch(joined):
+            return float(joined)
+        if NUMBER.fullmatch(joined.replace(",", ".")):
+            self.count("numbers with a decimal comma read as such", line)
+            return float(joined.replace(",", "."))
         edited = _EDITED.fullmatch(text)
         if edited:
             value, before = edited.group(1).strip(), edited.group(2)
             self.add(f"line {line + 1}: edited value {value} restored to {before}, which the file states it was")
             return float(before)
-        if _THOUSANDS.fullmatch(text) and self.decimal_point:
-            self.count("numbers with thousands separators read without them", line)
-            return float(text.replace(",", ""))
-        if _DECIMAL_COMMA.fullmatch(text):
-            self.count("numbers with a decimal comma read as such", line)
-            return float(text.replace(",", "."))
-        head = text.split(",", 1)[0].strip()
-        if "," in text and NUMBER.fullmatch(head):
-            self.add(f"line {line + 1}: text after the number {head} ignored ({text[:40]!r})")
+        head, _, rest = text.partition(",")
+        if rest and not rest.lstrip()[:1].isdigit() and NUMBER.fullmatch(head.strip()):
+            self.add(f"line {line + 1}: text after the number {head.strip()} ignored ({text[:40]!r})")
             return float(head)
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
@@ -99,7 +117,9 @@ NAMES = {
 """Accepted column names, best first."""
 _OPTIONAL = ("position",)
 
-_MORE = "lines with more than {} columns: the rest ignored"
+_MORE = "lines with more than {} columns: "
+MOST_LEFT_OUT = 0.05
+"""Share of the samples that may be left out as no numbers."""
 MAX_LINE = 100_000
 """Longest line read, characters."""
 
@@ -146,7 +166,7 @@ def parse_table(text: str, path: Path) -> Table:
     units = [""] * len(names)
     if first < len(lines):
         second = [field.strip().strip('"') for field in _fields(lines[first], separator)]
-        if second and not any(NUMBER.fullmatch(f) or _DECIMAL_COMMA.fullmatch(f) for f in second):
+        if second and not any(_MARKED.fullmatch(f) for f in second):
             units, first = second, first + 1
     names, units = _align(names, units)
     return _samples(lines, first, separator=separator, names=names, units=units, header=header, path=path)
@@ -243,11 +263,45 @@ def _fields(line: str, separator: str) -> list[str]:
     return fields
 
 
+def _bare(text: str) -> str:
+    """A field without blanks and quotes about it, its minus that of a keyboard."""
+    return text.strip().strip('"').strip().replace("\u2212", "-")
+
+
+def _marks(rows: list[list[str]], width: int) -> list[str]:
+    """The decimal mark of each column of fields; "" where it has both, or where what shows it contradicts other columns."""
+    columns = [[_BLANKS.sub("", _bare(row[k])) for row in rows] for k in range(width)]
+    sure: list[set[str]] = []
+    for fields in columns:
+        numbers = {f for f in fields if ("," in f or "." in f) and _MARKED.fullmatch(f) and not _EITHER.fullmatch(f)}
+        single = {_OTHER[m] if f.count(m) > 1 else m for f in numbers for m in (f[max(map(f.rfind, ".,"))],)}
+        sure.append(single)
+    elsewhere = set().union(*sure)
+    return [
+        next(iter(marks)) if len(marks) == 1 else "" if marks else _guessed(fields, elsewhere)
+        for fields, marks in zip(columns, sure, strict=True)
+    ]
+
+
+def _guessed(fields: list[str], elsewhere: set[str]) -> str:
+    """The decimal mark of a column in which no field shows it for sure; elsewhere: those of the other columns."""
+    seen = {mark for f in fields if _EITHER.fullmatch(f) for mark in ".," if mark in f}
+    whole = [abs(int(f)) for f in fields if re.fullmatch(r"[+-]?\d+", f)]
+    if len(seen) != 1:
+        return "" if seen else "."
+    mark = seen.pop()
+    if whole:
+        # 992 before 1,024 is of thousands, 1024 before 1,125 of decimals.
+        return mark if max(whole) >= 1000 or (mark == "." and "," not in elsewhere) else _OTHER[mark]
+    return mark if elsewhere <= {mark} else ""
+
+
 def _samples(
     lines: list[str], first: int, separator: str, names: list[str], units: list[str], header: dict[str, str], path: Path
 ) -> Table:
     width, rows, numbers = len(names), [], []
-    notes = Notes(path, any("." in line for line in lines[first : first + 200]))
+    notes = Notes(path)
+    more = _MORE.format(width) + ("left out" if separator == "," else "the rest ignored")
     last = max((k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")), default=first - 1)
     for k in range(first, last + 1):
         raw = lines[k]
@@ -258,26 +312,33 @@ def _samples(
         if separator != "," and raw.rstrip().endswith(","):
             notes.count("lines with commas added at their end read without them", k)
         if len(fields) > width:
-            notes.count(_MORE.format(width), k)
-        if len(fields) < width:
-            if k == last:
-                notes.add(f"the last line ({k + 1}) is cut off and left out")
-                continue
-            fields = fields + [""] * (width - len(fields))
-        try:
-            row = [float(f) for f in fields[:width]]
-        except ValueError:
-            row = [notes.number(f, k) for f in fields[:width]]
-        rows.append(row)
+            notes.count(more, k)
+            if separator == ",":
+                # A number with a decimal comma makes two fields.
+                fields = []
+        elif len(fields) < width and k == last:
+            notes.add(f"the last line ({k + 1}) is cut off and left out")
+            continue
+        rows.append((fields + [""] * width)[:width])
         numbers.append(k + 1)
     if not rows:
         raise RecordingError(f"{path}: the header is there, but no sample follows it")
-    if separator == "," and len(notes.counted.get(_MORE.format(width), ())) > len(rows) / 2:
+    if separator == "," and len(notes.counted.get(more, ())) > max(1, MOST_LEFT_OUT * len(rows)):
         raise RecordingError(
-            f"{path}:{first + 1}: more fields than the {width} columns that the header names: where the comma separates "
-            "columns, numbers with a decimal comma must be quoted"
+            f"{path}:{notes.counted[more][0]}: more fields than the {width} columns that the header names: where the comma "
+            "separates columns, numbers with a decimal comma must be quoted"
+        )
+    try:
+        values = np.array(rows, dtype=float)
+    except ValueError:
+        marks = _marks(rows, width)
+        values = np.array(
+            [
+                [notes.number(f, k - 1, m) for f, m in zip(row, marks, strict=True)]
+                for k, row in zip(numbers, rows, strict=True)
+            ]
         )
     promised = header.get("recorded samples", "")
     if promised.isdigit() and int(promised) != len(rows):
         notes.add(f"the header promises {promised} samples, {len(rows)} were found")
-    return Table(names, units, values=np.array(rows, dtype=float), lines=numbers, repairs=notes.all(), header=header)
+    return Table(names, units, values=values, lines=numbers, repairs=notes.all(), header=header)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssm_planner.dynamics.friction import STANDSTILL
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recorder_csv import Column, Table, find_columns, parse_table
+from ssm_planner.identification.recorder_csv import MOST_LEFT_OUT, NUMBER, Column, Table, find_columns, parse_table
 from ssm_planner.typing import Array
 
 MAX_BYTES = 32_000_000
@@ -17,9 +19,15 @@ MAX_BYTES = 32_000_000
 
 MIN_SAMPLES = 8
 RAIL = 8
-"""So many samples in a row at the largest torque are no measurement of it."""
+"""So many samples at the largest torque, or in a row at the same, are no measurement of it."""
+RAIL_BAND, RAIL_EXCESS = 0.01, 4
+"""How near the largest torque they lie, as a share of its range, and how many times those of the next such band they are."""
+UNEQUAL = 3
+"""How many times the next longest row of equal torque the longest is where the channel stopped, not merely is coarse."""
 LASTING = 2.0
 """Times the nominal torque that no motor gives on average."""
+PASSAGE, REPEATED = 8, 0.5
+"""Samples in a row by which recordings are compared, and the share of them that two recordings do not have in common."""
 SPIKE_GAP = 3.0
 """A sample is a spike when its distance to the others exceeds this many times their range."""
 
@@ -62,10 +70,10 @@ def read_recording(
     keep = np.isfinite(time) & np.isfinite(speed) & np.isfinite(torque) & np.isfinite(angle)
     if not keep.all():
         bad = np.flatnonzero(~keep)
-        if len(bad) > max(1, 0.05 * len(keep)):
+        if len(bad) > max(1, MOST_LEFT_OUT * len(keep)):
             raise RecordingError(
                 f"{path}:{table.lines[bad[0]]}: {len(bad)} of {len(keep)} samples are not finite numbers; "
-                "at most 5 % may be left out"
+                f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
             )
         repairs.append(f"{len(bad)} samples that are not finite left out (first: line {table.lines[bad[0]]})")
     lines = np.asarray(table.lines)[keep]
@@ -85,7 +93,8 @@ def read_recording(
         raise RecordingError(
             f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
         )
-    repairs += _doubts(torque, columns["torque"], nominal_torque)
+    repairs += _doubts(torque, columns["torque"], nominal_torque, np.abs(speed) > STANDSTILL)
+    repairs += _doubts_of_time(time, table.header)
     return Recording(
         name=name or path.name,
         time=time - time[0],
@@ -171,15 +180,28 @@ def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | Non
     return values * column.factor
 
 
-def _doubts(torque: Array, column: Column, nominal_torque: float | None) -> list[str]:
-    """What a torque channel (samples,), N·m, that can be read is hardly meant to say."""
+def _doubts_of_time(time: Array, header: dict[str, str]) -> list[str]:
+    """Where the time column (samples,), s, contradicts the recorder's header, which has the sampling period in ms."""
+    stated, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
+    if not NUMBER.fullmatch(stated) or float(stated) <= 0 or 0.5 < step / float(stated) < 2.0:
+        return []
+    return [f"samples lie {step:.3g} ms apart, the header says {stated}: is the unit of time right?"]
+
+
+def _doubts(torque: Array, column: Column, nominal_torque: float | None, moving: NDArray[np.bool_]) -> list[str]:
+    """What a torque channel (samples,), N·m, that can be read is hardly meant to say; moving: (samples,) of bool."""
     doubts, size = [], np.abs(torque)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], size >= (1 - 1e-9) * size.max(), [False]])))
-    longest = int(np.max(edges[1::2] - edges[::2]))
-    if longest >= RAIL:
-        doubts.append(
-            f"torque stays at its largest value for {longest} samples in a row: limited by the drive, or stuck?"
-        )
+    below = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
+    largest, next_to_it = (int(np.sum((below >= a) & (below < a + RAIL_BAND))) for a in (0.0, RAIL_BAND))
+    edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
+    rows = np.sort(
+        [stop - start for start, stop in itertools.pairwise(edges.tolist()) if moving[start:stop].all()] or [0]
+    )
+    usual = int(rows[-2]) if len(rows) > 1 else 1
+    if largest >= RAIL and largest > RAIL_EXCESS * next_to_it:
+        doubts.append(f"torque stays at its largest value in {largest} samples: limited by the drive, or stuck?")
+    elif rows[-1] >= max(RAIL, UNEQUAL * usual):
+        doubts.append(f"torque does not change for {rows[-1]} samples in a row: did the channel stop?")
     if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
         percent = 100 * torque / nominal_torque
         whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > nominal_torque
@@ -192,17 +214,31 @@ def _doubts(torque: Array, column: Column, nominal_torque: float | None) -> list
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
-    """Recordings without repetitions of the same samples, and a sentence for each that is left out."""
-    first: dict[bytes, str] = {}
-    kept, said = [], []
-    for recording in recordings:
-        content = recording.w.tobytes() + recording.tau.tobytes()
-        if content in first:
-            said.append(f"{recording.name}: the same samples as {first[content]}, counted once")
+    """Recordings without those that are mostly the samples of another, and a sentence for each that is left out."""
+    known: list[tuple[Recording, NDArray[np.uint64]]] = []
+    said: dict[str, str] = {}
+    for recording in sorted(recordings, key=lambda r: -len(r.w)):
+        found = _passages(recording)
+        shared = [r.name for r, others in known if np.mean(np.isin(found, others)) > REPEATED]
+        if shared:
+            said[recording.name] = f"{recording.name}: the same samples as {shared[0]}, counted once"
         else:
-            first[content] = recording.name
-            kept.append(recording)
-    return kept, said
+            known.append((recording, found))
+    kept = {id(r) for r, _ in known}
+    return [r for r in recordings if id(r) in kept], [said[r.name] for r in recordings if id(r) not in kept]
+
+
+def _passages(recording: Recording) -> NDArray[np.uint64]:
+    """(passages,) a number for every different row of PASSAGE samples of speed and torque, to the nearest of 1e-6 of each."""
+    with np.errstate(over="ignore"):
+        parts = (
+            np.round(v / 1e-6 / scale).astype(np.int64) for v, scale in ((recording.w, 1.0), (recording.tau, 1e-3))
+        )
+        speed, torque = (part.astype(np.uint64) for part in parts)
+        mixed = (speed * np.uint64(0x9E3779B97F4A7C15)) ^ (torque * np.uint64(0xC2B2AE3D27D4EB4F))
+        powers = np.cumprod(np.full(PASSAGE, 0x100000001B3, dtype=np.uint64))
+        rows = np.lib.stride_tricks.sliding_window_view(mixed, min(PASSAGE, len(mixed)))
+        return np.unique(rows @ powers[: rows.shape[1]])
 
 
 def _check_time(time: Array, lines: Array, path: Path) -> None:

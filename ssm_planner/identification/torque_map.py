@@ -52,6 +52,9 @@ BEYOND = 5.0
 LEAST = 0.005
 """Least deviation assumed, as a share of the torque range: what a bend of the map looks like between its points."""
 
+DRIFT = 0.2
+"""Change of speed from the first third of a recording to the last, as a share of its mean, that steady motion never has."""
+
 _KEEP = 3.0
 _FEWEST = 5
 
@@ -144,6 +147,10 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
             repairs.append(
                 f"{r.name}: speed noisier than its mean ({r.w.std():.3g} > {abs(r.w.mean()):.3g} rad/s), kept"
             )
+        third = len(r.w) // 3
+        first, last = float(r.w[:third].mean()), float(r.w[-third:].mean())
+        if abs(last - first) > max(DRIFT * abs(r.w.mean()), BEYOND * r.w.std() / np.sqrt(third)):
+            repairs.append(f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: not steady")
     return TorqueMap(
         names=tuple(r.name for r in order),
         w=np.array([r.w.mean() for r in order]),

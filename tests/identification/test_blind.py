@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time as clock
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -89,9 +90,27 @@ def test_repeated_files_count_once_and_too_few_recordings_are_refused(tmp_path):
     assert len(repeated.data.w) == 6
     assert sum("counted once" in text for text in repeated.to_dict()["repairs"]) == 24
     assert repeated.fit.estimates["b_v"] == once.fit.estimates["b_v"]
+    for k, file in enumerate(chosen):
+        lines = file.read_text(encoding="utf-8-sig").splitlines(keepends=True)
+        cut = lines[:-250] if k % 2 else [*lines[:14], *lines[15:]]
+        (tmp_path / f"part_{file.name}").write_text("".join(cut), encoding="utf-8")
+    assert len(identify(DRIVES / "rig3_worm.yaml", [*chosen, tmp_path]).data.w) == 6
     identify(DRIVES / "rig3_worm.yaml", chosen[:5])
     with pytest.raises(RecordingError, match="at least 5 speeds"):
         identify(DRIVES / "rig3_worm.yaml", chosen[1:5])
+
+
+@needs_recordings
+@pytest.mark.parametrize("rig", RIGS)
+def test_the_wrong_sign_of_the_channels_is_remarked(rig):
+    drive, steady = recordings_of(rig, "steady_state")
+
+    def notes(recordings):
+        return fit_map(drive, torque_map(recordings), drive.rig.F_payload, reference=drive.rig.published).notes
+
+    assert notes(steady) == ()
+    turned = notes([replace(r, w=-r.w, tau=-r.tau) for r in steady])
+    assert any("opposite to the payload" in note for note in turned)
 
 
 @needs_recordings

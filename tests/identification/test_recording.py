@@ -15,6 +15,7 @@ from ssm_planner.identification.torque_map import kind_of, rest_mask, torque_map
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
 NOMINAL = 9.84e-3
 RPM = math.pi / 30
+SWAPPED = str.maketrans(",.", ".,")
 
 HEADER = '''Date:;2020-07-08 21:17:01
 Max. samples:;500
@@ -131,6 +132,64 @@ def test_decimal_commas_with_units_in_the_header_and_quoted(tmp_path, header, li
     assert any("decimal comma" in repair for repair in r.repairs)
 
 
+@pytest.mark.parametrize(
+    ("header", "line"),
+    [
+        ("time [ms];velocity [rpm];torque [%]\n", "{t_dot};{w};{tau_comma}"),  # 1.000,000 ms
+        ("time [ms];velocity [rpm];torque [%]\n", "{t_int_dot};{w};{tau_comma}"),  # 1.000 ms
+        ("time [ms];velocity [rpm];torque [%]\n", "{t_int_comma};{w};{tau_comma}"),  # 1,000 ms, but 20,1 %
+        ("time [ms]\tvelocity [rpm]\ttorque [‰]\n", "{t_int_comma}\t{w}\t{permille}"),
+        ("time [ms]\tvelocity [rpm]\ttorque [%]\r\n", "{t_swiss}\t{w}\t{tau}"),
+        ("\ufefftime [ms];velocity [rpm];torque [%]\n", "{t_blank};{w};{tau_comma}"),
+        ("time [ms];velocity [rpm];torque [mN*m]\n", "{t};{w};{fine_comma}"),
+        ("time [ms];velocity [rpm];torque [N*m]\n", "{t};{w};{small_comma}"),
+        ("time [ms];velocity [rpm];torque [%]\n", "{t};\u2212{w};\u2212{tau}"),
+    ],
+)
+def test_marks_of_decimals_and_thousands_are_told_by_column(tmp_path, header, line):
+    lines, plain = [], []
+    for k in range(300):
+        t, tau = 10.0 * k, 20 + 0.1 * (k % 7)
+        plain.append(f"{t:.3f};{50 + k % 3};{tau:.1f}")
+        fields = {
+            "t": f"{t:.3f}",
+            "w": f"{50 + k % 3}",
+            "tau": f"{tau:.1f}",
+            "t_dot": f"{t:,.3f}".translate(SWAPPED),
+            "t_int_dot": f"{t:,.0f}".replace(",", "."),
+            "t_int_comma": f"{t:,.0f}",
+            "t_swiss": f"{t:,.1f}".replace(",", "'"),
+            "t_blank": f"{t:,.1f}".replace(",", "\u00a0").replace(".", ","),
+            "tau_comma": f"{tau:.1f}".replace(".", ","),
+            "permille": f"{10 * tau:.0f}",
+            "fine_comma": f"{tau * 1e-2 * NOMINAL * 1e3:.4f}".replace(".", ","),
+            "small_comma": f"{tau * 1e-2 * NOMINAL:.6e}".replace(".", ","),
+        }
+        lines.append(line.format(**fields))
+    expected = read(write(tmp_path / "a.csv", plain))
+    r = read(write(tmp_path / "b.csv", lines, header))
+    np.testing.assert_allclose(r.time, expected.time, atol=1e-9)
+    np.testing.assert_allclose(np.abs(r.w), expected.w)
+    np.testing.assert_allclose(np.abs(r.tau), expected.tau, atol=1e-5 * NOMINAL)
+
+
+@pytest.mark.parametrize("tau", ["20,1 %", "20,100", "20,1rpm"])
+def test_a_number_that_is_not_clear_is_refused(tmp_path, tau):
+    lines = [f"{10 * k}.5;{50 + k % 3};{tau}" for k in range(20)]
+    with pytest.raises(RecordingError, match=r"a\.csv:8: .*(is not a number|decimals or thousands)"):
+        read(write(tmp_path / "a.csv", lines))
+
+
+def test_some_bare_decimal_commas_between_commas_are_refused_too(tmp_path):
+    lines = [f"{10 * k},{50 + k % 3},{20 + k % 5}{',3' if k % 10 == 5 else ''}" for k in range(100)]
+    with pytest.raises(RecordingError, match=r"a\.csv:7: more fields .* must be quoted"):
+        read(write(tmp_path / "a.csv", lines, "time [ms],velocity [rpm],torque [%]\n"))
+    lines = [f"{10 * k},{50 + k % 3},{20 + k % 5}{',3' if k == 50 else ''}" for k in range(100)]
+    r = read(write(tmp_path / "b.csv", lines, "time [ms],velocity [rpm],torque [%]\n"))
+    assert len(r.time) == 99
+    assert any("left out" in repair for repair in r.repairs)
+
+
 def test_bare_decimal_commas_between_commas_are_refused(tmp_path):
     lines = [sample.replace(".", ",").replace(";", ",") for sample in samples()]
     with pytest.raises(RecordingError, match="must be quoted"):
@@ -140,7 +199,8 @@ def test_bare_decimal_commas_between_commas_are_refused(tmp_path):
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
 def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
     said = [r.repairs for r in read_recordings([RECORDINGS], nominal_torque=NOMINAL)]
-    assert not any("stays at" in text or "‰" in text for repairs in said for text in repairs)
+    doubts = ("stays at", "does not change", "‰", "unit of time")
+    assert not any(doubt in text for repairs in said for text in repairs for doubt in doubts)
     for rig in ("drive1_lead_screw", "drive3_worm"):
         lines = (RECORDINGS / rig / "steady_state" / "40.csv").read_text(encoding="utf-8-sig").splitlines()
         first = next(k for k, line in enumerate(lines) if line.startswith("ms;")) + 1
@@ -148,9 +208,23 @@ def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
         tenfold = [f"{t};{w};{10 * float(tau):.0f}" for t, w, tau in rows]
         r = read(write(tmp_path / "a.csv", tenfold, "\n".join(lines[:first]) + "\n"))
         assert any("‰" in text for text in r.repairs)
-        stuck = [f"{t};{w};{-40.0 if 100 <= k < 200 else tau}" for k, (t, w, tau) in enumerate(rows)]
-        r = read(write(tmp_path / "b.csv", stuck, "\n".join(lines[:first]) + "\n"))
-        assert any("stays at its largest" in text for text in r.repairs)
+        most = round(float(np.quantile([abs(float(tau)) for _, _, tau in rows], 0.9)), 1)
+        for altered, said in (
+            (lambda k, tau: 40.0 if 100 <= k < 200 else tau, "stays at its largest"),
+            (lambda k, tau: -40.0 if 100 <= k < 200 else tau, "stays at its largest"),
+            (lambda k, tau: 40.0 + 0.1 * (k % 2) if 100 <= k < 200 else tau, "stays at its largest"),
+            (lambda _, tau: max(min(tau, most), -most), "stays at its largest"),  # noqa: B023
+            (lambda k, tau: -7.3 if 100 <= k < 200 else tau, "does not change for 100 samples"),
+        ):
+            stuck = [f"{t};{w};{altered(k, float(tau)):.1f}" for k, (t, w, tau) in enumerate(rows)]
+            r = read(write(tmp_path / "b.csv", stuck, "\n".join(lines[:first]) + "\n"))
+            assert any(said in text for text in r.repairs), said
+        seconds = [f"{float(t) / 1000};{w};{tau}" for t, w, tau in rows]
+        r = read(write(tmp_path / "c.csv", seconds, "\n".join(lines[:first]) + "\n"))
+        assert any("unit of time" in text for text in r.repairs)
+        swept = [f"{t};{0.4 * k};{tau}" for k, (t, _, tau) in enumerate(rows)]
+        data = torque_map([read(write(tmp_path / "d.csv", swept, "\n".join(lines[:first]) + "\n"))])
+        assert any("not steady" in text for text in data.repairs)
 
 
 def test_fewer_samples_than_promised_is_said(tmp_path):
