@@ -14,8 +14,9 @@ are half-angle forms, atan2 of products, no acos, so that they are exact where t
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -57,16 +58,7 @@ class Mechanism:
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
         """The mechanism of a robot file, its axes of length 1 and its tool frame on the third to the last digit."""
-        omega1, omega2, omega3 = (
-            axis / np.linalg.norm(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)
-        )
-        tool_home = _tool_home(geometry.tool_home, omega3)
-        normal = np.cross(omega1, omega2)
-        normal = normal / np.linalg.norm(normal)
-        tilt_axis = np.cross(normal, omega1)
-        sign, side = int(geometry.insertion_sign), _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
-        tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
-        return cls(omega1, omega2, omega3, tool_home, tilt_axis=tilt_axis, side=side, insertion_sign=sign)
+        return _of_geometry(pickle.dumps(geometry))
 
     @classmethod
     def from_angles(
@@ -179,6 +171,22 @@ def check_angles(alpha: float, beta: float) -> None:
     for name, angle in (("alpha", alpha), ("beta", beta)):
         if not 0.0 <= angle <= math.pi:
             raise GeometryError(f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant")
+
+
+@lru_cache(maxsize=32)
+def _of_geometry(pickled: bytes) -> Mechanism:
+    """One object for all equal geometries, for what is kept with it; pickled: −0 is not 0."""
+    geometry: Geometry = pickle.loads(pickled)
+    omega1, omega2, omega3 = (
+        axis / np.linalg.norm(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)
+    )
+    tool_home = _tool_home(geometry.tool_home, omega3)
+    normal = np.cross(omega1, omega2)
+    normal = normal / np.linalg.norm(normal)
+    tilt_axis = np.cross(normal, omega1)
+    sign, side = int(geometry.insertion_sign), _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
+    tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
+    return Mechanism(omega1, omega2, omega3, tool_home, tilt_axis=tilt_axis, side=side, insertion_sign=sign)
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:

@@ -181,7 +181,9 @@ class PathLimits:
         bodies = map(RigidBody.from_robot, robot.loads)
         loads = tuple(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies)
         ceiling = _speed_ceiling(path, samples, robot, limits)
-        speed = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq)
+        stops = None
+        if limits.stop_travel is not None:
+            stops = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) / (2 * limits.stop_travel.largest)
         return cls(
             robot,
             samples,
@@ -189,7 +191,7 @@ class PathLimits:
             directions=signs[interval],
             ceiling=ceiling,
             starts=path.starts(samples),
-            stops=None if limits.stop_travel is None else speed / (2 * limits.stop_travel.largest),
+            stops=stops,
         )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
