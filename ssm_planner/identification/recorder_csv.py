@@ -276,7 +276,9 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
         numbers = {f for f in fields if ("," in f or "." in f) and _MARKED.fullmatch(f) and not _EITHER.fullmatch(f)}
         single = {_OTHER[m] if f.count(m) > 1 else m for f in numbers for m in (f[max(map(f.rfind, ".,"))],)}
         sure.append(single)
-    elsewhere = set().union(*sure)
+    elsewhere = set().union(*sure) or {
+        m for fields in columns for f in fields if _MARKED.fullmatch(f) for m in ".," if m in f
+    }
     return [
         next(iter(marks)) if len(marks) == 1 else "" if marks else _guessed(fields, elsewhere)
         for fields, marks in zip(columns, sure, strict=True)
@@ -284,7 +286,7 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _guessed(fields: list[str], elsewhere: set[str]) -> str:
-    """The decimal mark of a column in which no field shows it for sure; elsewhere: those of the other columns."""
+    """The decimal mark of a column in which no field shows it for sure; elsewhere: those of all columns, as far as known."""
     seen = {mark for f in fields if _EITHER.fullmatch(f) for mark in ".," if mark in f}
     whole = [abs(int(f)) for f in fields if re.fullmatch(r"[+-]?\d+", f)]
     if len(seen) != 1:
@@ -293,7 +295,7 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
     if whole:
         # 992 before 1,024 is of thousands, 1024 before 1,125 of decimals.
         return mark if max(whole) >= 1000 or (mark == "." and "," not in elsewhere) else _OTHER[mark]
-    return mark if elsewhere <= {mark} else ""
+    return mark if elsewhere == {mark} else ""
 
 
 def _samples(
