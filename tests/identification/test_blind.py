@@ -106,7 +106,8 @@ def test_the_wrong_sign_of_the_channels_is_remarked(rig):
     drive, steady = recordings_of(rig, "steady_state")
 
     def notes(recordings):
-        return fit_map(drive, torque_map(recordings), drive.rig.F_payload, reference=drive.rig.published).notes
+        data, load = torque_map(recordings), drive.rig.F_payload
+        return fit_map(drive, data, load, law="stribeck_exponential", reference=drive.rig.published).notes
 
     assert notes(steady) == ()
     turned = notes([replace(r, w=-r.w, tau=-r.tau) for r in steady])
