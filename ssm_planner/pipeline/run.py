@@ -242,21 +242,29 @@ def _tightened(
     cooling: Array | None = None,
     *,
     warm: bool = True,
+    turning: bool = True,
 ) -> Outcome:
-    """Plan and check, tightening what is exceeded."""
-    strict = problem
+    """Plan and check, tightening what is exceeded; where that does not help, without turning points of its own."""
+    strict, turned = problem, False
     for attempt in range(1, ATTEMPTS + 1):
-        planned = plan_motion(unchecked(strict, robot=problem.robot), strict.robot, progress, cooling, warm=warm)
+        planned = plan_motion(
+            unchecked(strict, robot=problem.robot), strict.robot, progress, cooling, warm=warm, turning=turning
+        )
+        turned = turned or any(phase.turns_back for phase in planned.phases)
+        outcome: Outcome = planned, None, planned.reason
         if planned.trajectory is None:
-            return planned, None, planned.reason
+            break
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
+        outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
         stricter = None if certificate.passed or attempt == ATTEMPTS else tightened(strict, certificate)
         if stricter is None:
             break
         strict = stricter
-    return planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
+    if turned and outcome[2] is not None:
+        return _tightened(problem, progress, found, cooling, warm=warm, turning=False)
+    return outcome
 
 
 def tightened(problem: Problem, certificate: Certificate) -> Problem | None:

@@ -33,8 +33,9 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
-from ssm_planner.problem.limits import LensClearance, RetinaClearance
-from ssm_planner.problem.motion import Follow, Motion, Scan
+from ssm_planner.planning.turning_points import Turns, best_turns
+from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance
+from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
@@ -82,6 +83,13 @@ class PlannedPhase:
         """s."""
         return self.motion.duration
 
+    @property
+    def turns_back(self) -> bool:
+        """A free motion from rest to rest on which joints turn back between its points."""
+        phase = self.phase
+        at_rest = not (phase.qd_start.any() or phase.qd_end.any())
+        return phase.path is None and at_rest and len(self.motion.borders) > len(phase.points)
+
 
 @dataclass(frozen=True, eq=False)
 class PlannerResult:
@@ -100,18 +108,20 @@ def plan_motion(
     cooling: Array | None = None,
     *,
     warm: bool = True,
+    turning: bool = True,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
-    spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
+    spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot. turning: joints
+    may turn back between points.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     stated, problem = problem, unchecked(problem, robot=robot)
     planner = _PhasePlanner(
-        problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest), cooling
+        problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest), cooling, turning
     )
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and not warm:
@@ -189,6 +199,7 @@ class _PhasePlanner:
     mechanism: Mechanism
     strict: Robot
     cooling: Array | None = None
+    turning: bool = True
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -302,6 +313,7 @@ class _PhasePlanner:
             self.cooling is not None or free.duration <= (1 + SHORTER) * free.lower_bound
         ):
             return free
+        free = self._turning_back(phase, free)
         if isinstance(free, Reason) and isinstance(free.limit, (RetinaClearance, LensClearance)):
             free = self._drawn_back(phase) or free
         straight = straight_instead(self.problem, self.mechanism, phase)
@@ -318,6 +330,34 @@ class _PhasePlanner:
         if isinstance(free, Reason) or found.duration < (1 - shorter) * free.duration:
             return found
         return free
+
+    def _turning_back(self, phase: Phase, found: PlannedPhase | Reason) -> PlannedPhase | Reason:
+        """The motion of a free phase, or a faster one in which joints turn back between its points."""
+        too_short = isinstance(found, Reason) and isinstance(found.limit, Duration)
+        at_speed = bool(phase.qd_start.any() or phase.qd_end.any())
+        if (
+            not (self.turning and isinstance(phase.motion, Free) and len(phase.points) == 2)
+            or at_speed
+            or self.problem.stop_travel is not None
+        ):
+            return found
+        if not too_short and (isinstance(found, Reason) or phase.motion.duration is not None):
+            return found
+        fastest = replace(self, problem=replace(self.problem, objective="time"))
+        untimed = replace(phase, motion=replace(phase.motion, duration=None))
+
+        def solve(turns: Turns, useless: float) -> PhaseSolution | None:
+            planned = fastest._free_by_optimal_control(untimed, turns, useless=useless)
+            return None if isinstance(planned, Reason) else planned.motion
+
+        first: PhaseSolution | None
+        if isinstance(found, Reason) or self.problem.objective != "time":
+            first = solve(Turns(phase.points), np.inf)
+        else:
+            first = found.motion
+        turns = None if first is None else best_turns(self.problem, self.mechanism, phase, first, solve)
+        better = found if turns is None else self._free_by_optimal_control(phase, turns)
+        return found if isinstance(better, Reason) else better
 
     def _stopped_first(self, phase: Phase) -> PlannedPhase | None:
         """A free motion that begins at speed, as a stop and a motion from rest, named so; None where one is not found."""
@@ -383,8 +423,10 @@ class _PhasePlanner:
             return None
         return replace(found, lower_bound=phase.motion.duration or self._lower_bound(phase))
 
-    def _free_by_optimal_control(self, phase: Phase) -> PlannedPhase | Reason:
-        """Its path is the solver's."""
+    def _free_by_optimal_control(
+        self, phase: Phase, turns: Turns | None = None, *, useless: float = np.inf
+    ) -> PlannedPhase | Reason:
+        """Its path is the solver's. useless: a duration from which on a motion is not worked out to the last digit, s."""
         direct = PolylinePath(self.mechanism, phase.points)
         moving = bool(phase.qd_start.any() or phase.qd_end.any())
         # joints that move already need not break away, and may come from the other side
@@ -395,12 +437,14 @@ class _PhasePlanner:
             solve_free,
             self.problem,
             self.mechanism,
-            phase.points,
+            phase.points if turns is None else turns.points,
             strict=self.strict,
             cooling=self.cooling,
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
             pull=phase.qdd_start,
+            loose=() if turns is None else turns.loose,
+            useless=useless,
         )
         motion = self._solved(solve)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None)

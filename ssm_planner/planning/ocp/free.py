@@ -57,8 +57,8 @@ PASSING_ELEMENTS, JERK_FINER = 48, 1.25
 """Of one with a time for each way between two points; times as many where jerk is limited."""
 STRETCHED = 1.2
 """Times of such a guess, which then is off its bounds."""
-SHORTEST_PASSING = 0.01
-"""Least time of a block where points are passed, as a share of the guess's, which rests at each of them."""
+SHORTEST_TURNING, SHORTEST_PASSING = 0.02, 0.01
+"""Least time of a block where joints turn back, or points are passed, as a share of the guess's, which rests there."""
 MOVES = 1e-9
 """A joint that has less than this to go (rad, m) stands."""
 FAR, MORE = 2.0, 1.5
@@ -87,11 +87,14 @@ def solve_free(
     count: int | None = None,
     method: Method = "Ipopt",
     pull: Array | None = None,
+    loose: tuple[int, ...] = (),
+    useless: float = np.inf,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
     strict, cooling, method: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
-    pull: q̈ (4,) at the start where jerk is limited, 0 by default.
+    pull: q̈ (4,) at the start where jerk is limited, 0 by default. loose: which of the points, of a motion from rest to rest,
+    only guess where joints turn back; they are optimised. useless: s, as for `optimise`.
     """
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
@@ -121,6 +124,8 @@ def solve_free(
     ]
     borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
     given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
+    for k in loose:  # a joint that stands on one side of it is where it stands
+        given[k] = (way[k - 1] == 0) | (way[k] == 0)
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
     hard = turning or bool(pull.any())
@@ -158,20 +163,20 @@ def solve_free(
             speeds=ends,
             pull=pull,
             starting=ends[0] == 0.0,
-            shortest=SHORTEST if len(directions) == 1 else SHORTEST_PASSING,
+            shortest=SHORTEST if len(directions) == 1 else SHORTEST_TURNING if loose else SHORTEST_PASSING,
             at_port=at_port,
             guesses=tuple(guesses),
         )
 
     guesses = [guess for each in segments for guess in each.guesses]
     ocp = on_mesh_of(guesses)
-    if not turning and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
+    if at_rest and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
     asked = None if duration is None else duration / ocp.time_scale
     guess = ocp.guess.stretched(STRETCHED) if one_time else ocp.guess
-    return ocp.result(optimise(ocp, guess, problem.objective, asked))
+    return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale))
 
 
 def _segment(

@@ -192,14 +192,22 @@ class OcpProblem(ABC):
         return np.array(bounds)
 
 
-def optimise(problem: OcpProblem, guess: Guess, objective: Objective, duration: float | None = None) -> NlpSolution:
+def optimise(
+    problem: OcpProblem,
+    guess: Guess,
+    objective: Objective,
+    duration: float | None = None,
+    *,
+    useless: float = np.inf,
+) -> NlpSolution:
     """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
+    useless: a duration from which on the fastest motion is not worked out to the last digit.
     With a cooling in joint_limits the heat of the motors so weighted is traded for time, in place of heat and effort.
     What is to be confirmed is not solved where the structured solver finds no fastest motion, or Ipopt does not confirm it.
     """
-    hopeless = np.inf if duration is None else HOPELESS * duration
+    hopeless = useless if duration is None else HOPELESS * duration
     first = _Refinement.begin(problem, guess)
     found = _given_back(_refine(first, "time", hopeless=hopeless))
     confirmed = _confirmed(found, "time")

@@ -182,16 +182,15 @@ class MotionPath(JointPath):
         duration = self.trajectory.duration
         found = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
         dq, ddq = found.qd * duration, found.qdd * duration**2
-        _, signs = self.directions
-        still = ~signs.any(axis=0)
+        still = ~self.signs.any(axis=0)
         dq[:, still] = ddq[:, still] = 0.0
         return PathSamples(s, found.q, dq, ddq)
 
     def starts(self, samples: PathSamples) -> Mask:
         """Where the motion starts a joint: at s = 0, and behind a knot at which it turns back."""
         found = np.zeros((len(samples.s), 4), dtype=bool)
-        before = np.zeros(4)
-        for knot, signs in zip(self.knots[:-1], self.signs, strict=True):
+        before, (knots, directions) = np.zeros(4), self.directions
+        for knot, signs in zip(knots[:-1], directions, strict=True):
             k = int(np.searchsorted(samples.s, knot))
             found[k] = (signs != before) & ((knot > 0) | (samples.dq[k] == 0.0))
             before = signs

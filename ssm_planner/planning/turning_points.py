@@ -1,0 +1,196 @@
+"""Turning points on free motions from rest to rest: joints that turn back because the motion is faster for it.
+
+Between two borders of a free motion every joint moves one way. A joint that goes out and comes back, or goes beyond an end,
+may loosen a limit that binds: drawn back, the tool swings faster under a limit of the tip's speed. Such a motion has one
+border more, whose positions are unknowns (`ocp/free`, `loose`).
+
+Which joint turns, and to which side, is seen without a solver. T(q) is TOPP-RA's time along a path q(s). Among motions with
+their directions an optimal one gains nothing, to first order, from a displacement that keeps these directions. So where
+T(q + A b e_j) < T(q) for a small A and a smooth b(s) that is 0 at the points, it is a displacement that turns joint j back.
+The reverse does not hold: where several limits bind at once, T falls only where the displacement loosens all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.phases import Phase, joint_room
+from ssm_planner.planning.retiming.paths import MotionPath, PathSamples
+from ssm_planner.planning.retiming.retime import retime_motion
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
+
+SAMPLES, GRID = 101, 200
+"""Of a path, and about the grid intervals of TOPP-RA."""
+STEP, DOUBLED = 0.05, 4
+"""The first displacement, as the time (s) that a joint takes for it at its largest velocity, and how often it is doubled."""
+GAIN = 5e-5
+"""Share of TOPP-RA's time by which the first displacement has to shorten it: it says more of the sign than of the size."""
+PART = 0.75
+"""Share of the way between two points, from its start or to its end, on which a joint that moves is displaced."""
+BESIDE = 0.01
+"""Share of the way between two points that displacements leave out at either end, where the pace is given."""
+EDGE = 1e-9
+"""By how much samples may be outside the room of joints, rad or m."""
+PACE = 0.999
+"""Of both ends in that of the motion, which may be at its limits there."""
+TURNS, TRIED, COMPARABLE = 3, 2, 0.5
+"""Most turning points of a motion, how many of the promising ones are worked out for each, and what these promise at least,
+as a share of the best."""
+PAYS = 2e-3
+"""Share of the duration that a turning point has to save."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """A free motion that may have turning points."""
+
+    points: Array
+    """Its borders in joints, (k + 1, 4): points, and places where joints turn back."""
+    loose: tuple[int, ...] = ()
+    """Which of these are the latter."""
+    gain: float = 0.0
+    """Share of the time that this one is expected to save."""
+
+
+def best_turns(
+    problem: Problem,
+    mechanism: Mechanism,
+    phase: Phase,
+    first: PhaseSolution,
+    solve: Callable[[Turns, float], PhaseSolution | None],
+) -> Turns | None:
+    """The turning points with which a free phase is fastest, found one after the other; None where none pays.
+
+    first: the motion without. solve: the fastest motion with turning points, None without one; beyond a duration, s, it is of
+    no use.
+    """
+    motion, turns = first, None
+    for _ in range(TURNS):
+        enough = (1 - PAYS) * motion.duration
+        tried = []
+        for each in _promising(problem, mechanism, phase, motion, () if turns is None else turns.loose):
+            found = solve(each, enough)
+            if found is not None and found.duration < enough:
+                tried.append((found, each))
+        if not tried:
+            break
+        motion, turns = min(tried, key=lambda pair: pair[0].duration)
+    return turns
+
+
+def _promising(
+    problem: Problem, mechanism: Mechanism, phase: Phase, motion: PhaseSolution, loose: tuple[int, ...]
+) -> list[Turns]:
+    """Motions with one turning point more than this one of the phase, which has some already; the best expected first."""
+    screen = _Screen.of(problem, mechanism, phase, motion)
+    path, found = screen.path, []
+    for first, last in pairwise([k for k in range(len(path.knots)) if k not in loose]):
+        for displaced in screen.displacements(first, last):
+            chosen, gain = screen.farthest(displaced)
+            if not gain:
+                continue
+            k = int(np.clip(np.searchsorted(path.knots, chosen.peak), first + 1, last))
+            at = np.insert(path.knots, k, chosen.peak)
+            points = chosen.sample(at).q
+            moved = *(i + (i >= k) for i in loose), k
+            points[[i for i in range(len(at)) if i not in moved]] = phase.points
+            found.append(Turns(points, tuple(sorted(moved)), gain))
+    found.sort(key=lambda each: -each.gain)
+    return [each for each in found[:TRIED] if each.gain > COMPARABLE * found[0].gain]
+
+
+@dataclass(frozen=True, eq=False)
+class _Displaced(MotionPath):
+    """The path of a motion with A b(s) added to one joint, b(s) = sin² over an interval of s."""
+
+    joint: int = 0
+    far: float = 0.0
+    """A, rad or m."""
+    interval: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def peak(self) -> float:
+        """s where b is 1."""
+        return sum(self.interval) / 2
+
+    def sample(self, s: Array) -> PathSamples:
+        found, (start, end) = super().sample(s), self.interval
+        rate = np.pi / (end - start)
+        angle = rate * (np.clip(s, start, end) - start)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        inside = (s > start) & (s < end)
+        found.q[:, self.joint] += self.far * sine**2
+        found.dq[:, self.joint] += self.far * rate * 2 * sine * cosine
+        found.ddq[:, self.joint] += self.far * rate**2 * 2 * (cosine**2 - sine**2) * inside
+        return found
+
+    @cached_property
+    def directions(self) -> tuple[Array, Array]:
+        grid = np.linspace(0.0, 1.0, GRID + 1)
+        slope = self.sample((grid[1:] + grid[:-1]) / 2).dq[:, self.joint]
+        turns = grid[1:-1][np.sign(slope[1:]) != np.sign(slope[:-1])]
+        knots = np.union1d(self.knots, turns)
+        return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq)
+
+
+@dataclass(frozen=True, eq=False)
+class _Screen:
+    """Looks for displacements of the path of a motion that shorten it."""
+
+    problem: Problem
+    phase: Phase
+    path: MotionPath
+    room: Array
+    """Of the joints, (2, 4)."""
+
+    @classmethod
+    def of(cls, problem: Problem, mechanism: Mechanism, phase: Phase, motion: PhaseSolution) -> _Screen:
+        trajectory = Trajectory(motion.breaks, motion.coefficients, ())
+        path = MotionPath(mechanism, trajectory, motion.borders / trajectory.duration, motion.directions)
+        return cls(problem, phase, path, joint_room(problem, mechanism, phase.points))
+
+    def displacements(self, first: int, last: int) -> Iterator[_Displaced]:
+        """Small ones between two borders that turn a joint back that does not turn back yet."""
+        path, (start, end) = self.path, self.path.knots[[first, last]].tolist()
+        beside = BESIDE * (end - start)
+        start, end = start + beside, end - beside
+        part = PART * (end - start)
+        for joint, limits in enumerate(self.problem.robot.joints):
+            signs = set(np.sign(path.signs[first:last, joint]).tolist()) - {0.0}
+            for side in (-1, 1) if len(signs) < 2 else ():
+                interval = (start, end) if not signs else (end - part, end) if side in signs else (start, start + part)
+                far = side * STEP * limits.velocity
+                yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, joint, far, interval)
+
+    def farthest(self, displaced: _Displaced) -> tuple[_Displaced, float]:
+        """A displacement doubled as long as that shortens the motion more, and the share of the time that it saves."""
+        chosen, most = displaced, 0.0
+        for k in range(DOUBLED + 1):
+            further = replace(displaced, far=2**k * displaced.far)
+            q = further.sample(np.linspace(0.0, 1.0, SAMPLES)).q
+            inside = ((q >= self.room[0] - EDGE) & (q <= self.room[1] + EDGE)).all()
+            if not inside or infeasible_place(self.problem, self.path.mechanism, (replace(self.phase, points=q),)):
+                break
+            gain = 1 - self.time(further) / self.own_time
+            if gain <= max(most, GAIN):
+                break
+            chosen, most = further, gain
+        return chosen, most
+
+    @cached_property
+    def own_time(self) -> float:
+        return self.time(self.path)
+
+    def time(self, path: MotionPath) -> float:
+        """TOPP-RA's along a path, s; infinite where it finds no motion."""
+        return retime_motion(path, self.problem.robot, self.problem.task_limits, GRID, PACE).duration

@@ -1,0 +1,102 @@
+"""Free motions from rest to rest on which joints turn back between points, because that is faster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.motion import Free, Task
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+
+Weaker = Callable[[Robot, float], Robot]
+WithJerk = Callable[[Robot, float, float], Robot]
+DEPTH = TaskRange("depth", 0.0, 0.03)
+
+
+def free(base: Problem, start: tuple[float, ...], to: dict[str, float], *limits: Any, **changes: Any) -> Problem:
+    """From (roll, tilt, spin) in degrees and a depth in mm to angles in degrees and a depth in mm."""
+    roll, tilt, spin = np.radians(start[:3])
+    target = {name: 1e-3 * value if name == "depth" else float(np.radians(value)) for name, value in to.items()}
+    return replace(
+        base,
+        start=Task(roll=roll, tilt=tilt, spin=spin, depth=1e-3 * start[3]),
+        motion=(Free(Task(**target)),),
+        limits=(DEPTH, *limits),
+        **{"objective": "time", **changes},
+    )
+
+
+def without(problem: Problem) -> float:
+    """Duration of the motion that turns back at no place of its own, s."""
+    return plan_motion(problem, turning=False).phases[0].duration
+
+
+def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
+    """Of the arc that the tip takes at its depth and the chord, which no motion beats, it comes nearer to the chord."""
+    speed = 0.02
+    problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(speed))
+    result = plan(problem)
+    assert result.passed
+    radius = 0.028 * abs(np.sin(np.radians(100)))
+    chord, arc = radius / speed, radius * np.pi / 3 / speed
+    assert chord < result.duration
+    assert result.lower_bound == pytest.approx(chord, rel=1e-9)
+    assert without(problem) > arc
+    assert result.duration < 0.935 * without(problem)
+    depth = -result.trajectory.uniform(200.0).q[:, 3]
+    assert depth.min() < 0.026
+    assert depth[[0, -1]] == pytest.approx(0.028, abs=1e-12)
+
+
+def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:
+    """Least heat, and a duration that no motion takes without turning back."""
+    problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.02))
+    fastest = plan(problem).duration
+    cooler = plan(replace(problem, objective="time then heat"))
+    assert cooler.passed
+    assert fastest <= cooler.duration <= 1.0015 * fastest
+    asked = 1.03 * fastest
+    timed = plan(replace(problem, motion=(replace(problem.motion[0], duration=asked),)))  # type: ignore[call-arg]
+    assert timed.passed
+    assert timed.duration == pytest.approx(asked, rel=1e-9)
+
+
+def test_weak_motors_are_spared_by_a_joint_that_turns_back(tilt_insert: Problem, weaker: Weaker) -> None:
+    robot = weaker(tilt_insert.robot, 0.35)
+    problem = free(tilt_insert, (0, -85, 0, 0), {"tilt": -135}, robot=robot)
+    result = plan(problem)
+    assert result.passed
+    assert without(problem) > 1.06 * result.duration
+
+
+def test_with_jerk_limits(tilt_insert: Problem, with_jerk: WithJerk) -> None:
+    robot = with_jerk(tilt_insert.robot, 60.0, 2.0)
+    problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.012), robot=robot)
+    result = plan(problem)
+    assert result.passed
+    assert result.lower_bound < result.duration < 0.97 * without(problem)
+
+
+def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) -> None:
+    """As fast as joint 2 alone, which the bound says; straight 2.149 s, and without turning back 5.2 s."""
+    rate = TaskRate("spin", float(np.radians(5)))
+    result = plan(free(tilt_insert, (0, -85, 0, 0), {"tilt": -135}, rate))
+    assert result.passed
+    assert result.duration == pytest.approx(result.lower_bound, rel=1e-4)
+
+
+@pytest.mark.parametrize(("to", "limits"), [({"roll": 20, "depth": 5}, ()), ({"tilt": -95}, (TipSpeed(0.02),))])
+def test_where_nothing_pays_the_motion_is_the_same(tilt_insert: Problem, to: dict[str, float], limits: Any) -> None:
+    problem = free(tilt_insert, (-5, -120, 0, 15), to, *limits)
+    turning, plain = (plan_motion(problem, turning=turning) for turning in (True, False))
+    assert turning.trajectory is not None
+    assert plain.trajectory is not None
+    assert np.array_equal(turning.trajectory.coefficients, plain.trajectory.coefficients)
