@@ -110,7 +110,7 @@ def solve_free(
     at_rest = not (ends[0].any() or ends[1].any())
     structured = method == "structured" or (method == "confirmed" and not at_port)
     one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
-    if method == "confirmed" and structured and at_rest:
+    if method == "confirmed" and structured and at_rest and not loose:
         finer = (ONE_TIME_ELEMENTS if len(way) == 1 else PASSING_ELEMENTS) * (JERK_FINER if limits_jerk(robot) else 1.0)
         count = count or round(finer)
     count = count or (ONE_TIME_ELEMENTS if one_time else ELEMENTS)
