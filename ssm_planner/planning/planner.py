@@ -54,9 +54,8 @@ SHORTER = 1e-5
 """Share by which a straight motion has to be shorter than a free one to take its place."""
 NEARLY = 1.005
 """TOPP-RA's duration on a coarse grid, in that of a free motion, up to which the straight one is worked out."""
-DRAWN_BACK, HALVINGS = (0.85, 0.7, 0.55, 0.4, 0.25), 3
-"""Depths, as shares of that of the ends, to which the tool is drawn back where something is in its way, and how often the
-step between them is halved about the best one."""
+DRAWN_BACK = (0.7, 0.55, 0.4, 0.85, 0.25)
+"""Depths, as shares of that of the ends, to which a guess draws the tool back where something is in its way."""
 ROOM = 1.1
 """Shares of the shortest braking way that joints get to stop, where nothing else is found."""
 SAME = 1e-5
@@ -389,39 +388,22 @@ class _PhasePlanner:
         return PlannedPhase(named, motion, None, self._lower_bound(phase))
 
     def _drawn_back(self, phase: Phase) -> PlannedPhase | None:
-        """The fastest free motion through one point more, over what is in the way; None where none was found.
+        """A free motion over what is in the way, where joints turn back at one place; None where none was found.
 
-        There the tool is drawn back to a share of the lesser depth at the two ends; the shares are searched.
+        There the guess draws the tool back to a share of the lesser depth at the two ends: of those tried the first that
+        leads to a motion.
         """
         if len(phase.points) != 2:
             return None
         first, last = phase.points
         over = nearest_to_eye(self.problem, PolylinePath(self.mechanism, phase.points))
-        depths = first[3], last[3]
-        fastest = replace(self, problem=replace(self.problem, objective="time"))
-        tried: dict[float, PlannedPhase | Reason] = {}
-
-        def through(share: float) -> Phase:
-            point = np.append(over[:3], share * min(depths, key=abs))
-            return replace(phase, points=np.stack([first, point, last]))
-
-        def duration(share: float) -> float:
-            if share not in tried:
-                place = infeasible_place(self.problem, self.mechanism, (through(share),))
-                tried[share] = place or fastest._free_by_optimal_control(through(share))
-            found = tried[share]
-            return np.inf if isinstance(found, Reason) else found.duration
-
-        best, step = min(DRAWN_BACK, key=duration), DRAWN_BACK[0] - DRAWN_BACK[1]
-        for _ in range(HALVINGS):
-            step /= 2
-            best = min((best, best - step, best + step), key=duration)
-        found = tried[best]
-        if self.problem.objective == "time then heat":
-            found = self._free_by_optimal_control(through(best))
-        if isinstance(found, Reason):
-            return None
-        return replace(found, lower_bound=phase.motion.duration or self._lower_bound(phase))
+        least = min(first[3], last[3], key=abs)
+        for share in DRAWN_BACK:
+            turns = Turns(np.stack([first, np.append(over[:3], share * least), last]), (1,))
+            found = self._free_by_optimal_control(phase, turns)
+            if not isinstance(found, Reason):
+                return found
+        return None
 
     def _free_by_optimal_control(
         self, phase: Phase, turns: Turns | None = None, *, useless: float = np.inf

@@ -170,7 +170,8 @@ class _Screen:
             for side in (-1, 1) if len(signs) < 2 else ():
                 interval = (start, end) if not signs else (end - part, end) if side in signs else (start, start + part)
                 far = side * STEP * limits.velocity
-                yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, joint, far, interval)
+                moved = {"joint": joint, "far": far, "interval": interval}
+                yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, **moved)  # type: ignore[arg-type]
 
     def farthest(self, displaced: _Displaced) -> tuple[_Displaced, float]:
         """A displacement doubled as long as that shortens the motion more, and the share of the time that it saves."""
