@@ -144,6 +144,7 @@ class Evaluator:
         even = (np.eye(self.b) - 1 / self.b) / program.least_times
         self._even = 2 * program.even / self.b * even.T @ even
         self._outer = (program.matrix[:, :, None] * program.matrix[:, None, :]).reshape(len(program.matrix), -1)
+        self._smoothing = np.kron(np.array([[2.0, 1.0], [1.0, 2.0]]), np.diag(program.smoothing))
         equal_at, equal_entry, self._equal_value = program.equal
         self._equal = equal_at, equal_entry
         ends = np.cumsum(
@@ -151,6 +152,7 @@ class Evaluator:
         )
         self._parts = [slice(*pair) for pair in pairwise(ends)]
         self.size = int(ends[-1])
+        self._weighted: tuple[Array, Array] | None = None
         self.equality_count = len(self._equal_value) + program.fixed_duration
 
     # ---- values
@@ -234,7 +236,7 @@ class Evaluator:
         for rows, taken in ((slice(None, size), slice(None, size)), (slice(size + 1, None), slice(size, None))):
             self._chain[:, rows, :size], self._chain[:, rows, size:] = of_c[:, taken], by_eta[:, taken]
         self._chain[:, size, size + self.program.spline.own] = 1.0
-        self._z = z
+        self._z, self._weighted = z, None
         self._jacobians = [group.mapped["jacobian"](z[group.elements])[0] for group in self.program.groups]
         self._objective_by_z = self._slope_of_objective()
 
@@ -266,11 +268,15 @@ class Evaluator:
         return gradient
 
     def _transposed_by_z(self, weights: Array) -> Array:
+        """Jᵀ weights by the elements; the last is kept, for the Newton matrix takes that of the dual residual."""
+        if self._weighted is not None and self._weighted[0] is weights:
+            return self._weighted[1]
         program = self.program
         by_z = (weights[self._parts[-2]].reshape(self.n, -1) / self._scale) @ program.matrix
         for group, part, jacobian in zip(program.groups, self._parts, self._jacobians, strict=False):
             here = (weights[part].reshape(len(jacobian), 1, -1) @ jacobian)[:, 0]
             group.add_to(by_z[:, : here.shape[1]], here)
+        self._weighted = weights, by_z
         return by_z
 
     def _pulled(self, by_z: Array) -> Array:
@@ -360,8 +366,7 @@ class Evaluator:
             return hessian
         first, last, length = self._entries
         a0, a1, h = z[:, first], z[:, last], z[:, length, None, None]
-        both = np.kron(np.array([[2.0, 1.0], [1.0, 2.0]]), np.diag(weights))
-        hessian[:, 2 * m : 4 * m, 2 * m : 4 * m] = h * both
+        hessian[:, 2 * m : 4 * m, 2 * m : 4 * m] = h * self._smoothing
         slope = np.hstack([weights * (2 * a0 + a1), weights * (2 * a1 + a0)])
         hessian[:, 2 * m : 4 * m, length] = hessian[:, length, 2 * m : 4 * m] = slope
         return hessian

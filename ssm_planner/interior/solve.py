@@ -134,6 +134,7 @@ class _Iteration:
         self.point = start if warm is None else warm.point
         self.z = evaluator.z_of(self.point)
         self.rows, self.equal = evaluator.rows(self.point, self.z), evaluator.equalities(self.point, self.z)
+        self.objective = evaluator.objective(self.point, self.z)
         self.slacks = np.maximum(-self.rows, PUSH if warm is None else WARM_PUSH)
         central = self.mu / self.slacks
         self.lam = central if warm is None else np.clip(warm.multipliers, central / NEAR, central * NEAR)
@@ -155,9 +156,9 @@ class _Iteration:
         """Sum of the residuals."""
         return float(np.abs(rows + slacks)[self.mask].sum() + np.abs(equal).sum())
 
-    def phi(self, point: Point, z: Array, slacks: Array) -> float:
+    def phi(self, objective: float, slacks: Array) -> float:
         """The barrier function."""
-        return self.evaluator.objective(point, z) - self.mu * float(np.log(slacks).sum())
+        return objective - self.mu * float(np.log(slacks).sum())
 
     def error(self, mu: float) -> float:
         """Largest residual of the barrier problem of μ."""
@@ -172,7 +173,7 @@ class _Iteration:
     def outcome(self, converged: bool, iterations: int) -> Outcome:
         """What is known now."""
         state = State(self.point, self.slacks, self.lam, self.nu)
-        return Outcome(converged, iterations, state, self.z, self.evaluator.objective(self.point, self.z))
+        return Outcome(converged, iterations, state, self.z, self.objective)
 
     def step(self) -> bool:
         """One iteration; False where there is no step to take."""
@@ -211,18 +212,19 @@ class _Iteration:
 
     def search(self, move: Point, slacks_step: Array, slope: float, length: float, tau: float) -> float:
         """Go along the step as far as the filter lets, and how far that was; a short way where it refuses everything."""
-        before = self.theta(self.rows, self.equal, self.slacks), self.phi(self.point, self.z, self.slacks)
+        before = self.theta(self.rows, self.equal, self.slacks), self.phi(self.objective, self.slacks)
         verdict = ""
         for k in range(HALVINGS):
             point = self.point.moved(move, length)
             z = self.evaluator.z_of(point)
             rows, equal = self.evaluator.rows(point, z), self.evaluator.equalities(point, z)
+            objective = self.evaluator.objective(point, z)
             slacks = np.where(self.mask, np.maximum(self.slacks + length * slacks_step, -rows), 1.0)
             trials = [slacks]
             if k == 0:
                 trials.append(np.where(self.mask, np.maximum(-rows, (1 - tau) * self.slacks), 1.0))
             for slacks in trials:
-                after = self.theta(rows, equal, slacks), self.phi(point, z, slacks)
+                after = self.theta(rows, equal, slacks), self.phi(objective, slacks)
                 verdict = self.filter.accepts(*after, before, slope, length)
                 if verdict:
                     break
@@ -235,7 +237,8 @@ class _Iteration:
         if not verdict:
             self.filter.pairs.clear()
         self.refused = 0 if verdict else self.refused + 1
-        self.point, self.z, self.rows, self.equal, self.slacks = point, z, rows, equal, slacks
+        self.point, self.z, self.objective = point, z, objective
+        self.rows, self.equal, self.slacks = rows, equal, slacks
         return length
 
 
