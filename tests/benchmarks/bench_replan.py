@@ -1,10 +1,11 @@
 """What a re-plan with changed numbers takes: CPU time of one thread, by part, against another checkout in turns.
 
-    python tests/benchmarks/bench_replan.py [--against FOLDER] [--rounds N] [--kinds KIND …] [--fast]
+    python tests/benchmarks/bench_replan.py [--against FOLDER] [--rounds N] [--kinds KIND …] [--fast | --compiled]
 
 FOLDER: the root of another checkout of this project, for example a git worktree of an earlier commit. Medians in ms; the
 first plan of every kind, which builds its programs, is not counted. --fast: as a `Replanner` plans with `planner: fast`, with
-what is compiled in the background compiled; a checkout that knows no such planner plans as it does.
+what is compiled in the background compiled; a checkout that knows no such planner plans as it does. --compiled: the same
+compiled, with the planner of the problem.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def compiled() -> None:
             PASSES.wait()
 
 
-def serve(fast: bool) -> None:
+def serve(fast: bool, compile_too: bool) -> None:
     """Answer requests "kind turn", one in a line, with times in ms and the outcome as JSON."""
     from importlib import import_module
 
@@ -104,10 +105,10 @@ def serve(fast: bool) -> None:
             if fast:
                 with suppress(ProblemError):
                     problem = replace(problem, planner="fast")
-                if turn == "0":
-                    run.plan(problem, relaxations=False)
-                    compiled()
-                    run.plan(problem, relaxations=False)
+            if (fast or compile_too) and turn == "0":
+                run.plan(problem, relaxations=False)
+                compiled()
+                run.plan(problem, relaxations=False)
             spent.clear()
             begin = time.thread_time()
             found = run.plan(problem, relaxations=not fast)
@@ -125,11 +126,11 @@ def serve(fast: bool) -> None:
 class Served:
     """A checkout in a process of its own."""
 
-    def __init__(self, root: Path, fast: bool) -> None:
-        threads = {"OPENBLAS_NUM_THREADS": "1", "SSM_PLANNER_COMPILE": "1" if fast else "0"}
+    def __init__(self, root: Path, options: list[str]) -> None:
+        threads = {"OPENBLAS_NUM_THREADS": "1", "SSM_PLANNER_COMPILE": "1" if options else "0"}
         environment = {**os.environ, "PYTHONPATH": str(root), **threads}
         pipe = subprocess.PIPE
-        command = [sys.executable, __file__, "--serve", *(["--fast"] if fast else [])]
+        command = [sys.executable, __file__, "--serve", *options]
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
 
     def ask(self, kind: str, turn: int) -> dict[str, Any]:
@@ -148,13 +149,15 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--fast", action="store_true", help="planner: fast, compiled")
+    parser.add_argument("--compiled", action="store_true")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:
-        serve(options.fast)
+        serve(options.fast, options.compiled)
         return 0
     roots = {"this": ROOT} if options.against is None else {"before": options.against.resolve(), "this": ROOT}
-    ways = {name: Served(root, options.fast) for name, root in roots.items()}
+    chosen = [f"--{name}" for name in ("fast", "compiled") if vars(options)[name]]
+    ways = {name: Served(root, chosen) for name, root in roots.items()}
     columns = ("plan", *PARTS, "sizing")
     print(f"{'':18s}" + "".join(f"{name:>9s}" for name in columns) + "   iterations   duration   certified")
     for kind in options.kinds:
