@@ -125,6 +125,18 @@ class _ScanModel(Model):
         return data
 
 
+def or_word(of: Reader, word: str, allowed: str) -> Reader:
+    """What a field reads, or one word in its place."""
+
+    def read(value: object) -> object:
+        try:
+            return word if value == word else of.read(value)
+        except units.BadQuantity as error:
+            raise units.BadQuantity(error.reason, f"{error.allowed}, or {word}") from None
+
+    return replace(of, read=read, json_schema={"anyOf": [of.json_schema, {"const": word}]}, allowed=allowed)
+
+
 def _part(model: Any) -> Any:
     return Annotated[Any, Part(model)]
 
@@ -142,12 +154,17 @@ def _largest(kind: type[ToolLimit]) -> Any:
 
 TaskModel = model_of(Task, base=_NamedModel)
 _TIP = Annotated[Any, vector("length", "length", "length")]
-PointModel = model_of(
+_FORMS_OF_POINT = {
+    "joints": optional(JointValues, "Values of the four joints, in place of everything else."),
+    "tip": optional(_TIP, "Position of the tool's tip in the base frame, in place of roll, tilt and depth."),
+}
+PointModel = model_of(Task, _FORMS_OF_POINT, base=_PointModel)
+FREE = "free"
+"""The spin of a target that the planner chooses."""
+_ANY_SPIN = or_word(quantity("angle"), FREE, "an angle, or free: the one with which the motion is fastest")
+FreeTargetModel = model_of(
     Task,
-    {
-        "joints": optional(JointValues, "Values of the four joints, in place of everything else."),
-        "tip": optional(_TIP, "Position of the tool's tip in the base frame, in place of roll, tilt and depth."),
-    },
+    {"spin": optional(Annotated[Any, _ANY_SPIN], "Turn of the tool about itself, or free."), **_FORMS_OF_POINT},
     base=_PointModel,
 )
 _COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRID), whole=True)]
@@ -210,7 +227,7 @@ EntryModel = model_from(
         "spin": _motion_to(reading(Task, "spin"), "To a spin, the other task coordinates held."),
         "insert": _motion_to(reading(Task, "depth"), "To a depth, the other task coordinates held."),
         "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held."),
-        "free": _motion_to(_part(PointModel), "On whatever way the planner finds fastest.", _PASSED),
+        "free": _motion_to(_part(FreeTargetModel), "On whatever way the planner finds fastest.", _PASSED),
         "line": _motion_to(
             _part(PointModel), "The tip on the straight line to a point, spin in proportion.", timed=False
         ),
@@ -237,15 +254,7 @@ _WITHIN = {
 LimitsModel = model_from({**RANGES, **_OF_TOOL, **_RATES, **_WITHIN})
 RatesModel = model_from({name: optional(_rate(name), f"Of the {name}.") for name in TASK})
 _PAUSE = quantity("time", Bound(at_least=0.0))
-_DUTY = Annotated[
-    Any,
-    replace(
-        _PAUSE,
-        read=lambda value: ONCE if value == ONCE else _PAUSE.read(value),
-        json_schema={"anyOf": [_PAUSE.json_schema, {"const": ONCE}]},
-        allowed=f"a pause before it repeats, or {ONCE}",
-    ),
-]
+_DUTY = Annotated[Any, or_word(_PAUSE, ONCE, f"a pause before it repeats, or {ONCE}")]
 _MOTION = Annotated[list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)]
 _NAMED = Annotated[
     dict[str, Any], Reader(lambda value: value, {"type": "object", "additionalProperties": {"type": "object"}})
@@ -390,7 +399,7 @@ def _motion(section: Section, entry: Any) -> Motion:
             return (
                 Follow(end, through, name, line=line)
                 if name == "spline"
-                else Free(end, through, model.duration, name, line)
+                else Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
             )
         if name in ("line", "arc"):
             by = () if name == "line" else (_point(here.sub("through"), model.through),)
@@ -420,7 +429,7 @@ def _scan(section: Section, model: Any) -> Scan:
 
 def _given(model: Any) -> dict[str, float]:
     """What is given of task coordinates, or of their rates."""
-    return {name: value for name in TASK if (value := getattr(model, name)) is not None}
+    return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
 
 
 def _point(section: Section, model: Any) -> Point:
@@ -429,7 +438,7 @@ def _point(section: Section, model: Any) -> Point:
         if model.joints is not None:
             return Joints(model.joints, line)
         if model.tip is not None:
-            return Tip(model.tip, model.spin, line)
+            return Tip(model.tip, 0.0 if model.spin == FREE else model.spin, line)
         return Task(**_given(model), line=line)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.curves import branch_of
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
@@ -30,6 +31,12 @@ SHORTER = 1e-5
 """Share by which a motion with other joints has to be shorter to be taken."""
 RESCUES = 1
 """Joints on other branches that are planned for a target where those of the planner give no motion."""
+SPINS, ROUNDING = 181, 1e-9
+"""Spins that are compared by their bounds, and share by which bounds that are the same may differ."""
+LEAST_GAIN = 1e-4
+"""Share by which a bound has to be shorter for a free spin to be searched."""
+SHARES, HALVINGS = 4, 2
+"""Parts of the room of a free spin between which motions are planned, and how often the step is halved about the best."""
 MOST = 8
 """Targets of a problem up to which other joints are tried: every change of one is another way of all that follows."""
 
@@ -51,6 +58,8 @@ def on_any_branch(
             found, tried = attempt(other), tried + 1
             if found[2] is None and _duration(found) < longest:
                 best, settled = found, other
+        if best[2] is None and _frees_spin(problem, entry, place):
+            best, settled = _with_best_spin(settled, entry, best, attempt)
     return best, settled
 
 
@@ -86,7 +95,11 @@ def _others(problem: Problem, entry: int, place: int, best: Outcome) -> list[tup
     stops = isinstance(motion, Free) and place == len(motion.through) and not phase.qd_end.any()
     found = []
     own_branch = branch_of(mechanism, phase.q_start)
-    for q in other_ends(problem, mechanism, phase, place):
+    ends = other_ends(problem, mechanism, phase, place)
+    if _frees_spin(problem, entry, place):
+        ends = [_least_spun(problem, mechanism, phase, q) for q in [phase.points[-1], *ends]]
+        ends = [q for q in ends if not np.array_equal(q, phase.points[-1])]
+    for q in ends:
         if best[2] is not None and branch_of(mechanism, q) == own_branch:
             continue
         own = replace(phase, points=np.stack([phase.q_start, q]))
@@ -104,6 +117,78 @@ def _others(problem: Problem, entry: int, place: int, best: Outcome) -> list[tup
         if reason is None and bound < _duration(best):
             found.append((max(bound, problem.duration or 0.0), other))
     return sorted(found, key=lambda each: each[0])
+
+
+def _frees_spin(problem: Problem, entry: int, place: int) -> bool:
+    motion = problem.motion[entry]
+    return isinstance(motion, Free) and motion.spin_free and place == len(motion.through)
+
+
+def _spins(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> tuple[Array, Array]:
+    """Joints (n, 4) that are q (4,) but for a free spin, and bounds (n,) of the duration of a phase that ends with them, s.
+
+    The first are with joint 3 as it is in q, as it is at the start, and where it comes to stand.
+    """
+    low, high = problem.robot.joints[2].position
+    first, speed = phase.q_start[2], phase.qd_start[2]
+    spin = task_from_joints(mechanism, q[None], near=phase.start)[0, 2]
+    ends = problem.ranges.get("spin", (-np.inf, np.inf))
+    if ends[1] - ends[0] < 2 * np.pi:
+        low, high = max(low, q[2] + ends[0] - spin), min(high, q[2] + ends[1] - spin)
+    stop = first + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
+    values = np.append([q[2], first, stop], np.linspace(max(low, first - np.pi), min(high, first + np.pi), SPINS))
+    turned = np.tile(q, (len(values), 1))
+    turned[:, 2] = np.clip(values, low, high)
+    tasks = task_from_joints(mechanism, turned, near=phase.start)
+    bounds = [
+        least_duration(problem, mechanism, replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task))
+        for joints, task in zip(turned, tasks, strict=True)
+    ]
+    return turned, np.array(bounds)
+
+
+def _least_spun(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Array:
+    """Of the joints that differ by a free spin, (4,), those nearest to q among those of the least bound."""
+    turned, bounds = _spins(problem, mechanism, phase, q)
+    least = turned[bounds <= bounds.min() * (1 + ROUNDING)]
+    return np.asarray(least[np.argmin(np.abs(least[:, 2] - q[2]))])
+
+
+def _with_best_spin(
+    problem: Problem, entry: int, best: Outcome, attempt: Callable[[Problem], Outcome]
+) -> tuple[Outcome, Problem]:
+    """The fastest motion over a free spin, searched where bounds leave it a chance, and the problem with it.
+
+    How long the other joints take depends on joint 3 through their load alone, so a coarse search does.
+    """
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    phases, _ = feasible_phases(problem, mechanism)
+    phase = next(each for each in phases if each.motion is problem.motion[entry])
+    q, motion = phase.points[-1], phase.motion
+    assert isinstance(motion, Free)
+    planned = (each.duration for each in best[0].phases if np.array_equal(each.phase.points, phase.points))
+    longest = next(planned, np.inf)
+    turned, bounds = _spins(problem, mechanism, phase, q)
+    if motion.duration is not None or not bounds.min() < longest * (1 - LEAST_GAIN):
+        return best, problem
+    room = turned[bounds < longest * (1 - LEAST_GAIN), 2]
+    settled, centre, step = problem, float(q[2]), (room.max() - room.min()) / SHARES
+    offsets = np.arange(1, SHARES) * step + room.min() - centre
+    for _ in range(HALVINGS + 1):
+        flat, before = False, _duration(best)
+        for value in centre + offsets:
+            if not room.min() <= value <= room.max():
+                continue
+            other = _with_target(problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]]))
+            found = attempt(other)
+            if found[2] is None and _duration(found) < _duration(best) * (1 - SHORTER):
+                best, settled, centre = found, other, float(value)
+            flat |= abs(_duration(found) - before) < SHORTER * before
+        if flat and _duration(best) == before:  # as long with another spin: others bind
+            break
+        step /= 2
+        offsets = np.array([-step, step])
+    return best, settled
 
 
 def _bound(problem: Problem, mechanism: Mechanism, phase: Phase, planned: tuple[PlannedPhase, ...]) -> float:
@@ -125,5 +210,6 @@ def _with_target(problem: Problem, entry: int, place: int, q: Array) -> Problem:
     a, b, c, d = q.tolist()
     targets = [*motion.through, motion.to]
     targets[place] = Joints((a, b, c, d), targets[place].line)
-    changed: Motion = replace(motion, through=tuple(targets[:-1]), to=targets[-1])
+    spin_free = motion.spin_free and place < len(motion.through)
+    changed: Motion = replace(motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free)
     return replace(problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :]))

@@ -116,8 +116,8 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
     """A motion through points and to the last; at: task coordinates and joints where it starts, (4,) each."""
     start, q = at
     points, end = [q], start
-    for target in (*motion.through, motion.to):
-        point = _free_end(problem, mechanism, target, end, points[-1])
+    for k in range(len(motion.through) + 1):
+        point = _free_end(problem, mechanism, _target(motion, k, end), end, points[-1])
         if np.abs(point - points[-1]).max() < NOWHERE:
             continue
         points.append(point)
@@ -179,6 +179,14 @@ def joint_room(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
     return np.stack([np.minimum(room[0], points.min(axis=0)), np.maximum(room[1], points.max(axis=0))])
 
 
+def _target(motion: Free, place: int, held: Array) -> Point:
+    """A target of a free motion; a spin that is free is that of the task coordinates (4,) before it."""
+    target = (*motion.through, motion.to)[place]
+    if not motion.spin_free or place < len(motion.through) or isinstance(target, Joints):
+        return target
+    return replace(target, spin=float(held[2]))
+
+
 def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array, first: Array) -> Array:
     """Joints at the end of a free motion: as given, or the solution nearest to where it starts, on the same branch."""
     if isinstance(target, Joints):
@@ -198,8 +206,8 @@ def other_ends(problem: Problem, mechanism: Mechanism, phase: Phase, place: int)
     """
     motion, end, point = phase.motion, phase.start, phase.q_start
     assert isinstance(motion, Free)
-    for target in (*motion.through, motion.to)[: place + 1]:
-        held, first = end, point
+    for k in range(place + 1):
+        held, first, target = end, point, _target(motion, k, end)
         point = _free_end(problem, mechanism, target, held, first)
         end = task_from_joints(mechanism, point[None, :], near=held)[0]
     if isinstance(target, Joints):

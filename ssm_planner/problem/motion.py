@@ -101,9 +101,13 @@ class Free(Value):
     """Asked for; the motion then takes it with the least motor heat, s."""
     name: str = "free"
     line: Line | None = field(default=None, compare=False)
+    spin_free: bool = False
+    """The spin at the end is whatever makes the motion fastest; that of `to` does not count."""
 
     def _check(self) -> None:
         _check_given(self)
+        if self.spin_free and isinstance(self.to, Joints):
+            raise self._wrong("spin_free", "joints fix the spin", "a target in task coordinates, or a tip", "True")
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,6 +108,8 @@ def _motion(motion: Motion) -> dict[str, Any]:
         "through": [_point(point) for point in motion.through] if isinstance(motion, (Free, Follow)) else [],
         "scan": scan,
     }
+    if isinstance(motion, Free) and motion.spin_free:
+        entry["spin_free"] = True
     return {**entry, "curve": motion.curve, "file": motion.file} if isinstance(motion, Follow) else entry
 
 
@@ -130,8 +132,9 @@ def _point_from(data: Any, where: str) -> Point:
 
 
 def _motion_from(data: Any, where: str) -> Motion:
-    of_path = ("curve", "file") if isinstance(data, Mapping) and data.get("kind") == Follow.kind else ()
-    check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_path), where)
+    more = {Follow.kind: ("curve", "file"), Free.kind: ("spin_free",)}
+    of_kind = more.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
+    check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where)
     cls: Any = _KINDS.get(data.get("kind"))
     if cls is None:
         raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
@@ -147,7 +150,7 @@ def _motion_from(data: Any, where: str) -> Motion:
             values |= target.given
         else:
             values["at" if cls is Scan else "to"] = target
-    values |= {name: data[name] for name in of_path if name in data}
+    values |= {name: data[name] for name in of_kind if name in data}
     if cls in (Free, Follow):
         through = data.get("through") or ()
         values["through"] = tuple(_point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through))

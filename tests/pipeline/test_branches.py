@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task
+from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 
 
@@ -88,3 +91,55 @@ def test_no_branch_planned_by_itself_is_faster(tilt_insert: Problem, seed: int) 
     for q in found.joints[0, found.valid[0]]:
         alone = plan(replace(free, motion=(Free(Joints(tuple(q.tolist()))), *motion[1:])), relaxations=False)
         assert alone.duration is None or made.duration <= alone.duration * (1 + 1e-5)
+
+
+def freely(problem: Problem, to: Task, *, spin_free: bool = True) -> Problem:
+    start = Task(roll=0.0, tilt=np.radians(-85), spin=0.0, depth=0.0)
+    return replace(problem, start=start, motion=(Free(to, spin_free=spin_free),), objective="time")
+
+
+@pytest.mark.parametrize("strength", [1.0, 0.35])
+def test_no_spin_is_faster_than_a_free_one(tilt_insert: Problem, strength: float) -> None:
+    """With strong motors the present spin is as fast as any and stays; weak ones are helped by the load's turning."""
+    joints = tuple(
+        joint
+        if joint.motor is None
+        else replace(
+            joint, motor=replace(joint.motor, max_torque=strength * joint.motor.max_torque, nominal_torque=1e-3)
+        )
+        for joint in tilt_insert.robot.joints
+    )
+    robot = replace(tilt_insert.robot, joints=joints)
+    weak = replace(tilt_insert, robot=robot, duty=None, planner="fast")
+    to = Task(tilt=np.radians(-135))
+    made = plan(freely(weak, to))
+    assert made.passed
+    for spin in np.radians([-60, 0, 30]):
+        fixed = plan(freely(weak, replace(to, spin=float(spin)), spin_free=False), relaxations=False)
+        assert made.duration <= fixed.duration * (1 + 1e-5)
+    spin = made.phases[0].task_end[2]
+    assert (abs(spin) < 1e-9) == (strength == 1.0)
+
+
+def test_a_tip_may_be_reached_with_a_free_spin(tilt_insert: Problem) -> None:
+    to = Tip((9e-3, 0.0, -17.5e-3), 3.0)
+    made = plan(replace(tilt_insert, motion=(Free(to, spin_free=True),)))
+    assert made.passed
+    assert made.phases[0].task_end[2] == pytest.approx(0.0, abs=1e-9)
+    tip = tip_position(Mechanism.from_geometry(made.robot.geometry), made.motion.sample(made.motion.duration).q)[0]
+    assert tip == pytest.approx(to.position, abs=1e-9)
+
+
+def test_a_free_spin_is_read_written_and_refused_elsewhere(tilt_insert: Problem, tmp_path: Path) -> None:
+    text = "robot: vitreoretinal\nstart: {{roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}}\nmotion:\n  - {}\n"
+    problem = Problem.from_yaml(text.format("free: {to: {tilt: -120 deg, spin: free}}"))
+    (motion,) = problem.motion
+    assert isinstance(motion, Free)
+    assert motion.spin_free
+    made = replace(plan(replace(tilt_insert, motion=(Straight(depth=2e-3),))), problem=problem)
+    assert Plan.from_json(made.to_json().encode(), tmp_path / "plan.json").problem.motion[0].spin_free
+    for other in ("straight: {to: {spin: free}}", "free: {to: {tilt: -120 deg, spin: any}}", "spin: {to: free}"):
+        with pytest.raises(ProblemError, match="an angle such as"):
+            Problem.from_yaml(text.format(other))
+    with pytest.raises(ProblemError, match="joints fix the spin"):
+        Free(Joints((0.0, 0.0, 0.0, 0.0)), spin_free=True)
