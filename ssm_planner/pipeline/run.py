@@ -28,6 +28,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
+from ssm_planner.verification.limits import JUMP
 
 ATTEMPTS = 4
 MULTIPLIERS = (0.5, 0.8, 0.95)
@@ -36,8 +37,6 @@ HELPS = 0.05
 """Share of its excess that a larger multiplier has to take away for the next one to be tried."""
 RESERVE, STEPS = 2e-3, 6
 """Share of the heat allowed that the fastest motion may leave, and trials to find it."""
-STILL = 1e-9
-"""Share of its largest velocity below which a joint stands."""
 ROUNDING = 1e-12
 """Share of the largest rate below which a rate is none."""
 ROOM = 1.1
@@ -170,7 +169,10 @@ def begun_at(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     state = motion.sample(motion.breaks[0] + at)
     robot = problem.robot
     fastest, strongest = np.array([(joint.velocity, joint.acceleration) for joint in robot.joints]).T
-    q, qd = state.q[0], np.where(np.abs(state.qd[0]) > STILL * fastest, state.qd[0], 0.0)
+    q, qd = (
+        state.q[0],
+        np.where(np.abs(state.qd[0]) > JUMP * fastest, state.qd[0], 0.0),
+    )  # below it is no step to the check
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
     entries, most = problem.motion, np.abs(rates).max()
     if qd.any() and not isinstance(entries[0], Free):

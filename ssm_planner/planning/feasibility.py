@@ -16,7 +16,7 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised
+from ssm_planner.dynamics.motors import drive_torque, motorised
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque_rows
 from ssm_planner.errors import ProblemError
@@ -359,6 +359,35 @@ def motor_too_weak(problem: Problem, phase: Phase, path: JointPath, samples: int
             )
             weakest = ratio, Reason(joint.limit(MotorTorque), place, float(needed[k]), available, text)
     return None if weakest is None else weakest[1]
+
+
+def motor_too_weak_to_brake(problem: Problem, phase: Phase) -> Reason | None:
+    """The motor that is too weak at the speed with which a phase begins, whatever the accelerations within their limits.
+
+    Where the load resists, a motor that cannot hold the speed must brake harder than its joint may. The torque in the
+    direction of motion is convex in the effort, the effort linear in the accelerations; its least is bounded on a grid.
+    """
+    robot, qd = problem.robot, phase.qd_start
+    most = np.array([joint.acceleration for joint in robot.joints])
+    pulls = np.vstack([np.zeros(4), np.diag(most)])
+    load = RigidBody.from_robot(robot).inverse_dynamics(np.tile(phase.q_start, (5, 1)), np.tile(qd, (5, 1)), pulls)
+    for i, drive, motor in motorised(robot.joints):
+        sign = float(np.sign(qd[i]))
+        if not sign:
+            continue
+        reach = float(np.abs(load[1:, i] - load[0, i]).sum())
+        efforts = np.linspace(load[0, i] - reach, load[0, i] + reach, SAMPLES)
+        law, _ = drive_torque(drive, efforts, qd[i], -sign * most[i], sign, breakaway=False)
+        torque = sign * np.asarray(law)
+        needed = float(torque.min() - np.abs(np.diff(torque)).max())
+        if needed > motor.max_torque:
+            joint, place = robot.joints[i], f"{phase.motion.name}, at its start"
+            text = (
+                f"motor of joint {joint.name} is too weak for the speed at the start: even braking as hard as the joint may "
+                f"it needs {1e3 * needed:.4g} mN·m and has {1e3 * motor.max_torque:.4g} mN·m ({place})"
+            )
+            return Reason(joint.limit(MotorTorque), place, needed, motor.max_torque, text)
+    return None
 
 
 def _starting_torque(path: JointPath, i: int, drive: Drive, s: Array, gravity: Array) -> Array:

@@ -17,6 +17,7 @@ from ssm_planner.planning.feasibility import (
     infeasible_place,
     motor_too_hot,
     motor_too_weak,
+    motor_too_weak_to_brake,
     nearest_to_eye,
     no_motion,
     straight_instead,
@@ -305,6 +306,9 @@ class _PhasePlanner:
 
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
+        reason = motor_too_weak_to_brake(self.problem, phase)
+        if reason is not None:
+            return reason
         free = self._free_by_optimal_control(phase)
         if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
             free = self._stopped_first(phase) or free

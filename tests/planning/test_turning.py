@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import main
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
@@ -26,6 +28,7 @@ from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.text import verdicts
+from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 from ssm_planner.verification.check import check
 
@@ -213,3 +216,42 @@ def test_where_no_joint_may_turn_by_itself_the_robot_stops_first(
     assert found.passed, found.reason
     assert [phase.name for phase in found.phases] == ["free, stops first"]
     assert 1.6498 < found.duration < 1.1 * 1.6498
+
+
+def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
+    shipped: Plan, to_anywhere: Problem
+) -> None:
+    """No acceleration within the limits asks for less than the torque that the reason states."""
+    at = 1.0
+    state = shipped.motion.sample(at)
+    robot, rng = to_anywhere.robot, np.random.default_rng(3)
+    most = np.array([joint.acceleration for joint in robot.joints])
+    qdd = np.clip(rng.uniform(-1.5, 1.5, (400, 4)), -1, 1) * most
+    q, qd = np.tile(state.q, (400, 1)), np.tile(state.qd, (400, 1))
+    samples = Samples(np.zeros(400), q, qd, qdd, np.zeros((400, 4)))
+    torque = motor_motion(robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)).torque
+    i = int(np.nanargmax(np.abs(torque).min(axis=0)))
+    least = float((np.sign(qd[0, i]) * torque[:, i]).min())
+    assert least > 0
+    for share in (0.9, 1.01):
+        motor = dataclasses.replace(robot.joints[i].motor, max_torque=share * least, nominal_torque=1e-3)
+        joints = (*robot.joints[:i], dataclasses.replace(robot.joints[i], motor=motor), *robot.joints[i + 1 :])
+        weak = dataclasses.replace(to_anywhere, robot=dataclasses.replace(robot, joints=joints), duty=None)
+        there = begun_at(weak, shipped, at)
+        mechanism = Mechanism.from_geometry(robot.geometry)
+        (phase,), _ = planner.feasible_phases(there, mechanism)
+        reason = planner.motor_too_weak_to_brake(there, phase)
+        assert (reason is None) == (share > 1)
+        if reason is not None:
+            assert reason.required <= least
+            assert reason.available == share * least
+
+
+def test_a_joint_that_stands_but_for_rounding_begins_at_rest(shipped: Plan, to_anywhere: Problem) -> None:
+    """Else a weak motor would have to brake it against its load."""
+    drift = shipped.motion.coefficients.copy()
+    drift[:, :, 2] = 0.0
+    drift[:, 1, 2] = 2e-7
+    there = begun_at(to_anywhere, dataclasses.replace(shipped.motion, coefficients=drift), 1.0)
+    (phase,), _ = planner.feasible_phases(there, Mechanism.from_geometry(there.robot.geometry))
+    assert phase.qd_start[2] == 0.0
