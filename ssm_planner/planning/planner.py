@@ -48,7 +48,8 @@ METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipo
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
 LONGER_THAN_TOPPRA = 1.003
-"""Times TOPP-RA's duration, beyond which a motion of the structured solver is planned by Ipopt alone too."""
+"""Times TOPP-RA's duration, beyond which a motion of the structured solver is planned by Ipopt alone too, and then takes
+TOPP-RA's pace along its path."""
 FAR = 1.001
 """TOPP-RA's duration in that of the motion beyond which it is worked out along the motion too."""
 SHORTER = 1e-5
@@ -226,15 +227,25 @@ class _PhasePlanner:
             again = retime_motion(self._way(phase, motion), self.problem.robot, self.problem.task_limits)
             planned = replace(planned, toppra_duration=again.duration if again.converged else None)
         reached = planned.toppra_duration
-        if motion.confirmation is None or reached is None or motion.duration <= LONGER_THAN_TOPPRA * reached:
+        if reached is None or motion.duration <= LONGER_THAN_TOPPRA * reached:
             return planned
         if limits_jerk(self.problem.robot):  # of which TOPP-RA knows nothing
             return planned
-        by_ipopt = replace(self, problem=unchecked(self.problem, planner="ipopt"))
-        alone = by_ipopt.plan(phase)
-        if isinstance(alone, Reason) or alone.duration >= motion.duration:
+        if motion.confirmation is not None:
+            by_ipopt = replace(self, problem=unchecked(self.problem, planner="ipopt"))
+            alone = by_ipopt.plan(phase)
+            if not isinstance(alone, Reason) and alone.duration < motion.duration:
+                return by_ipopt.cross_checked(alone)
+        return planned if self.cooling is not None else self._as_fast_as_toppra(planned)
+
+    def _as_fast_as_toppra(self, planned: PlannedPhase) -> PlannedPhase:
+        """The same path at TOPP-RA's pace, where the optimal control stopped at a slower one."""
+        path = self._way(planned.phase, planned.motion)
+        found, motion = self._paced(planned.phase, planned.motion, path)
+        if not found.converged or motion.duration >= planned.duration:
             return planned
-        return by_ipopt.cross_checked(alone)
+        again = retime_motion(self._way(planned.phase, motion), self.problem.robot, self.problem.task_limits)
+        return replace(planned, motion=motion, toppra_duration=again.duration if again.converged else None)
 
     def _way(self, phase: Phase, motion: PhaseSolution) -> MotionPath:
         """The path that a motion of the phase takes."""
@@ -251,16 +262,21 @@ class _PhasePlanner:
         samples = path.trajectory.sample(np.linspace(0.0, motion.duration, POINTS))
         if braking_travel(self.mechanism, self.problem.robot, samples.q, samples.qd).max() <= limit.largest:
             return motion
+        return self._paced(phase, motion, path)[1]
+
+    def _paced(self, phase: Phase, motion: PhaseSolution, path: MotionPath) -> tuple[Retiming, PhaseSolution]:
+        """A motion timed again by TOPP-RA along the path that it took."""
         # at rest the pace is that of nothing, and the motion's own leaves no margin
         pace = 1.0 if phase.qd_start.any() else 1 - 2 * BETWEEN
         found = retime_motion(path, with_margin(self.strict, BETWEEN), self.problem.task_limits, pace=pace)
         if not found.solved:
-            return replace(motion, status=found.status, message=found.message)
-        slowed = motion_along(path, found)
+            return found, replace(motion, status=found.status, message=found.message)
+        paced = motion_along(path, found)
         if phase.motion.duration is not None:
-            slowed = slowed.slower(min(slowed.duration / phase.motion.duration, 1.0))
-        borders = np.interp(path.knots, found.s, found.times) * slowed.duration / found.duration
-        return replace(motion, breaks=slowed.breaks, coefficients=slowed.coefficients, borders=borders)
+            paced = paced.slower(min(paced.duration / phase.motion.duration, 1.0))
+        borders = np.interp(path.knots, found.s, found.times) * paced.duration / found.duration
+        timed = replace(motion, breaks=paced.breaks, coefficients=paced.coefficients, borders=borders)
+        return found, timed
 
     def _retimed(self, phase: Phase, path: JointPath) -> PlannedPhase | Reason:
         """A straight or curved motion timed by TOPP-RA alone."""

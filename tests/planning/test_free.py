@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ import pytest
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning import planner
+from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Point, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]
@@ -122,3 +126,30 @@ def test_a_jerk_limit_on_some_joints_alone_is_solved_like_one_on_all(
     result = plan(dataclasses.replace(tilt_insert, robot=robot, motion=(Free(to),), objective="time"))
     assert result.passed
     assert result.gap < 2e-3
+
+
+def test_a_motion_slower_than_toppra_along_its_path_takes_its_pace(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever local optimum the solver stops at, the answer is as fast as its own path allows."""
+    motion = (Free(Task(roll=np.radians(10), tilt=np.radians(-110), depth=0.01)),)
+    problem = dataclasses.replace(tilt_insert, objective="time", motion=motion)
+    fastest = plan(problem)
+    solve = planner.solve_free
+
+    def slower(*given: Any, **named: Any) -> PhaseSolution:
+        found = solve(*given, **named)
+        slowed = Trajectory(found.breaks, found.coefficients, ()).slower(0.8)
+        return dataclasses.replace(
+            found,
+            breaks=slowed.breaks,
+            coefficients=slowed.coefficients,
+            borders=found.borders / 0.8,
+            confirmation=None,
+        )
+
+    monkeypatch.setattr(planner, "solve_free", slower)
+    found = plan(problem)
+    assert found.passed
+    assert not found.disagreements
+    assert found.duration == pytest.approx(fastest.duration, rel=1e-3)
