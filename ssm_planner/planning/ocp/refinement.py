@@ -29,7 +29,7 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
-from ssm_planner.problem.limits import LensClearance, RetinaClearance
+from ssm_planner.problem.limits import LensClearance, MotorTorque, RetinaClearance
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array, Indices
 
@@ -259,8 +259,7 @@ class _Refinement:
     def begin(cls, problem: OcpProblem, guess: Guess) -> _Refinement:
         """Active are the rows that the guess comes near to."""
         elements = guess.elements
-        near = problem.row_maxima(elements).max(axis=0, initial=0.0) > NEAR
-        active = problem.always_active | _chosen(problem.row_names, near)
+        active = problem.always_active | _chosen(problem.row_names, problem.row_maxima(elements), NEAR)
         backoff = np.zeros((len(elements), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
 
@@ -389,7 +388,7 @@ def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *
     3. The bounds of violated rows are lowered, by more from round to round.
     """
     worst = violation.max(axis=0)
-    missed = _chosen(state.problem.row_names, worst > TOLERANCE) - state.active
+    missed = _chosen(state.problem.row_names, violation, TOLERANCE) - state.active
     if missed:
         return state.activated(solution, missed, astray=bool(worst.max() > ASTRAY))
     coarse = violation.max(axis=1) > COARSE
@@ -455,5 +454,12 @@ def parabolic_peak(values: Array) -> Array:
     return np.maximum(values.max(axis=-1), vertex[..., 0])
 
 
-def _chosen(names: list[RowName], chosen: Array) -> frozenset[RowName]:
-    return frozenset(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)
+def _chosen(names: list[RowName], values: Array, least: float) -> frozenset[RowName]:
+    """Rows with values (n, r) above the least one; of the torques of one motor, at several corners of a range of friction
+    and payload, only those that are the largest of them somewhere."""
+    above = values > least
+    joints = np.array([-1 if name != MotorTorque.name or i is None else i % 4 for name, i in names], dtype=int)
+    for i in set(joints[joints >= 0].tolist()):
+        own = joints == i
+        above[:, own] &= values[:, own] >= values[:, own].max(axis=1, keepdims=True)
+    return frozenset(name for name, chosen in zip(names, above.any(axis=0), strict=True) if chosen)
