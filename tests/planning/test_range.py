@@ -52,9 +52,19 @@ def with_covariance(drive: Drive) -> Drive:
 KINDS = {"ranges": with_ranges, "covariance": with_covariance}
 
 
+def stated(name: str, kind: str) -> Problem:
+    """A shipped problem whose drives state how far their friction may be off."""
+    problem = load_problem(PROBLEMS / f"{name}.yaml")
+    joints = (
+        joint if joint.drive is None else replace(joint, drive=KINDS[kind](joint.drive))
+        for joint in problem.robot.joints
+    )
+    return replace(problem, robot=replace(problem.robot, joints=tuple(joints)))
+
+
 def weakened(name: str, kind: str, factor: float) -> Problem:
     """A shipped problem with motors that have little more than the nominal motion takes."""
-    problem = load_problem(PROBLEMS / f"{name}.yaml")
+    problem = stated(name, kind)
     peaks = {
         load.joint: float(np.abs(load.torque()).max())
         for load in joint_loads(plan_motion(problem).trajectory, problem.robot)
@@ -64,7 +74,7 @@ def weakened(name: str, kind: str, factor: float) -> Problem:
         if joint.drive is not None:
             most = factor * peaks[joint.name]
             motor = replace(joint.motor, max_torque=most, nominal_torque=most)
-            joint = replace(joint, drive=KINDS[kind](joint.drive), motor=motor)
+            joint = replace(joint, motor=motor)
         joints.append(joint)
     return replace(problem, robot=replace(problem.robot, joints=tuple(joints)))
 

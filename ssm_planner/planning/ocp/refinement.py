@@ -403,9 +403,10 @@ def _given_back(found: _Refined) -> _Refined:
     """A fastest motion without the backoff that its rows did not need, round by round while that makes it faster.
 
     Where a motion squeezes past a limit within one element, refinement lowers bounds by more than the motion that comes of
-    it needs.
+    it needs. A motion for a range of friction keeps it: the drives that bound the range take more.
     """
-    for _ in range(BACK_ROUNDS):
+    ranged = bool(found.state.problem.complete_element.robot.corners)
+    for _ in range(0 if ranged else BACK_ROUNDS):
         if not (found.feasible and found.solution.solved):
             break
         solution, state = found.solution, found.state
@@ -462,4 +463,4 @@ def _chosen(names: list[RowName], values: Array, least: float) -> frozenset[RowN
     for i in set(joints[joints >= 0].tolist()):
         own = joints == i
         above[:, own] &= values[:, own] >= values[:, own].max(axis=1, keepdims=True)
-    return frozenset(name for name, chosen in zip(names, above.any(axis=0), strict=True) if chosen)
+    return frozenset(names[k] for k in np.flatnonzero(above.any(axis=0)))

@@ -14,7 +14,7 @@ T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²)); dynamics/transmission.py (
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +35,10 @@ from ssm_planner.typing import Array, Mask
 
 ACTIVE = 0.998
 """A row counts as binding from this share of its limit on."""
+BEYOND = 1e-9
+"""Share by which a row that was left out may be exceeded."""
+Actuation = tuple[int, int, Drive, tuple[int, ...]]
+"""A joint with one of its `Robot.actuations`."""
 CEILING, NONE = -1, -2
 """What binds instead of a row: the speed ceiling, or nothing."""
 
@@ -101,6 +105,12 @@ class LinearConstraints:
         root = np.sqrt(speed_squared)[:, None]
         b, c = self.b + self.k / (2 * root), self.c + self.k * (root / 2)
         return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
+
+    def largest(self, grid: Array, speed_squared: Array) -> Array:
+        """Of every row on each interval of the grid (n,), at its ends, (n − 1, rows)."""
+        acceleration, root = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None], np.sqrt(speed_squared)[:, None]
+        rest = self.b * speed_squared[:, None] + self.c + self.k * root
+        return np.maximum(self.a[:-1] * acceleration + rest[:-1], self.a[1:] * acceleration + rest[1:])
 
     def active(self, grid: Array, speed_squared: Array) -> Array:
         """The row that binds on each interval of the grid (n,), or CEILING or NONE: (n − 1,)."""
@@ -169,12 +179,18 @@ class PathLimits:
     """Where joints start from rest, (n, 4)."""
     stops: Array | None
     """|J q'| / (2d) (n,) of a limit d on the way of a stop."""
-    laws: dict[tuple[int, int], _TorqueLaw] = field(default_factory=dict)
-    """Of every joint's drives, as last asked for: most friction coefficients are the same in every pass."""
+    actuations: tuple[Actuation, ...]
+    """That have rows."""
+    left_out: tuple[Actuation, ...] = ()
+    """Others, at corners of a range of friction and payload: they get rows when a motion takes too much with them."""
+    laws: dict[tuple[int, int, int], _TorqueLaw] = field(default_factory=dict)
+    """Of every joint's loads and drives, as last asked for: most friction coefficients are the same in every pass."""
 
     @classmethod
-    def along(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
-        """At the points s (n,) of a grid."""
+    def along(
+        cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits, like: PathLimits | None = None
+    ) -> PathLimits:
+        """At the points s (n,) of a grid; like: of the same robot, whose actuations are to have rows."""
         knots, signs = path.directions
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
@@ -184,6 +200,7 @@ class PathLimits:
         stops = None
         if limits.stop_travel is not None:
             stops = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) / (2 * limits.stop_travel.largest)
+        actuations, left_out = _first_actuations(robot) if like is None else (like.actuations, like.left_out)
         return cls(
             robot,
             samples,
@@ -192,6 +209,8 @@ class PathLimits:
             ceiling=ceiling,
             starts=path.starts(samples),
             stops=stops,
+            actuations=actuations,
+            left_out=left_out,
         )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
@@ -209,16 +228,43 @@ class PathLimits:
             if self.stops is not None:
                 braking = self._term(b=self.stops * np.abs(self.samples.dq[:, i]))
                 rows.append((braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration))
-        for i, _, motor in motorised(self.robot.joints):
-            for k, (load, drive, sides) in enumerate(self.robot.actuations(i)):
-                mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-                law = self.laws.get((i, k))
-                if law is None or not np.array_equal(law.mu, mu):
-                    law = self.laws[i, k] = self._torque_law(drive, i, mu, self.loads[load])
-                rows += [(term, motor.max_torque) for term in law.driving if 1 in sides]
-                if -1 in sides:
-                    rows.append((law.braking(speed_squared, self.ceiling), motor.max_torque))
+        for each in self.actuations:
+            rows += self._motor_rows(each, speed_squared, static_start)
         return LinearConstraints.of(rows, self.ceiling)
+
+    def with_missed(self, grid: Array, speed_squared: Array, *, static_start: bool) -> PathLimits:
+        """With rows for what a motion ṡ² (n,) on the grid takes too much with: of each joint what is worst somewhere."""
+        rows = [self._motor_rows(each, speed_squared, static_start) for each in self.left_out]
+        if not rows:
+            return self
+        values = LinearConstraints.of([row for each in rows for row in each], self.ceiling).largest(grid, speed_squared)
+        of = np.cumsum([0, *map(len, rows[:-1])])
+        worst = np.maximum.reduceat(values, of, axis=1)
+        missed: set[int] = set()
+        for i in {each[0] for each in self.left_out}:
+            own = np.array([k for k, each in enumerate(self.left_out) if each[0] == i])
+            exceeded = worst[:, own].max(axis=1) > 1 + BEYOND
+            missed |= set(own[np.argmax(worst[:, own], axis=1)[exceeded]].tolist())
+        if not missed:
+            return self
+        more = tuple(each for k, each in enumerate(self.left_out) if k in missed)
+        left_out = tuple(each for k, each in enumerate(self.left_out) if k not in missed)
+        return replace(self, actuations=(*self.actuations, *more), left_out=left_out)
+
+    def _motor_rows(
+        self, actuation: Actuation, speed_squared: Array, static_start: bool
+    ) -> list[tuple[PathTerm, float]]:
+        i, load, drive, sides = actuation
+        motor = self.robot.joints[i].motor
+        if motor is None:
+            return []
+        mu = self._friction_coefficient(drive, i, speed_squared, static_start)
+        law = self.laws.get((i, load, id(drive)))
+        if law is None or not np.array_equal(law.mu, mu):
+            law = self.laws[i, load, id(drive)] = self._torque_law(drive, i, mu, self.loads[load])
+        driving = law.driving if 1 in sides else ()
+        braking = [law.braking(speed_squared, self.ceiling)] if -1 in sides else []
+        return [(term, motor.max_torque) for term in (*driving, *braking)]
 
     def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
         """μ (n,) of the drive of joint i at the given ṡ²; at a start from rest at least the static one."""
@@ -241,6 +287,14 @@ class PathLimits:
 
     def _term(self, **given: Array | float) -> PathTerm:
         return PathTerm.of(len(self.ceiling), **given)
+
+
+def _first_actuations(robot: Robot) -> tuple[tuple[Actuation, ...], tuple[Actuation, ...]]:
+    """Those that get rows at once, for each joint and load the first of the corners, and the others."""
+    every = [(i, *each) for i in range(4) for each in robot.actuations(i)]
+    first = {(i, load, sides): each for each in reversed(every) for i, load, _, sides in (each,)}
+    chosen = {id(each) for each in first.values()}
+    return tuple(each for each in every if id(each) in chosen), tuple(each for each in every if id(each) not in chosen)
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:

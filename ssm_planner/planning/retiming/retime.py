@@ -51,6 +51,8 @@ class Retiming:
     """Index of the row that binds on each grid interval, (n,); −1 the speed ceiling, −2 none."""
     converged: bool = False
     """The tangents have settled: another pass would not change the duration by more than about CONVERGED."""
+    limits: PathLimits | None = None
+    """Along the path, with the rows that were needed."""
 
     @property
     def solved(self) -> bool:
@@ -77,7 +79,7 @@ def retime(
     """
     rough = retime(path, robot, COARSE, limits, speeds, static=static) if points > COARSE else None
     grid = _grid(path.directions[0], points, rough)
-    path_limits = PathLimits.along(path, grid, robot, limits)
+    path_limits = PathLimits.along(path, grid, robot, limits, None if rough is None else rough.limits)
     # the tangents of the rough motion are nearly settled, and its passes cost a fifth
     tangent = (
         path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
@@ -125,7 +127,7 @@ def _retimed(
 ) -> Retiming:
     """TOPP-RA on the grid, pass after pass until the tangents, first those at ṡ² = tangent (n,), have settled."""
     message = "TOPP-RA finds no motion along the path within the limits"
-    best = Retiming(
+    infeasible = best = Retiming(
         "infeasible",
         message,
         duration=np.inf,
@@ -157,10 +159,14 @@ def _retimed(
             passes=count,
             active=best.active,
             converged=settled,
+            limits=path_limits,
         )
         last = rows
         if settled:
-            break
+            more = path_limits.with_missed(grid, found, static_start=static)
+            if more is path_limits:
+                break
+            path_limits, best = more, infeasible
         tangent = found
     return replace(best, active=last.active(grid, best.speed_squared)) if last else best
 
