@@ -49,9 +49,11 @@ def on_any_branch(
     attempt: plans and checks one. rescues: with how many on other branches a motion is looked for where there is none.
     """
     best, settled = attempt(problem), problem
-    for entry, place in targets(problem):
+    open_targets = targets(problem)
+    phases = _phases(settled) if open_targets else ()
+    for entry, place in open_targets:
         tried = 0
-        for bound, other in _others(settled, entry, place, best):
+        for bound, other in _others(settled, phases, (entry, place), best):
             longest = _duration(best) * (1 - SHORTER)
             if bound >= longest or (best[2] is not None and tried >= rescues):
                 break
@@ -60,6 +62,8 @@ def on_any_branch(
                 best, settled = found, other
         if best[2] is None and _frees_spin(problem, entry, place):
             best, settled = _with_best_spin(settled, entry, best, attempt)
+        if settled.motion[entry] is not problem.motion[entry]:
+            phases = _phases(settled)
     return best, settled
 
 
@@ -81,15 +85,21 @@ def _duration(outcome: Outcome) -> float:
     return np.inf if outcome[2] is not None or trajectory is None else trajectory.duration
 
 
-def _others(problem: Problem, entry: int, place: int, best: Outcome) -> list[tuple[float, Problem]]:
+def _phases(problem: Problem) -> tuple[Phase, ...]:
+    """As they are planned, or from the first start configuration where nothing can be planned."""
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    phases, reason = feasible_phases(problem, mechanism)
+    return phases if reason is None else phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+
+
+def _others(
+    problem: Problem, phases: tuple[Phase, ...], at: tuple[int, int], best: Outcome
+) -> list[tuple[float, Problem]]:
     """The problem with each of the other joints that reach a target of its free motion, and a bound of its duration, s.
 
     The least bound first; those that keep no range, or cannot be shorter than the best, are left out.
     """
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    phases, reason = feasible_phases(problem, mechanism)
-    if reason is not None:
-        phases = phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+    mechanism, (entry, place) = Mechanism.from_geometry(problem.robot.geometry), at
     motion = problem.motion[entry]
     phase = next(each for each in phases if each.motion is motion)
     stops = isinstance(motion, Free) and place == len(motion.through) and not phase.qd_end.any()
@@ -99,8 +109,11 @@ def _others(problem: Problem, entry: int, place: int, best: Outcome) -> list[tup
     if _frees_spin(problem, entry, place):
         ends = [_least_spun(problem, mechanism, phase, q) for q in [phase.points[-1], *ends]]
         ends = [q for q in ends if not np.array_equal(q, phase.points[-1])]
+    velocity = np.array([joint.velocity for joint in problem.robot.joints])
     for q in ends:
         if best[2] is not None and branch_of(mechanism, q) == own_branch:
+            continue
+        if np.max(np.abs(q - phase.q_start) / velocity) >= _duration(best):
             continue
         own = replace(phase, points=np.stack([phase.q_start, q]))
         if stops and least_duration(problem, mechanism, own) >= _duration(best):
