@@ -15,7 +15,6 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.planning.curves import branch_of
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, feasible_phases, least_duration
@@ -29,8 +28,8 @@ Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
 """What was planned, its certificate, and the reason where it is none that passed."""
 SHORTER = 1e-5
 """Share by which a motion with other joints has to be shorter to be taken."""
-RESCUES = 1
-"""Joints on other branches that are planned for a target where those of the planner give no motion."""
+RESCUES = 3
+"""Other joints that are planned for a target where those of the planner give no motion."""
 SPINS, ROUNDING = 181, 1e-9
 """Spins that are compared by their bounds, and share by which bounds that are the same may differ."""
 LEAST_GAIN = 1e-4
@@ -46,7 +45,7 @@ def on_any_branch(
 ) -> tuple[Outcome, Problem]:
     """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
 
-    attempt: plans and checks one. rescues: with how many on other branches a motion is looked for where there is none.
+    attempt: plans and checks one. rescues: with how many others a motion is looked for where there is none.
     """
     best, settled = attempt(problem), problem
     open_targets = targets(problem)
@@ -104,15 +103,12 @@ def _others(
     phase = next(each for each in phases if each.motion is motion)
     stops = isinstance(motion, Free) and place == len(motion.through) and not phase.qd_end.any()
     found = []
-    own_branch = branch_of(mechanism, phase.q_start)
     ends = other_ends(problem, mechanism, phase, place)
     if _frees_spin(problem, entry, place):
         ends = [_least_spun(problem, mechanism, phase, q) for q in [phase.points[-1], *ends]]
         ends = [q for q in ends if not np.array_equal(q, phase.points[-1])]
     velocity = np.array([joint.velocity for joint in problem.robot.joints])
     for q in ends:
-        if best[2] is not None and branch_of(mechanism, q) == own_branch:
-            continue
         if np.max(np.abs(q - phase.q_start) / velocity) >= _duration(best):
             continue
         own = replace(phase, points=np.stack([phase.q_start, q]))
@@ -128,8 +124,15 @@ def _others(
             continue
         bound = sum(_bound(problem, mechanism, each, best[0].phases) for each in theirs)
         if reason is None and bound < _duration(best):
-            found.append((max(bound, problem.duration or 0.0), other))
-    return sorted(found, key=lambda each: each[0])
+            found.append((max(bound, problem.duration or 0.0), other, q))
+    found.sort(key=lambda each: each[0])
+    if best[2] is None or _frees_spin(problem, entry, place):
+        return [(bound, other) for bound, other, _ in found]
+    nearest: dict[tuple[float, ...], tuple[float, Problem]] = {}
+    for bound, other, q in found:
+        nearest.setdefault(tuple(q[:2].round(6)), (bound, other))
+    nearest.pop(tuple(phase.points[-1, :2].round(6)), None)
+    return list(nearest.values())
 
 
 def _frees_spin(problem: Problem, entry: int, place: int) -> bool:

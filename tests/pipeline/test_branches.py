@@ -18,6 +18,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 
 
 def turning(problem: Problem, *, tilt: float, roll: tuple[float, float], limits: tuple[TaskRange, ...] = ()) -> Problem:
@@ -26,6 +27,17 @@ def turning(problem: Problem, *, tilt: float, roll: tuple[float, float], limits:
     motion = (Free(Task(roll=np.radians(roll[1]))),)
     robot = replace(problem.robot, limits=())
     return replace(problem, robot=robot, start=start, motion=motion, limits=limits, objective="time")
+
+
+def weaker(robot: Robot, strength: float) -> Robot:
+    """With motors of a share of their largest torque, and next to no continuous one."""
+    joints = []
+    for joint in robot.joints:
+        motor = joint.motor
+        if motor is not None:
+            motor = replace(motor, max_torque=strength * motor.max_torque, nominal_torque=1e-3)
+        joints.append(replace(joint, motor=motor))
+    return replace(robot, joints=tuple(joints))
 
 
 def ends(made: Plan) -> np.ndarray:
@@ -101,16 +113,7 @@ def freely(problem: Problem, to: Task, *, spin_free: bool = True) -> Problem:
 @pytest.mark.parametrize("strength", [1.0, 0.35])
 def test_no_spin_is_faster_than_a_free_one(tilt_insert: Problem, strength: float) -> None:
     """With strong motors the present spin is as fast as any and stays; weak ones are helped by the load's turning."""
-    joints = tuple(
-        joint
-        if joint.motor is None
-        else replace(
-            joint, motor=replace(joint.motor, max_torque=strength * joint.motor.max_torque, nominal_torque=1e-3)
-        )
-        for joint in tilt_insert.robot.joints
-    )
-    robot = replace(tilt_insert.robot, joints=joints)
-    weak = replace(tilt_insert, robot=robot, duty=None, planner="fast")
+    weak = replace(tilt_insert, robot=weaker(tilt_insert.robot, strength), duty=None, planner="fast")
     to = Task(tilt=np.radians(-135))
     made = plan(freely(weak, to))
     assert made.passed
@@ -143,3 +146,14 @@ def test_a_free_spin_is_read_written_and_refused_elsewhere(tilt_insert: Problem,
             Problem.from_yaml(text.format(other))
     with pytest.raises(ProblemError, match="joints fix the spin"):
         Free(Joints((0.0, 0.0, 0.0, 0.0)), spin_free=True)
+
+
+def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
+    """Joint 1 cannot lift the arm on the nearest way to its target, but lets it down on another."""
+    robot = replace(weaker(tilt_insert.robot, 0.45), limits=())
+    start = Task(roll=-1.8326, tilt=-1.6714, spin=-1.901, depth=0.025)
+    motion = (Free(Task(roll=-1.6099, tilt=-2.3619, spin=0.8735, depth=0.0155)),)
+    anyway = replace(tilt_insert, robot=robot, limits=(), start=start, motion=motion, objective="time", duty=None)
+    made = plan(anyway, relaxations=False)
+    assert made.passed
+    assert made.duration < 3.3
