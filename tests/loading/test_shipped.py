@@ -88,7 +88,7 @@ def test_a_listed_key_has_unit_bound_default_and_meaning() -> None:
     assert controller["counts_per_turn"].allowed == "a whole number above 0"
     assert [robot[f"joints.{name}.jerk"].unit for name in ("roll", "insertion")] == ["deg/s^3", "mm/s^3"]
     assert problem["motion[].scan.spacing"][1:4] == ("mm", "above 0", "0.6 mm")
-    assert problem["planner"].allowed == "'optimal' or 'fast' or 'toppra'"
+    assert problem["planner"].allowed == "'optimal' or 'fast' or 'ipopt' or 'toppra'"
     assert problem["limits.tilt"].allowed == "[lower, upper]"
 
 
