@@ -34,7 +34,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
-from ssm_planner.planning.turning_points import Turns, best_turns
+from ssm_planner.planning.turning_points import PAYS, Turns, best_turns
 from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance
 from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -361,6 +361,8 @@ class _PhasePlanner:
         ):
             return found
         if not too_short and (isinstance(found, Reason) or phase.motion.duration is not None):
+            return found
+        if not isinstance(found, Reason) and (1 - PAYS) * found.duration <= found.lower_bound:
             return found
         fastest = replace(self, problem=replace(self.problem, objective="time"))
         untimed = replace(phase, motion=replace(phase.motion, duration=None))
