@@ -246,11 +246,20 @@ def _tightened(
     warm: bool = True,
     turning: bool = True,
 ) -> Outcome:
-    """Plan and check, tightening what is exceeded; where that does not help, without turning points of its own."""
-    strict, turned = problem, False
+    """Plan and check, tightening what is exceeded; where that does not help, without turning points of its own.
+
+    A motion at TOPP-RA's pace that exceeds a limit between TOPP-RA's points is planned without that pace first.
+    """
+    strict, turned, paced = problem, False, True
     for attempt in range(1, ATTEMPTS + 1):
         planned = plan_motion(
-            unchecked(strict, robot=problem.robot), strict.robot, progress, cooling, warm=warm, turning=turning
+            unchecked(strict, robot=problem.robot),
+            strict.robot,
+            progress,
+            cooling,
+            warm=warm,
+            turning=turning,
+            paced=paced,
         )
         turned = turned or any(phase.turns_back for phase in planned.phases)
         outcome: Outcome = planned, None, planned.reason
@@ -260,6 +269,9 @@ def _tightened(
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
         outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
+        if not certificate.passed and any(phase.paced for phase in planned.phases):
+            paced = False
+            continue
         stricter = None if certificate.passed or attempt == ATTEMPTS else tightened(strict, certificate)
         if stricter is None:
             break

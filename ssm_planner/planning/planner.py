@@ -45,6 +45,8 @@ from ssm_planner.typing import Array
 
 METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
 """By planner."""
+TOPPRA = "TOPP-RA"
+"""Named as the solver of a motion that has its pace."""
 CREEPING = 10.0
 """TOPP-RA's duration in lower bounds beyond which its motion is no guess."""
 LONGER_THAN_TOPPRA = 1.003
@@ -78,6 +80,8 @@ class PlannedPhase:
     """None where TOPP-RA finds no motion along the path that was taken, or does not converge, or a duration was asked for."""
     lower_bound: float
     """A duration that no motion within the same limits can beat."""
+    paced: bool = False
+    """It took TOPP-RA's pace in place of its own, which was slower."""
 
     @property
     def duration(self) -> float:
@@ -110,20 +114,20 @@ def plan_motion(
     *,
     warm: bool = True,
     turning: bool = True,
+    paced: bool = True,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
     spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
-    turning: joints may turn back between points.
+    turning: joints may turn back between points. paced: where TOPP-RA is faster along its path, a motion takes that pace.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     stated, problem = problem, unchecked(problem, robot=robot)
-    planner = _PhasePlanner(
-        problem, mechanism, unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest), cooling, turning
-    )
+    strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
+    planner = _PhasePlanner(problem, mechanism, strict, cooling, turning=turning, paced=paced)
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and not warm:
         reason = motor_too_hot(stated, phases)
@@ -201,6 +205,7 @@ class _PhasePlanner:
     strict: Robot
     cooling: Array | None = None
     turning: bool = True
+    paced: bool = True
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -236,16 +241,22 @@ class _PhasePlanner:
             alone = by_ipopt.plan(phase)
             if not isinstance(alone, Reason) and alone.duration < motion.duration:
                 return by_ipopt.cross_checked(alone)
-        return planned if self.cooling is not None else self._as_fast_as_toppra(planned)
+        return planned if self.cooling is not None or not self.paced else self._as_fast_as_toppra(planned)
 
     def _as_fast_as_toppra(self, planned: PlannedPhase) -> PlannedPhase:
         """The same path at TOPP-RA's pace, where the optimal control stopped at a slower one."""
+        if isinstance(planned.phase.path, StraightPath):
+            timed = self._retimed(planned.phase, planned.phase.path)
+            if isinstance(timed, Reason) or timed.duration >= planned.duration:
+                return planned
+            return replace(timed, paced=True)
         path = self._way(planned.phase, planned.motion)
         found, motion = self._paced(planned.phase, planned.motion, path)
         if not found.converged or motion.duration >= planned.duration:
             return planned
         again = retime_motion(self._way(planned.phase, motion), self.problem.robot, self.problem.task_limits)
-        return replace(planned, motion=motion, toppra_duration=again.duration if again.converged else None)
+        motion = replace(motion, solver=TOPPRA, confirmation=None)
+        return replace(planned, motion=motion, toppra_duration=again.duration if again.converged else None, paced=True)
 
     def _way(self, phase: Phase, motion: PhaseSolution) -> MotionPath:
         """The path that a motion of the phase takes."""
@@ -285,7 +296,7 @@ class _PhasePlanner:
         retiming = retime(path, with_margin(self.strict, BETWEEN), points, self.problem.task_limits, speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
-        motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver="TOPP-RA")
+        motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver=TOPPRA)
         return PlannedPhase(phase, motion, retiming.duration, self._lower_bound(phase))
 
     def _straight(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:

@@ -9,10 +9,11 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning import planner
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.planner import feasible_phases
+from ssm_planner.planning.planner import PlannedPhase, feasible_phases
 from ssm_planner.problem.limits import TipSpeed
-from ssm_planner.problem.motion import Straight, Task
+from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
@@ -65,6 +66,60 @@ def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
     assert len(phases[0].path.directions[0]) > 2
     assert result.passed
     assert_certified_and_as_fast_as_toppra(problem)
+
+
+def slow(problem: Problem, speed: float, jerk: float | None = None) -> Problem:
+    """With joints of so many deg/s and mm/s, and as many rad/s³ and mm/s³."""
+    joints = tuple(
+        dataclasses.replace(
+            joint,
+            velocity=1e-3 * speed if joint.kind == "prismatic" else np.radians(speed),
+            jerk=None if jerk is None else jerk * (1.0 if joint.kind == "prismatic" else 2.0),
+        )
+        for joint in problem.robot.joints
+    )
+    return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=joints))
+
+
+@pytest.mark.parametrize("speed", [2.0, 10.0, 15.0])
+def test_slow_motions_take_little_time_to_get_up_to_speed(tilt_insert: Problem, speed: float) -> None:
+    """The insertion is one joint's alone: its optimum is v/a longer than at full speed throughout."""
+    problem = slow(tilt_insert, speed)
+    result = plan(problem)
+    assert result.passed
+    tilt, insert = result.phases
+    assert tilt.duration <= (1 + 1e-4) * tilt.toppra_duration
+    joint = problem.robot.joints[3]
+    assert insert.duration == pytest.approx(0.02 / joint.velocity + joint.velocity / joint.acceleration, rel=1e-4)
+
+
+def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(tilt_insert: Problem) -> None:
+    """Where the largest speed is nearly reached while the acceleration still rises, the arc in between is short."""
+    problem = slow(tilt_insert, 20.0, jerk=17.5)
+    motion = tuple(Free(entry.to, name=entry.name) for entry in tilt_insert.motion if isinstance(entry, Straight))
+    result = plan(dataclasses.replace(problem, motion=motion))
+    assert result.passed
+    for phase in result.phases:
+        assert phase.duration == pytest.approx(phase.lower_bound, rel=1e-5)
+
+
+def test_a_pace_of_toppra_that_exceeds_a_limit_is_not_taken(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = dataclasses.replace(tilt_insert, planner="ipopt", motion=tilt_insert.motion[:1])
+    own = plan(problem).duration
+
+    def too_fast(_: object, planned: PlannedPhase) -> PlannedPhase:
+        motion, pace = planned.motion, 1.01
+        coefficients = motion.coefficients * pace ** np.arange(6)[:, None]
+        faster = dataclasses.replace(motion, breaks=motion.breaks / pace, coefficients=coefficients)
+        return dataclasses.replace(planned, motion=faster, paced=True)
+
+    monkeypatch.setattr(planner, "LONGER_THAN_TOPPRA", 0.5)
+    monkeypatch.setattr(planner._PhasePlanner, "_as_fast_as_toppra", too_fast)
+    found = plan(problem)
+    assert found.passed
+    assert found.duration == own
 
 
 def test_tip_speed_is_kept(tilt_insert: Problem) -> None:

@@ -119,7 +119,7 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
     problem = load_problem(f"problems/{name}.yaml")
     found = plan(problem)
     assert found.passed
-    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    assert {phase.solver for phase in found.phases} == {"structured"}
     for phase in found.phases:
         # the fastest motion and that of least heat
         assert phase.confirmation_iterations is not None

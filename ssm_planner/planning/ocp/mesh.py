@@ -21,7 +21,9 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, Indices
 
 SHORTEST_ARC = 0.01
-"""Arcs shorter than this share of the duration join their neighbour."""
+"""Arcs shorter than this share of the duration join their neighbour..."""
+UP_TO_SPEED = 0.5
+"""... but for those between rest and this share of the largest ṡ: slow motions spend little of their time on them."""
 FEWEST = 5
 """Elements of the shortest arc."""
 SAMPLES = 33
@@ -72,7 +74,10 @@ class Mesh:
         """
         times = guess.times
         turns = np.interp(knots, guess.s, times)
-        ends = list(turns)
+        speed = np.sqrt(guess.speed_squared)
+        begins = _short_start(times, speed, guess.active)
+        stops = [times[-1] - t for t in _short_start(times[-1] - times[::-1], speed[::-1], guess.active[::-1])]
+        ends = [*turns, *begins, *stops]
         for switch in times[1:-1][guess.active[1:] != guess.active[:-1]]:
             if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * times[-1]:
                 ends.append(float(switch))
@@ -94,6 +99,19 @@ class Mesh:
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
         acceleration = np.diff(speed) / np.diff(shares)
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(shares)], axis=1)
+
+
+def _short_start(times: Array, speed: Array, active: Array) -> list[float]:
+    """When a motion from rest is up to speed, s, where that is within SHORTEST_ARC; [] else.
+
+    times, speed: at the grid points; active: what binds between them. The switch lies behind the last point before it.
+    """
+    fast = speed[1:-1] >= UP_TO_SPEED * speed.max()
+    for k in 1 + np.flatnonzero(fast & (active[1:] != active[:-1]) & (times[1:-1] <= SHORTEST_ARC * times[-1])):
+        pull = (speed[k] - speed[k - 1]) / (times[k] - times[k - 1])
+        if pull > 0:
+            return [float(min(times[k] + max(speed[k + 1] - speed[k], 0.0) / pull, times[k + 1]))]
+    return []
 
 
 def _pieces(borders: Array, density: Array, count: int) -> list[Array]:

@@ -358,7 +358,10 @@ def _refined(begin: _Refinement, aim: Aim, duration: tuple[float, float]) -> _Re
 
 
 def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
-    """Ipopt's motion, started from the structured solver's, or the better one; None where Ipopt does not converge."""
+    """The structured solver's motion, confirmed by Ipopt from there, or Ipopt's where it is better; None: not confirmed.
+
+    Of equals the structured solver's is taken: there the dynamics hold to the last digit, as tiny elements need.
+    """
     own, problem = found.solution, found.state.problem
     if problem.method != "confirmed" or own.solver != "structured" or not own.solved:
         return found
@@ -369,9 +372,7 @@ def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
     before, after = (float(each.times.sum()) if aim == "time" else each.objective for each in (own, ipopts))
     difference = after / before - 1 if before else 0.0
     same = SAME if aim == "time" else SAME_COST
-    better = difference <= same
-    if difference < -same:  # another optimum
-        better = bool(problem.row_maxima(ipopts.elements).max(initial=0.0) <= 1 + TOLERANCE)
+    better = difference < -same and bool(problem.row_maxima(ipopts.elements).max(initial=0.0) <= 1 + TOLERANCE)
     solution = replace(
         ipopts if better else own,
         iterations=own.iterations + ipopts.iterations,
