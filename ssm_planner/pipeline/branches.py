@@ -17,10 +17,17 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
-from ssm_planner.planning.planner import PlannedPhase, PlannerResult, feasible_phases, least_duration
+from ssm_planner.planning.planner import (
+    PlannedPhase,
+    PlannerResult,
+    feasible_phases,
+    least_duration,
+    plan_motion,
+)
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.motion import Free, Joints, Motion
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
@@ -36,16 +43,16 @@ LEAST_GAIN = 1e-4
 """Share by which a bound has to be shorter for a free spin to be searched."""
 SHARES, HALVINGS = 4, 2
 """Parts of the room of a free spin between which motions are planned, and how often the step is halved about the best."""
+FLAT = 1e-3
+"""Share by which durations that do not depend on the spin may differ, on the meshes of sketches."""
 MOST = 8
 """Targets of a problem up to which other joints are tried: every change of one is another way of all that follows."""
 
 
-def on_any_branch(
-    problem: Problem, attempt: Callable[[Problem], Outcome], rescues: int = RESCUES
-) -> tuple[Outcome, Problem]:
+def on_any_branch(problem: Problem, attempt: Callable[[Problem], Outcome]) -> tuple[Outcome, Problem]:
     """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
 
-    attempt: plans and checks one. rescues: with how many others a motion is looked for where there is none.
+    attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion.
     """
     best, settled = attempt(problem), problem
     open_targets = targets(problem)
@@ -54,9 +61,12 @@ def on_any_branch(
         tried = 0
         for bound, other in _others(settled, phases, (entry, place), best):
             longest = _duration(best) * (1 - SHORTER)
-            if bound >= longest or (best[2] is not None and tried >= rescues):
+            if bound >= longest or (best[2] is not None and tried >= RESCUES):
                 break
-            found, tried = attempt(other), tried + 1
+            tried += 1
+            if _sketched(other) >= longest:
+                continue
+            found = attempt(other)
             if found[2] is None and _duration(found) < longest:
                 best, settled = found, other
         if best[2] is None and _frees_spin(problem, entry, place):
@@ -82,6 +92,13 @@ def _duration(outcome: Outcome) -> float:
     """Of a certified motion, s; infinite where there is none."""
     trajectory = outcome[0].trajectory
     return np.inf if outcome[2] is not None or trajectory is None else trajectory.duration
+
+
+def _sketched(problem: Problem) -> float:
+    """About the duration of a motion, s, by the structured solver alone; infinite where that finds none."""
+    nominal = unchecked(problem, objective="time", friction=None, payload=None)
+    trajectory = plan_motion(nominal, turning=False, paced=False, sketch=True).trajectory
+    return np.inf if trajectory is None else trajectory.duration
 
 
 def _phases(problem: Problem) -> tuple[Phase, ...]:
@@ -196,10 +213,13 @@ def _with_best_spin(
             if not room.min() <= value <= room.max():
                 continue
             other = _with_target(problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]]))
+            expected, longest = _sketched(other), _duration(best) * (1 - SHORTER)
+            flat |= abs(expected - before) < FLAT * before
+            if expected >= longest:
+                continue
             found = attempt(other)
-            if found[2] is None and _duration(found) < _duration(best) * (1 - SHORTER):
+            if found[2] is None and _duration(found) < longest:
                 best, settled, centre = found, other, float(value)
-            flat |= abs(_duration(found) - before) < SHORTER * before
         if flat and _duration(best) == before:  # as long with another spin: others bind
             break
         step /= 2

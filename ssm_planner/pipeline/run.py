@@ -415,7 +415,7 @@ def _ignore(_: object) -> None:
 
 
 def _duration_or_reason(problem: Problem) -> float | Reason:
-    (planned, _, reason), _ = on_any_branch(problem, lambda other: _attempt(other, _ignore, _ignore), rescues=0)
+    planned, _, reason = _attempt(problem, _ignore, _ignore)
     if reason is not None or planned.trajectory is None:
         return reason or Reason(None, None, None, None, "no motion found")
     return planned.trajectory.duration

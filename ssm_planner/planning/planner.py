@@ -115,19 +115,21 @@ def plan_motion(
     warm: bool = True,
     turning: bool = True,
     paced: bool = True,
+    sketch: bool = False,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
     spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
     turning: joints may turn back between points. paced: where TOPP-RA is faster along its path, a motion takes that pace.
+    sketch: no motion to be run, but about its duration, and quickly: by the structured solver or not at all.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     stated, problem = problem, unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
-    planner = _PhasePlanner(problem, mechanism, strict, cooling, turning=turning, paced=paced)
+    planner = _PhasePlanner(problem, mechanism, strict, cooling, turning=turning, paced=paced, sketch=sketch)
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and not warm:
         reason = motor_too_hot(stated, phases)
@@ -206,6 +208,7 @@ class _PhasePlanner:
     cooling: Array | None = None
     turning: bool = True
     paced: bool = True
+    sketch: bool = False
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -328,8 +331,9 @@ class _PhasePlanner:
 
     def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
-        found = solve(method=METHODS[self.problem.planner])
-        return solve(method="Ipopt") if not found.solved and found.solver == "structured" else found
+        found = solve(method="sketched" if self.sketch else METHODS[self.problem.planner])
+        given_up = not found.solved and found.solver == "structured" and not self.sketch
+        return solve(method="Ipopt") if given_up else found
 
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
@@ -377,10 +381,14 @@ class _PhasePlanner:
             return found
         fastest = replace(self, problem=replace(self.problem, objective="time"))
         untimed = replace(phase, motion=replace(phase.motion, duration=None))
+        solved: list[tuple[Turns, PlannedPhase]] = []
 
         def solve(turns: Turns, useless: float) -> PhaseSolution | None:
             planned = fastest._free_by_optimal_control(untimed, turns, useless=useless)
-            return None if isinstance(planned, Reason) else planned.motion
+            if isinstance(planned, Reason):
+                return None
+            solved.append((turns, planned))
+            return planned.motion
 
         first: PhaseSolution | None
         if isinstance(found, Reason) or self.problem.objective != "time":
@@ -388,7 +396,11 @@ class _PhasePlanner:
         else:
             first = found.motion
         turns = None if first is None else best_turns(self.problem, self.mechanism, phase, first, solve)
-        better = found if turns is None else self._free_by_optimal_control(phase, turns)
+        if turns is None:
+            return found
+        if self.problem.objective == "time" and phase.motion.duration is None:
+            return next(replace(planned, phase=phase) for each, planned in solved if each is turns)
+        better = self._free_by_optimal_control(phase, turns)
         return found if isinstance(better, Reason) else better
 
     def _stopped_first(self, phase: Phase) -> PlannedPhase | None:
@@ -472,6 +484,8 @@ class _PhasePlanner:
     ) -> PlannedPhase | Reason:
         """The phase with a solver's motion, or why that is none of the phase: it was not found, or takes too long."""
         if not motion.solved:
+            if self.sketch:
+                return Reason(None, None, None, None, motion.message)
             return no_motion(self.problem, phase, path, motion.message)
         asked = phase.motion.duration
         if asked is not None and motion.duration > asked * (1 + LONGER):

@@ -110,7 +110,7 @@ def solve_free(
     at_rest = not (ends[0].any() or ends[1].any())
     # through points under a jerk limit one time for each way is up to 0.13 % longer than one for each arc
     jerk_on_way = limits_jerk(robot) and len(way) > 1
-    structured = method == "structured" or (method == "confirmed" and not (at_port or jerk_on_way))
+    structured = method in ("structured", "sketched") or (method == "confirmed" and not (at_port or jerk_on_way))
     one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
     if method == "confirmed" and structured and at_rest and not loose:
         finer = (ONE_TIME_ELEMENTS if len(way) == 1 else PASSING_ELEMENTS) * (JERK_FINER if limits_jerk(robot) else 1.0)
@@ -131,7 +131,7 @@ def solve_free(
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
     hard = turning or bool(pull.any())
-    structured = structured and (method == "structured" or not hard)
+    structured = structured and (method in ("structured", "sketched") or not hard)
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -156,7 +156,7 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
-            method=method if structured and not hard else "Ipopt",
+            method=method if method == "sketched" or (structured and not hard) else "Ipopt",
             directions=directions,
             problem=problem,
             mechanism=mechanism,

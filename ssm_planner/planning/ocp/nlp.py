@@ -18,9 +18,9 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
 Solver = Literal["structured", "Ipopt"]
-Method = Literal["Ipopt", "structured", "confirmed"]
+Method = Literal["Ipopt", "structured", "confirmed", "sketched"]
 """How a problem is solved: by Ipopt; by the structured solver, or Ipopt where that does not converge; by the structured
-solver, and Ipopt confirms its optimum."""
+solver, and Ipopt confirms its optimum; by the structured solver or not at all."""
 LARGEST_BLOCK = 20
 """Elements of a block; more freedom than this leaves the optimisation undecided about where to put its elements."""
 

@@ -66,6 +66,8 @@ SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
 ROUNDS = 12
 HEAT_ROUNDS = 4
+SKETCH_ROUNDS, SKETCH_ITERATIONS = 3, 60
+"""Of a sketch, and in each round."""
 """The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
@@ -282,9 +284,10 @@ class _Refinement:
         switching = OF_EYE if self.problem.at_port else OF_EYE - {RetinaClearance.name}
         beside_eye = any(name in switching for name, _ in self.active)
         after_ipopt = self.start.multipliers is not None  # who starts warm from there
-        alone = self.problem.method == "confirmed" and aim == "time"
+        alone = self.problem.method == "sketched" or (self.problem.method == "confirmed" and aim == "time")
         if self.problem.method != "Ipopt" and not (after_ipopt or beside_eye):
-            found = solve_structured(structure, element, data, self.start)
+            most = {"iterations": SKETCH_ITERATIONS} if self.problem.method == "sketched" else {}
+            found = solve_structured(structure, element, data, self.start, **most)
             if found.solved or alone:
                 return found
         if alone:
@@ -333,7 +336,7 @@ def _refine(
     duration: its bounds, where it is not the aim. hopeless: a duration beyond which a motion is of no use, for refinement
     only makes it longer.
     """
-    rounds = HEAT_ROUNDS if aim == "heat" else ROUNDS
+    rounds = HEAT_ROUNDS if aim == "heat" else SKETCH_ROUNDS if state.problem.method == "sketched" else ROUNDS
     iterations, feasible = 0, False
     for k in range(1, rounds + 1):
         program = state.program(aim, duration)
@@ -406,8 +409,9 @@ def _given_back(found: _Refined) -> _Refined:
     Where a motion squeezes past a limit within one element, refinement lowers bounds by more than the motion that comes of
     it needs. A motion for a range of friction keeps it: the drives that bound the range take more.
     """
-    ranged = bool(found.state.problem.complete_element.robot.corners)
-    for _ in range(0 if ranged else BACK_ROUNDS):
+    problem = found.state.problem
+    kept = bool(problem.complete_element.robot.corners) or problem.method == "sketched"
+    for _ in range(0 if kept else BACK_ROUNDS):
         if not (found.feasible and found.solution.solved):
             break
         solution, state = found.solution, found.state

@@ -32,10 +32,12 @@ Equalities = tuple[Indices, Indices, Array]
 _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
 
 
-def solve_structured(structure: NlpStructure, element: ElementModel, data: NlpData, start: InitialPoint) -> NlpSolution:
+def solve_structured(
+    structure: NlpStructure, element: ElementModel, data: NlpData, start: InitialPoint, iterations: int = ITERATIONS
+) -> NlpSolution:
     """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged."""
     program = program_of(structure, element, data)
-    outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=ITERATIONS)
+    outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=iterations)
     function_store.note_time(element, sum(each.seconds for group in program.groups for each in group.mapped.values()))
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
