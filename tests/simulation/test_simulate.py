@@ -147,10 +147,12 @@ def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, pl
     alone = simulate(plan, controller=Controller(torque_offset=False))
     for k in (0, 1):
         assert np.mean(alone.following[:, k] ** 2) > 1.3 * np.mean(nominal.following[:, k] ** 2)
-    # on insertion both are the rounding of its encoder: an increment / √12
+    # on insertion both are the rounding of set point and encoder, which differs with where its increments lie
     increment = 2 * np.pi / nominal.axes["insertion"].counts_per_turn
-    for each in (alone, nominal):
-        assert np.sqrt(np.mean(each.following[:, 3] ** 2)) == pytest.approx(increment / np.sqrt(12), rel=0.1)
+    rounding = [np.sqrt(np.mean(each.following[:, 3] ** 2)) for each in (alone, nominal)]
+    assert rounding[0] == pytest.approx(rounding[1], rel=0.15)
+    assert max(rounding) < increment / 2
+    assert max(np.abs(each.following[:, 3]).max() for each in (alone, nominal)) < 2.5 * increment
     assert alone.motors[0].following_error > 2 * nominal.motors[0].following_error
 
 

@@ -59,7 +59,7 @@ CONFIRMING: dict[str, Any] = {
     "bound_frac": 1e-13,
     "slack_bound_push": 1e-13,
     "slack_bound_frac": 1e-13,
-    "bound_relax_factor": 0.0,
+    "bound_relax_factor": 1e-12,  # at 0 Ipopt crashes where it has to treat fixed variables as free ones
     "constr_mult_init_max": 1e10,
 }
 """From a solution of the structured solver: its slacks as they are and its last barrier give its multipliers, so that the

@@ -62,7 +62,8 @@ def fastest(grid: Array, rows: LinearConstraints, speeds: tuple[float, float]) -
     if compiled is not None:
         return _fastest_compiled(compiled, grid, rows, (start, end))
     begin = time.perf_counter()
-    found = _fastest(grid, rows, (start, end))
+    with np.errstate(over="ignore", invalid="ignore"):  # bounds of rows that hardly bind overflow
+        found = _fastest(grid, rows, (start, end))
     PASSES.note_time(time.perf_counter() - begin)
     return found
 
