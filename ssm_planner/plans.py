@@ -85,7 +85,7 @@ class PhaseSummary:
     iterations: int
     """Of the solvers."""
     solver: str = "Ipopt"
-    """That found the motion: "Ipopt", "structured" (`planner: fast`), "TOPP-RA"; "" where the arm stands."""
+    """That found the motion: "Ipopt", "structured" (which Ipopt confirms, or `fast`), "TOPP-RA"; "" where the arm stands."""
     confirmation_iterations: int | None = None
     """In which Ipopt confirmed what the structured solver found; None where either solved alone."""
     confirmation_difference: float | None = None
@@ -485,7 +485,7 @@ def _ways_round(problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSum
         return []
     instants = np.concatenate([[0.0], np.cumsum([phase.duration for phase in phases])])
     ends = trajectory.sample(trajectory.breaks[0] + np.minimum(instants, trajectory.duration)).q
-    branches = np.where(np.sin(ends[:, 1] - mechanism.delta) > 0, 1, -1)
+    branches = mechanism.branch_of(ends)
     notes = []
     for phase, before, after, (first, last) in zip(phases, branches, branches[1:], pairwise(ends), strict=False):
         if before != after:

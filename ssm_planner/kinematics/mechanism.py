@@ -14,7 +14,6 @@ are half-angle forms, atan2 of products, no acos, so that they are exact where t
 from __future__ import annotations
 
 import math
-import pickle
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -58,7 +57,9 @@ class Mechanism:
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
         """The mechanism of a robot file, its axes of length 1 and its tool frame on the third to the last digit."""
-        return _of_geometry(pickle.dumps(geometry))
+        vectors = geometry.omega1, geometry.omega2, geometry.omega3, geometry.tool_home
+        omega1, omega2, omega3, tool_home = (np.asarray(vector, dtype=float).tobytes() for vector in vectors)
+        return _of_axes(omega1, omega2, omega3, tool_home=tool_home, insertion_sign=int(geometry.insertion_sign))
 
     @classmethod
     def from_angles(
@@ -117,6 +118,10 @@ class Mechanism:
         """Branch (sign of sin(θ2 − δ)) of the home configuration; +1 where home is on the boundary."""
         return -1 if math.sin(self.delta) > 0.0 else 1
 
+    def branch_of(self, q: Array) -> Array:
+        """Branches of the inverse kinematics, ±1, that joints (…, 4) are on: the sign of sin(θ2 − δ)."""
+        return np.where(np.sin(q[..., 1] - self.delta) > 0.0, 1, -1)
+
     @cached_property
     def home_roll(self) -> float:
         """ψ_h: ω3 = e^{ω̂1 ψ_h} e^{t̂ φ_h} ω1, in (−90°, 90°]."""
@@ -174,19 +179,17 @@ def check_angles(alpha: float, beta: float) -> None:
 
 
 @lru_cache(maxsize=32)
-def _of_geometry(pickled: bytes) -> Mechanism:
-    """One object for all equal geometries, for what is kept with it; pickled: −0 is not 0."""
-    geometry: Geometry = pickle.loads(pickled)
-    omega1, omega2, omega3 = (
-        axis / np.linalg.norm(axis) for axis in (geometry.omega1, geometry.omega2, geometry.omega3)
-    )
-    tool_home = _tool_home(geometry.tool_home, omega3)
+def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
+    """One object for all equal geometries, for what is kept with it; axes, tool_home: as bytes, for −0 is not 0."""
+    vectors = map(np.frombuffer, axes)
+    omega1, omega2, omega3 = (axis / np.linalg.norm(axis) for axis in vectors)
+    home = _tool_home(np.frombuffer(tool_home).reshape(3, 3), omega3)
     normal = np.cross(omega1, omega2)
     normal = normal / np.linalg.norm(normal)
     tilt_axis = np.cross(normal, omega1)
-    sign, side = int(geometry.insertion_sign), _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
+    side = _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
     tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
-    return Mechanism(omega1, omega2, omega3, tool_home, tilt_axis=tilt_axis, side=side, insertion_sign=sign)
+    return Mechanism(omega1, omega2, omega3, home, tilt_axis=tilt_axis, side=side, insertion_sign=insertion_sign)
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:

@@ -66,7 +66,7 @@ def _joints(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array,
                 raise _unreached(tips[int(np.argmin(reaches))], motion.file or problem.file)
         else:
             tasks = _filled(problem, mechanism, motion, points, task)
-            found = np.stack(joints_of_task(NUMPY, mechanism, tasks.T, branch_of(mechanism, rows[-1])), axis=1)
+            found = np.stack(joints_of_task(NUMPY, mechanism, tasks.T, int(mechanism.branch_of(rows[-1]))), axis=1)
             turns = np.round((rows[-1] - found[0]) / (2 * np.pi))
             found = (found + 2 * np.pi * turns * (1, 1, 1, 0))[1:]
         rows = np.vstack([rows, found])
@@ -85,11 +85,6 @@ def without_repeats(points: Array) -> Array:
     return np.asarray(points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)])
 
 
-def branch_of(mechanism: Mechanism, q: Array) -> int:
-    """The branch of the inverse kinematics, ±1, that joints q (4,) are on."""
-    return 1 if np.sin(q[1] - mechanism.delta) > 0 else -1
-
-
 def _filled(problem: Problem, mechanism: Mechanism, motion: Follow, points: Sequence[Point], task: Array) -> Array:
     """Task coordinates from where the robot is on, (n + 1, 4); those left out keep their values."""
     rows = [task]
@@ -104,7 +99,7 @@ def _of_tips(mechanism: Mechanism, tips: Array, spins: ArrayLike, before: Array)
     """Joints (n, 4) that bring the tip there (n, 3) from beyond the remote centre, on the branch of the joints before (4,)
     and without jumps from these on; and which of them do (n,)."""
     found = inverse_tip(mechanism, tips, spins)
-    column = 0 if branch_of(mechanism, before) > 0 else 1
+    column = 0 if mechanism.branch_of(before) > 0 else 1
     joints = found.joints[:, column]
     turned = np.unwrap(np.vstack([before, joints])[:, :3], axis=0)[1:]
     return np.column_stack([turned, joints[:, 3]]), found.reaches[:, column]

@@ -13,7 +13,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import theta2_from_tilt
-from ssm_planner.planning.curves import NOWHERE, branch_of, points_of_curve, without_repeats
+from ssm_planner.planning.curves import NOWHERE, points_of_curve, without_repeats
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath, smooth_runs
 from ssm_planner.planning.scan_pattern import expand_scans, refuse_tilt
 from ssm_planner.problem.limits import TASK
@@ -161,7 +161,7 @@ def _as_joints(q: Array) -> Joints:
 def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array) -> StraightPath:
     """The path from start to end, straight in task coordinates (4,), from the joints q (4,) on; with the drives' turns."""
     driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
-    return StraightPath(mechanism, start=start, end=end, branch=branch_of(mechanism, q), first=q, watched=driven)
+    return StraightPath(mechanism, start=start, end=end, branch=int(mechanism.branch_of(q)), first=q, watched=driven)
 
 
 def joint_room(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
@@ -170,7 +170,7 @@ def joint_room(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
     depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
     room[:, 3] = max(room[0, 3], depth[0]), min(room[1, 3], depth[1])
     low, high = problem.ranges.get("tilt", (-np.inf, np.inf))
-    branches = {branch_of(mechanism, point) for point in points}
+    branches = set(mechanism.branch_of(points).tolist())
     # tilt follows joint 2 alone, one way on each branch
     if low * high > 0 and max(abs(low), abs(high)) < np.pi and len(branches) == 1:
         ends = np.sort(theta2_from_tilt(mechanism, np.array([low, high]), *branches))
@@ -192,7 +192,7 @@ def _free_end(problem: Problem, mechanism: Mechanism, target: Point, held: Array
     if isinstance(target, Joints):
         return np.array(target.values)
     found = _solutions(problem, mechanism, target, held, first)
-    branch = branch_of(mechanism, first)
+    branch = mechanism.branch_of(first)
     usable = found.valid[0] & (found.branch[0] == branch)
     if not usable.any():
         usable = found.valid[0] if found.valid[0].any() else found.reaches[0]
