@@ -184,3 +184,30 @@ def test_same_bits_in_any_order(tilt_insert: Problem, planner: Planner) -> None:
     assert first is not None
     assert again is not None
     assert np.asarray(first.coefficients).tobytes() == np.asarray(again.coefficients).tobytes()
+
+
+@pytest.mark.parametrize("exceeds", [False, True])
+def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
+    exceeds: bool, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it exceeds one between the collocation points, nothing is confirmed: Ipopt solves alone, and refines."""
+    problem = dataclasses.replace(tilt_insert, objective="time", motion=tilt_insert.motion[:1])
+    solve = Transcription.solve
+
+    def shorter(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
+        found = solve(self, *given, confirming=confirming)
+        if not confirming:
+            return found
+        elements = found.elements.copy()
+        elements[:, 1:4] *= 1.01 if exceeds else 1.0
+        return dataclasses.replace(found, times=found.times * (1 - 1e-5), elements=elements)
+
+    monkeypatch.setattr(Transcription, "solve", shorter)
+    found = plan(problem)
+    assert found.passed
+    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    if exceeds:
+        assert found.confirmation is None
+    else:
+        assert found.confirmation is not None
+        assert found.confirmation[1] == pytest.approx(-1e-5, rel=0.1)

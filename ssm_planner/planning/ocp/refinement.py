@@ -66,9 +66,9 @@ SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
 ROUNDS = 12
 HEAT_ROUNDS = 4
-SKETCH_ROUNDS, SKETCH_ITERATIONS = 3, 60
-"""Of a sketch, and in each round."""
 """The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
+SKETCH_ROUNDS, SKETCH_ITERATIONS = 3, 60
+"""Of a sketch, and in each of its rounds."""
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
@@ -363,7 +363,8 @@ def _refined(begin: _Refinement, aim: Aim, duration: tuple[float, float]) -> _Re
 def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
     """The structured solver's motion, confirmed by Ipopt from there, or Ipopt's where it is better; None: not confirmed.
 
-    Of equals the structured solver's is taken: there the dynamics hold to the last digit, as tiny elements need.
+    Of equals the structured solver's is taken: there the dynamics hold to the last digit, as tiny elements need. A better one
+    that exceeds a row between the collocation points is still to be refined, and confirms nothing.
     """
     own, problem = found.solution, found.state.problem
     if problem.method != "confirmed" or own.solver != "structured" or not own.solved:
@@ -375,7 +376,9 @@ def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
     before, after = (float(each.times.sum()) if aim == "time" else each.objective for each in (own, ipopts))
     difference = after / before - 1 if before else 0.0
     same = SAME if aim == "time" else SAME_COST
-    better = difference < -same and bool(problem.row_maxima(ipopts.elements).max(initial=0.0) <= 1 + TOLERANCE)
+    better = difference < -same
+    if better and problem.row_maxima(ipopts.elements).max(initial=0.0) > 1 + TOLERANCE:
+        return None
     solution = replace(
         ipopts if better else own,
         iterations=own.iterations + ipopts.iterations,
