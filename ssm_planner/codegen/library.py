@@ -68,7 +68,7 @@ class Source:
         for old in libraries[: max(0, len(libraries) - KEPT_FILES + 1)]:
             old.unlink(missing_ok=True)
         work = Path(tempfile.mkdtemp(dir=self.folder))
-        (work / "element.c").write_text(self.text, encoding="utf-8")
+        (work / "source.c").write_text(self.text, encoding="utf-8")
         command = python_command(_MAKE, (str(PATIENCE), compiler, str(work), self.sha256, *FLAGS), watch=False)
         quiet = subprocess.DEVNULL
         return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, cwd=work, start_new_session=True)
@@ -127,8 +127,8 @@ patience, compiler, work, source, *flags = sys.argv[1:]
 os.nice(10)
 quiet = subprocess.DEVNULL
 try:
-    made = os.path.join(work, "element.so")
-    command = [compiler, *flags, "-o", made, os.path.join(work, "element.c")]
+    made = os.path.join(work, "library.so")
+    command = [compiler, *flags, "-o", made, os.path.join(work, "source.c")]
     end = time.monotonic() + float(patience)
     with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True) as process:
         while process.poll() is None and time.monotonic() < end and os.getppid() == parent:

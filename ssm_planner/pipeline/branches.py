@@ -97,7 +97,7 @@ def _duration(outcome: Outcome) -> float:
 def _sketched(problem: Problem) -> float:
     """About the duration of a motion, s, by the structured solver alone; infinite where that finds none."""
     nominal = unchecked(problem, objective="time", friction=None, payload=None)
-    trajectory = plan_motion(nominal, turning=False, paced=False, sketch=True).trajectory
+    trajectory = plan_motion(nominal, sketch=True).trajectory
     return np.inf if trajectory is None else trajectory.duration
 
 

@@ -169,10 +169,8 @@ def begun_at(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     state = motion.sample(motion.breaks[0] + at)
     robot = problem.robot
     fastest, strongest = np.array([(joint.velocity, joint.acceleration) for joint in robot.joints]).T
-    q, qd = (
-        state.q[0],
-        np.where(np.abs(state.qd[0]) > JUMP * fastest, state.qd[0], 0.0),
-    )  # below it is no step to the check
+    q, qd = state.q[0], state.qd[0]
+    qd = np.where(np.abs(qd) > JUMP * fastest, qd, 0.0)  # below it is no step to the check
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
     entries, most = problem.motion, np.abs(rates).max()
     if qd.any() and not isinstance(entries[0], Free):

@@ -122,14 +122,16 @@ def plan_motion(
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
     spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
     turning: joints may turn back between points. paced: where TOPP-RA is faster along its path, a motion takes that pace.
-    sketch: no motion to be run, but about its duration, and quickly: by the structured solver or not at all.
+    sketch: no motion to be run, but about its duration, and quickly: by the structured solver or not at all, and neither
+    turning nor paced.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     stated, problem = problem, unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
-    planner = _PhasePlanner(problem, mechanism, strict, cooling, turning=turning, paced=paced, sketch=sketch)
+    allowed = {"turning": turning and not sketch, "paced": paced and not sketch}
+    planner = _PhasePlanner(problem, mechanism, strict, cooling, **allowed, sketch=sketch)
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and not warm:
         reason = motor_too_hot(stated, phases)

@@ -32,7 +32,7 @@ LOUD = {**ANSWERS, False: "NO"}
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 KELVIN = 273.15
 AGREES_IPOPT = 1e-6
-"""Share within which Ipopt's duration is the structured solver's."""
+"""Share within which Ipopt's duration is the structured solver's, as `planning/ocp/refinement.SAME`."""
 
 
 @dataclass(frozen=True)

@@ -146,6 +146,7 @@ def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limi
         rates["duty"] = limits.duty
     found = {**certificate.to_dict(), "sha256": None}
     stated = json.dumps({"found": found, "limits": {**plain(limits), **rates}}, sort_keys=True)
+    # one object with its keys in order; the robot's text is known from plan to plan
     digest = hashlib.sha256(f'{stated[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
     for first in range(0, len(trajectory.breaks) - 1, BLOCK):

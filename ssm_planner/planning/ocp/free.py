@@ -110,12 +110,11 @@ def solve_free(
     at_rest = not (ends[0].any() or ends[1].any())
     # through points under a jerk limit one time for each way is up to 0.13 % longer than one for each arc
     jerk_on_way = limits_jerk(robot) and len(way) > 1
-    structured = method in ("structured", "sketched") or (method == "confirmed" and not (at_port or jerk_on_way))
+    alone = method in ("structured", "sketched")
+    structured = alone or (method == "confirmed" and not (at_port or jerk_on_way))
     one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
-    if method == "confirmed" and structured and at_rest and not loose:
-        finer = (ONE_TIME_ELEMENTS if len(way) == 1 else PASSING_ELEMENTS) * (JERK_FINER if limits_jerk(robot) else 1.0)
-        count = count or round(finer)
-    count = count or (ONE_TIME_ELEMENTS if one_time else ELEMENTS)
+    finer = structured and not alone and at_rest and not loose
+    count = count or _count(len(way), finer=finer, one_time=one_time, jerk=limits_jerk(robot))
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
@@ -131,7 +130,7 @@ def solve_free(
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
     hard = turning or bool(pull.any())
-    structured = structured and (method in ("structured", "sketched") or not hard)
+    structured = structured and (alone or not hard)
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -179,6 +178,13 @@ def solve_free(
     asked = None if duration is None else duration / ocp.time_scale
     guess = ocp.guess.stretched(STRETCHED) if one_time else ocp.guess
     return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale))
+
+
+def _count(ways: int, *, finer: bool, one_time: bool, jerk: bool) -> int:
+    """Elements of a motion over so many ways between points; finer: that Ipopt confirms."""
+    if not finer:
+        return ONE_TIME_ELEMENTS if one_time else ELEMENTS
+    return round((ONE_TIME_ELEMENTS if ways == 1 else PASSING_ELEMENTS) * (JERK_FINER if jerk else 1.0))
 
 
 def _segment(

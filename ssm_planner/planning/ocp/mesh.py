@@ -23,7 +23,7 @@ from ssm_planner.typing import Array, Indices
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration join their neighbour..."""
 UP_TO_SPEED = 0.5
-"""... but for those between rest and this share of the largest ṡ: slow motions spend little of their time on them."""
+"""... but for those at either end on which ṡ gets to this share of its largest: slow motions spend little time on them."""
 FEWEST = 5
 """Elements of the shortest arc."""
 SAMPLES = 33
@@ -102,7 +102,7 @@ class Mesh:
 
 
 def _short_start(times: Array, speed: Array, active: Array) -> list[float]:
-    """When a motion from rest is up to speed, s, where that is within SHORTEST_ARC; [] else.
+    """When a motion is up to speed, s, where that is within SHORTEST_ARC of its start; [] else.
 
     times, speed: at the grid points; active: what binds between them. The switch lies behind the last point before it.
     """

@@ -292,9 +292,13 @@ class PathLimits:
 def _first_actuations(robot: Robot) -> tuple[tuple[Actuation, ...], tuple[Actuation, ...]]:
     """Those that get rows at once, for each joint and load the first of the corners, and the others."""
     every = [(i, *each) for i in range(4) for each in robot.actuations(i)]
-    first = {(i, load, sides): each for each in reversed(every) for i, load, _, sides in (each,)}
-    chosen = {id(each) for each in first.values()}
-    return tuple(each for each in every if id(each) in chosen), tuple(each for each in every if id(each) not in chosen)
+    first: dict[tuple[int, int, tuple[int, ...]], Actuation] = {}
+    left_out = []
+    for each in every:
+        i, load, _, sides = each
+        if first.setdefault((i, load, sides), each) is not each:
+            left_out.append(each)
+    return tuple(first.values()), tuple(left_out)
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:
