@@ -46,7 +46,7 @@ $(BIN)/python:
 	  || { echo "ssm_planner needs Python 3.10 or newer; set PYTHON=/path/to/python3"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.main: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.main: pyproject.toml constraints.txt $(wildcard ssm_planner/native/*.[ch]) | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	@touch $@
 

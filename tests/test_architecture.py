@@ -20,6 +20,7 @@ ROOMS = (
         "trajectory",
         "problem",
         "codegen",
+        "native",
         "interior",
         "kinematics",
         "dynamics",

@@ -7,7 +7,6 @@ after PATIENCE. Without one, or with SSM_PLANNER_COMPILE=0, there are no librari
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import os
 import platform
@@ -17,7 +16,6 @@ import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ssm_planner.children import python_command
 
@@ -72,53 +70,6 @@ class Source:
         command = python_command(_MAKE, (str(PATIENCE), compiler, str(work), self.sha256, *FLAGS), watch=False)
         quiet = subprocess.DEVNULL
         return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, cwd=work, start_new_session=True)
-
-
-class Compiled:
-    """A function in C that gives to the last bit what one in Python gives, which it stands for once it is compiled."""
-
-    def __init__(self, text: str, name: str) -> None:
-        self.text, self.name = text, name
-        self._seconds = 0.0
-        self._looked = self._tried = False
-        self._function: Any = None
-        self._running: subprocess.Popen[bytes] | None = None
-
-    @property
-    def function(self) -> Any:
-        """By ctypes; None until there is a library."""
-        if self._running is not None and self._running.poll() is not None:
-            self._running, self._looked = None, False
-        if not self._looked:
-            self._looked = True
-            self._load()
-        return self._function
-
-    def note_time(self, seconds: float) -> None:
-        """Note how long the Python function has run; from LONG on it is compiled, once, for a compiler may fail."""
-        self._seconds += seconds
-        if self._seconds > LONG and not self._tried:
-            self.compile()
-
-    def compile(self) -> None:
-        """Begin to make the library; nothing without a compiler."""
-        self._tried = True
-        folder = cache()
-        with suppress(OSError):  # a full disk, a folder that became read-only: it stays in Python
-            self._running = None if folder is None else Source.of(self.text, folder).compile()
-
-    def wait(self) -> None:
-        """Wait for the library that is being made."""
-        if self._running is not None:
-            self._running.wait()
-
-    def _load(self) -> None:
-        folder = filled_cache()
-        library = None if folder is None else Source.of(self.text, folder).library()
-        if library is not None:
-            with suppress(OSError, AttributeError):  # taken away meanwhile
-                os.utime(library)  # of the libraries, the last used are kept
-                self._function = getattr(ctypes.CDLL(str(library)), self.name)
 
 
 _MAKE = """

@@ -21,7 +21,6 @@ from ssm_planner.codegen import library
 from ssm_planner.planning.ocp import compiled
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.planning.retiming import reachability
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 
@@ -33,8 +32,6 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix"
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[compiled.FunctionStore]:
     monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(reachability, "PASSES", library.Compiled("", "none"))
-    monkeypatch.setattr(reachability.PASSES, "note_time", lambda _: None)
     forget_solutions()
     fresh = compiled.FunctionStore()
     used(fresh, monkeypatch)

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from ssm_planner.codegen.library import Compiled
-from ssm_planner.planning.retiming import reachability
+from ssm_planner.native import library
 from ssm_planner.planning.retiming.constraints import LinearConstraints
 from ssm_planner.planning.retiming.reachability import fastest
 from ssm_planner.typing import Array
@@ -76,22 +71,16 @@ def random_case(seed: int) -> tuple[Array, LinearConstraints, tuple[float, float
     return grid, rows, (float(first), float(last))
 
 
-@pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no C compiler here")
-def test_in_c_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSM_PLANNER_COMPILE", "0")
-    monkeypatch.setattr(reachability, "PASSES", Compiled(reachability.PASSES.text, reachability.PASSES.name))
+@pytest.mark.skipif(library.load() is None, reason="installed without the compiled part")
+def test_in_c_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [random_case(seed) for seed in range(200)]
-    interpreted = [fastest(*case) for case in cases]
-    assert any(each is None for each in interpreted)
-    monkeypatch.setenv("SSM_PLANNER_COMPILE", "1")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    reachability.PASSES.compile()
-    reachability.PASSES.wait()
-    assert reachability.PASSES.function is not None
-    for case, before in zip(cases, interpreted, strict=True):
-        after = fastest(*case)
-        assert (after is None) == (before is None)
-        assert before is None or np.array_equal(after, before)
+    compiled = [fastest(*case) for case in cases]
+    assert any(each is None for each in compiled)
+    monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
+    for case, in_c in zip(cases, compiled, strict=True):
+        in_python = fastest(*case)
+        assert (in_c is None) == (in_python is None)
+        assert in_c is None or np.array_equal(in_c, in_python)
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -13,7 +13,7 @@ Backward pass: the controllable ṡ² at s_i, from which a motion within the row
 A line of (1) that bounds x from above in (2) makes hi_i a line in hi_{i+1}, or in lo_{i+1}: hi is a recurrence
 y_{i+1} = min_k (v_k + s_k y_i), and so are −lo, and in the forward pass x_{i+1} = min(U_i(x_i), hi_{i+1}). All i are solved
 together: at the present values one line of each is active, with which the recurrence is linear; where the values stay, they
-are what taking one interval after the other gives, as reachability.c does, where there is a compiler.
+are what taking one interval after the other gives, as native/reachability.c does.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on Reachability Analysis, IEEE
 T-RO 34(3), 2018, §III, with rows at both ends of every interval (its interpolation scheme); R. Howard, Dynamic Programming
@@ -23,14 +23,11 @@ and Markov Processes, 1960 (policy iteration).
 from __future__ import annotations
 
 import ctypes
-import time
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ssm_planner.codegen.library import Compiled
+from ssm_planner.native import library
 from ssm_planner.planning.retiming.constraints import LinearConstraints
 from ssm_planner.typing import Array, Mask
 
@@ -43,13 +40,14 @@ SETTLED = 1e-12
 ROUNDING = 1e-9
 """Share by which bounds may cross, and a speed asked for at an end may lie outside what is controllable."""
 
-_CONSTANTS = {"LEVEL": LEVEL, "SETTLED": SETTLED, "ROUNDING": ROUNDING, "NEWTON": NEWTON}
-PASSES = Compiled(
-    "".join(f"#define {name} {value!r}\n" for name, value in _CONSTANTS.items())
-    + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"),
-    "ssm_fastest",
-)
-"""`fastest` in C."""
+
+class _Constants(ctypes.Structure):
+    """Of the passes in C."""
+
+    _fields_ = tuple((name, ctypes.c_double) for name in ("level", "settled", "rounding")) + (
+        ("newton", ctypes.c_long),
+    )
+
 
 Lines = tuple[Array, Array]
 """Values at 0 and slopes, (n, lines) each; a line that is none has an infinite value and no slope."""
@@ -58,25 +56,23 @@ Lines = tuple[Array, Array]
 def fastest(grid: Array, rows: LinearConstraints, speeds: tuple[float, float]) -> Array | None:
     """The largest ṡ² (n + 1,) on a grid (n + 1,) that keeps rows without k, from and to the given ṡ; None without one."""
     start, end = (speed**2 for speed in speeds)
-    compiled = PASSES.function
-    if compiled is not None:
-        return _fastest_compiled(compiled, grid, rows, (start, end))
-    begin = time.perf_counter()
+    native = library.load()
+    if native is not None:
+        return _fastest_native(native, grid, rows, (start, end))
     with np.errstate(over="ignore", invalid="ignore"):  # bounds of rows that hardly bind overflow
-        found = _fastest(grid, rows, (start, end))
-    PASSES.note_time(time.perf_counter() - begin)
-    return found
+        return _fastest(grid, rows, (start, end))
 
 
-def _fastest_compiled(
-    function: Any, grid: Array, rows: LinearConstraints, squares: tuple[float, float]
+def _fastest_native(
+    native: ctypes.CDLL, grid: Array, rows: LinearConstraints, squares: tuple[float, float]
 ) -> Array | None:
     n, m = len(grid) - 1, rows.a.shape[1]
     found, work = np.empty(n + 1), np.empty(8 * m + 2 * (n + 1) + 4 * m * n)
     given = [np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)]
     pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*given, found, work)]
     sizes, ends = map(ctypes.c_long, (n, m)), map(ctypes.c_double, squares)
-    return found if function(*sizes, *pointers[:5], *ends, *pointers[5:]) else None
+    constants = ctypes.byref(_Constants(LEVEL, SETTLED, ROUNDING, NEWTON))
+    return found if native.ssm_fastest(constants, *sizes, *pointers[:5], *ends, *pointers[5:]) else None
 
 
 def _fastest(grid: Array, rows: LinearConstraints, squares: tuple[float, float]) -> Array | None:

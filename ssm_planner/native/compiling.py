@@ -1,0 +1,76 @@
+"""Compiles the C of this folder into libraries: once when the package is built, where there is a compiler.
+
+Run by the build (.hatch_build.py), and by hand: python -m ssm_planner.native.compiling. It needs the standard library
+alone, for then nothing else is installed. A library carries the key of what it was made from (`library.load`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
+"""No optimisation that changes rounding: every variant gives the same bits."""
+VARIANTS = {"portable": (), "avx2": ("-mavx2",)}
+"""Flags by name; avx2 where the processor is of that kind."""
+
+
+def key() -> str:
+    """Of the sources, as they are."""
+    digest = hashlib.sha256("\n".join(FLAGS).encode())
+    for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h")]):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:32]
+
+
+def path_of(variant: str) -> Path:
+    """Where the library of a variant lies."""
+    return FOLDER / "libraries" / f"{variant}.so"
+
+
+def build() -> list[Path]:
+    """Make the libraries; those that were made: none without a compiler, and none of what it cannot compile for."""
+    compiler = _compiler()
+    if compiler is None:
+        return []
+    x86 = platform.machine().lower() in ("x86_64", "amd64")
+    return [path_of(name) for name, flags in VARIANTS.items() if (x86 or not flags) and _make(compiler, name, flags)]
+
+
+def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
+    """Whole or not at all."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "library"
+        sources = [str(path) for path in sorted(FOLDER.glob("*.c"))]
+        command = [compiler, *FLAGS, *flags, f'-DSSM_KEY="{key()}"', "-o", str(made), *sources, "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            print(f"ssm_planner is built without its compiled part ({variant}): {done.stderr.strip()}", file=sys.stderr)
+            return False
+        beside = path_of(variant).with_suffix(f".{os.getpid()}")
+        beside.parent.mkdir(exist_ok=True)
+        shutil.copyfile(made, beside)
+        os.replace(beside, path_of(variant))
+    return True
+
+
+def _compiler() -> str | None:
+    """CC or cc; not that of macOS without its developer tools, which only opens a window that offers them."""
+    if os.name != "posix":
+        return None
+    tools = ["xcode-select", "-p"]
+    if platform.system() == "Darwin" and subprocess.run(tools, capture_output=True, check=False).returncode != 0:
+        return None
+    return shutil.which(os.environ.get("CC") or "cc")
+
+
+if __name__ == "__main__":
+    made = build()
+    print("\n".join(map(str, made)) or "nothing was compiled: no C compiler was found, or it failed")

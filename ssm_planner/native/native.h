@@ -1,0 +1,8 @@
+/* What every file of the library needs. */
+
+#ifndef SSM_NATIVE_H
+#define SSM_NATIVE_H
+
+#define SSM_API __attribute__((visibility("default")))
+
+#endif
