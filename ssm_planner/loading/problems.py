@@ -422,6 +422,7 @@ def _scan(section: Section, model: Any) -> Scan:
         columns=model.columns or 0,
         spacing=model.spacing,
         dwell=model.dwell,
+        order=model.order,
         name=model.pattern,
         line=section.line(),
     )

@@ -236,3 +236,26 @@ def _reachable_speed(distance: float, acceleration: float, jerk: float | None) -
     if speed >= half:
         return speed
     return (distance**2 * jerk / 4) ** (1 / 3)
+
+
+def least_times(robot: Robot, ways: Array, tips: Array, limits: TaskLimits) -> Array:
+    """Times (n,) of motions from rest to rest in which every joint moves by its way, (n, 4), and the tip by its own, (n,), s.
+
+    The slowest joint alone, or the tip at its largest speed; the same as `rest_to_rest`, many at a time.
+    """
+    tip = min((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), default=math.inf)
+    times = np.asarray(tips) / tip
+    for i, joint in enumerate(robot.joints):
+        way, v, a, j = np.abs(ways[:, i]), joint.velocity, joint.acceleration, joint.jerk
+        if i == 3:
+            v = min(v, limits.rates.get("depth", math.inf))
+        if j is None:
+            speed = np.minimum(v, np.sqrt(way * a))
+            ramp = speed / a
+        else:
+            half = a**2 / j
+            reached = (-half + np.sqrt(half**2 + 4 * a * way)) / 2
+            speed = np.minimum(v, np.where(reached >= half, reached, np.cbrt(way**2 * j / 4)))
+            ramp = np.where(speed >= half, speed / a + a / j, 2 * np.sqrt(speed / j))
+        times = np.maximum(times, ramp + way / np.maximum(speed, MOVES))
+    return np.asarray(times)

@@ -15,7 +15,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import theta2_from_tilt
 from ssm_planner.planning.curves import NOWHERE, points_of_curve, without_repeats
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath, smooth_runs
-from ssm_planner.planning.scan_pattern import expand_scans, refuse_tilt
+from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
@@ -82,8 +82,13 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
     phases: list[Phase] = []
     near = _task_of(problem, mechanism, problem.start, np.zeros(4)) if isinstance(problem.start, Task) else None
     task = task_from_joints(mechanism, q[None, :], near=near)[0]
-    for motion in expand_scans(problem, mechanism):
-        if isinstance(motion, (Dwell, Scan)):  # no scan is left
+    ahead = list(problem.motion[::-1])
+    while ahead:
+        motion = ahead.pop()
+        if isinstance(motion, Scan):
+            ahead += visits_of(problem, mechanism, motion, q)[::-1]
+            continue
+        if isinstance(motion, Dwell):
             phase = Phase(motion, task, task, np.stack([q, q]), None)
         elif isinstance(motion, Straight):
             phase = _straight_phase(problem, mechanism, motion, (task, q))

@@ -173,6 +173,8 @@ class Scan(Value):
     """Between neighbouring spots, m; on a ring as nearly as a whole number of spots allows."""
     dwell: Annotated[NotNegative, Quantity("time")] = 0.0
     """At every spot, s; 0: the spots are passed without stopping."""
+    order: Literal["given", "fastest"] = "given"
+    """Of the spots: as the pattern gives them, or that in which all of them, of all rings, are visited soonest."""
     name: str = "scan"
     line: Line | None = field(default=None, compare=False)
     duration: ClassVar[None] = None

@@ -97,6 +97,7 @@ def _motion(motion: Motion) -> dict[str, Any]:
     if isinstance(motion, Scan):
         target = motion.at
         scan = {name: plain(getattr(motion, name)) for name in _SCAN}
+        scan |= {"order": motion.order} if motion.order != "given" else {}
     elif not isinstance(motion, Dwell):
         target = motion.to
     entry = {
@@ -142,7 +143,7 @@ def _motion_from(data: Any, where: str) -> Motion:
     if cls in (Scan, Follow):
         del values["duration"]
     if cls is Scan:
-        check_mapping(data.get("scan"), _SCAN, f"{where}.scan")
+        check_mapping(data.get("scan"), (*_SCAN, "order"), f"{where}.scan")
         values |= data["scan"]
     if cls is not Dwell:
         target = _point_from(data.get("target"), f"{where}.target")

@@ -104,7 +104,9 @@ def test_a_scan_without_dwell_and_spacing_has_defaults(files: Any) -> None:
     files.edit(SCAN, "      spacing: 1 mm ", "      # ")
     files.edit(SCAN, "      dwell: 0.05 s ", "      # ")
     scan = files.load(SCAN).motion[0]
-    assert (scan.spacing, scan.dwell) == (0.6e-3, 0.0)
+    assert (scan.spacing, scan.dwell, scan.order) == (0.6e-3, 0.0, "given")
+    files.edit(SCAN, RING, RING + "\n      order: fastest")
+    assert files.load(SCAN).motion[0].order == "fastest"
 
 
 MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
@@ -176,6 +178,7 @@ SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ("distance: 1.5 mm", "distance: -1 mm", ("scan.distance = -1 mm", "not greater than zero")),
     ("spacing: 1 mm", "spacing: 0 mm", ("scan.spacing = 0 mm", "not greater than zero")),
     ("dwell: 0.05 s", "dwell: -1 s", ("scan.dwell = -1 s", "negative", "at least 0")),
+    ("dwell: 0.05 s", "order: shortest", ("scan.order = shortest", "'given' or 'fastest'")),
     ("dwell: 0.05 s", "laser: on", ("scan.laser", "unknown key", "pattern, at, distance")),
 ]
 

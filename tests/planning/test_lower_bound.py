@@ -13,10 +13,10 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.lower_bound import angular_acceleration, fastest, rest_to_rest
+from ssm_planner.planning.lower_bound import angular_acceleration, fastest, least_times, rest_to_rest
 from ssm_planner.problem.limits import TASK, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.problem import Problem, TaskLimits
 
 positive = st.floats(1e-2, 1e2)
 share = st.floats(-0.99, 0.99)
@@ -103,3 +103,19 @@ def test_through_points_every_stretch_counts(tilt_insert: Problem, seed: int) ->
     result = plan(problem)
     assert result.passed
     assert -1e-6 < result.gap < 0.35
+
+
+def test_many_motions_at_a_time_take_what_each_takes_alone(tilt_insert: Problem) -> None:
+    rng = np.random.default_rng(3)
+    for jerk in (None, 40.0):
+        joints = tuple(replace(joint, jerk=jerk) for joint in tilt_insert.robot.joints)
+        robot = replace(tilt_insert.robot, joints=joints)
+        ways = 10.0 ** rng.uniform(-6, 0, (60, 4)) * rng.choice([-1, 1], (60, 4))
+        alone = [
+            max(
+                rest_to_rest(abs(way), joint.velocity, joint.acceleration, joint.jerk).duration
+                for way, joint in zip(row, joints, strict=True)
+            )
+            for row in ways.tolist()
+        ]
+        assert least_times(robot, ways, np.zeros(60), TaskLimits()) == pytest.approx(alone, rel=1e-9)
