@@ -51,32 +51,36 @@ def halves(coefficients: Array) -> tuple[Array, Array]:
     return np.stack(left).T, np.stack(right[::-1]).T
 
 
-def largest(coefficients: Array, tolerance: float, known: float = -np.inf) -> tuple[float, int, float]:
-    """(value, polynomial, s) of the largest value of m polynomials on [0, 1], exact to the tolerance.
+def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array, Indices, Array]:
+    """(value, polynomial, s), (k,) each, of the largest values on [0, 1] of k groups of m polynomials.
 
-    coefficients (m, n + 1). Where none exceeds `known`, the largest value that was met; it may then not be exact.
+    coefficients (k, n + 1, m), known (k,), tolerance (k,): to which they are exact. Where none of a group exceeds `known`,
+    the largest value that was met; it may then not be exact.
     """
     ends = np.maximum(coefficients[:, 0], coefficients[:, -1])
-    i = int(np.argmax(ends))
-    best = (float(ends[i]), i, 0.0 if coefficients[i, 0] >= coefficients[i, -1] else 1.0)
-    bar = max(best[0], known)
-    bound = coefficients[:, 1:-1].max(axis=1, initial=-np.inf)
-    index = np.flatnonzero(bound > bar + tolerance)
-    pieces, start, width = coefficients[index], np.zeros(len(index)), 1.0
+    index = np.argmax(ends, axis=1)
+    groups = np.arange(len(ends))
+    best = ends[groups, index]
+    where = np.where(coefficients[groups, 0, index] >= best, 0.0, 1.0)
+    bar = np.maximum(best, known) + tolerance
+    group, of = np.nonzero(coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > bar[:, None])
+    pieces, start, width = coefficients[group, :, of], np.zeros(len(of)), 1.0
     for _ in range(DEPTH):
-        if not len(index):
+        if not len(of):
             break
         left, right = halves(pieces)
         width /= 2
-        i = int(np.argmax(right[:, 0]))
-        if right[i, 0] > best[0]:
-            best = (float(right[i, 0]), int(index[i]), float(start[i] + width))
-        bar = max(bar, best[0])
+        middle = right[:, 0]
+        better = np.flatnonzero(middle > best[group])
+        better = better[np.argsort(middle[better], kind="stable")]  # of a group the last counts
+        changed = group[better]
+        best[changed], index[changed], where[changed] = middle[better], of[better], start[better] + width
+        bar = np.maximum(bar, best + tolerance)
         pieces = np.concatenate([left, right])
-        index, start = np.tile(index, 2), np.concatenate([start, start + width])
-        keep = pieces[:, 1:-1].max(axis=1, initial=-np.inf) > bar + tolerance
-        pieces, index, start = pieces[keep], index[keep], start[keep]
-    return best
+        group, of, start = np.tile(group, 2), np.tile(of, 2), np.concatenate([start, start + width])
+        keep = pieces[:, 1:-1].max(axis=1, initial=-np.inf) > bar[group]
+        pieces, group, of, start = pieces[keep], group[keep], of[keep], start[keep]
+    return best, index, where
 
 
 def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:

@@ -48,7 +48,7 @@ def check(
 ) -> Certificate:
     """Certificate of a trajectory: every limit of the robot, and those of the task; rest at both ends unless these say else.
 
-    rate: of the first look in Hz, never fewer than four instants in a piece.
+    rate: of the second look in Hz, the first has a fifth of it; never fewer than four instants in a piece.
     resolution (4,): for a trajectory of straight pieces between points, which has no acceleration, the largest rounding
     error of the points (rad, m); None where the pieces are smooth.
     seal: the certificate says by a hash what it was found for, as a plan needs it.
@@ -59,8 +59,8 @@ def check(
     judged += [] if straight else worst_cases(trajectory, robot, limits)
     worst = [Worst(quantity) for quantity in judged]
     jumps = Jumps(robot)
-    first_rate = min(rate, INSTANTS / trajectory.duration)
-    sampled = SampledExtremes(trajectory, robot, worst, rate=first_rate, eye=limits.eye)
+    rate = min(rate, INSTANTS / trajectory.duration)
+    sampled = SampledExtremes(trajectory, robot, worst, rate=rate, eye=limits.eye)
     for pieces in pieces_of(trajectory):
         find_extremes(pieces, worst)
         sampled.search(pieces)

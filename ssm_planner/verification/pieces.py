@@ -61,6 +61,10 @@ class Pieces:
         q, qd, qdd = (_horner(powers.T[..., piece], s, values) for powers, values in zip_longest(self.powers[:3], out))
         return q, qd, qdd
 
+    def speeds(self, piece: Indices, s: Array) -> Array:
+        """qd (…, n, 4) alone, as `at`."""
+        return _horner(self.powers[1].T[..., piece], s)
+
     def time(self, piece: Indices, s: Array) -> Array:
         return self.start[piece] + s * self.length[piece]
 
@@ -126,16 +130,26 @@ def _horner(powers: Array, s: Array, out: Array | None = None) -> Array:
 
 def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
     """Bring the worst values of polynomial quantities up to date with these pieces."""
-    for each in worst:
-        quantity = each.quantity
-        if quantity.order is None:
-            continue
-        bounds = [quantity.scale * bound[quantity.order, quantity.index] for bound in pieces.bounds]
-        for sign, limit in ((1.0, quantity.limit.high), (-1.0, -quantity.limit.low)):
-            known = limit + each.excess * quantity.limit.half_width
-            if max(sign * bound for bound in bounds) <= known:
+    lowest, highest = pieces.bounds
+    for order, bernstein_of in enumerate(pieces.bernstein):
+        open_: list[tuple[Worst, float, float, float]] = []
+        for each in worst:
+            quantity = each.quantity
+            if quantity.order != order:
                 continue
-            coefficients = pieces.bernstein[quantity.order][:, :, quantity.index] * (sign * quantity.scale)
-            value, piece, s = bernstein.largest(coefficients, EXACT * quantity.limit.half_width, known)
+            limit, i = quantity.limit, quantity.index
+            for sign, bound in ((1.0, limit.high), (-1.0, -limit.low)):
+                factor, known = sign * quantity.scale, bound + each.excess * limit.half_width
+                if max(factor * lowest[order, i], factor * highest[order, i]) > known:
+                    open_.append((each, sign, bound, known))
+        if not open_:
+            continue
+        columns = [each.quantity.index for each, *_ in open_]
+        factors = np.array([sign * each.quantity.scale for each, sign, *_ in open_])
+        widths = np.array([each.quantity.limit.half_width for each, *_ in open_])
+        known = np.array([last for *_, last in open_])
+        groups = bernstein_of.T[columns] * factors[:, None, None]
+        found = bernstein.largest(groups, EXACT * widths, known)
+        for (each, sign, bound, _), width, value, piece, s in zip(open_, widths, *found, strict=True):
             time = float(pieces.start[piece] + s * pieces.length[piece])
-            each.offer((value - limit) / quantity.limit.half_width, sign * value, time)
+            each.offer(float((value - bound) / width), float(sign * value), time)

@@ -7,7 +7,9 @@ How an extreme is bracketed: the cubic through the four values lies between its 
 taken to lie no further beyond the four values than CAUTION times as far as that cubic. A quantity with corners (`kinked`)
 may besides go on as steeply as it goes between two of the instants.
 
-How it is refined: intervals whose bracket is worse than the worst value known are halved, until none is left or the
+How it is refined: intervals of the first look are PARTS times as wide as the rate asks for. Those whose bracket is worse
+than the worst value known are cut into PARTS, and so are those beside a start, a stop or a reversal, where friction changes
+quickly, and those in which a torque has a corner. Then intervals with such a bracket are halved, until none is left or the
 bracket has closed to a share CLOSE of the limit. Nothing hides in the others: their brackets hold nothing worse. On very
 long trajectories `prefilter` leaves out whole pieces by a similar bracket about their middle.
 
@@ -48,6 +50,10 @@ CLOSE = 1e-8
 """Share of a limit below which a possible worse value is not searched for."""
 CAUTION = 2.0
 """The overshoot of the cubic through four values counts so many times."""
+PARTS = 5
+"""Of an interval of the first look, where it is looked at closer."""
+UNEVEN = 1e-8
+"""Share of the mean square of a torque, beyond which an interval is looked at closer for what it adds to it."""
 HALVINGS = 10
 INTERVALS, PIECE = 40_000, (64, 512)
 """Into how many a trajectory is cut at first, and a piece, at most: in its own time a quintic is as smooth when it takes an
@@ -76,7 +82,7 @@ class SampledExtremes:
     def __init__(
         self, trajectory: Trajectory, robot: Robot, worst: Sequence[Worst], *, rate: float, eye: Eye | None
     ) -> None:
-        """worst: those of all quantities, brought up to date as blocks are searched. rate: of the first look, Hz."""
+        """worst: those of all quantities, brought up to date as blocks are searched. rate: of the second look, Hz."""
         self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
@@ -102,18 +108,23 @@ class SampledExtremes:
             certain[piece[end - begin < 1.0]] = True
             wanted = (certain | self._suspicious(pieces, self.slopes, certain))[piece]
             piece, begin, end = piece[wanted], begin[wanted], end[wanted]
-        intervals = Intervals.of_segments(pieces, self.robot, piece, begin, end, rate=self.rate, most=self.most)
-        for halving in range(HALVINGS):
+        rate, most = self.rate / PARTS, -(-self.most // PARTS)
+        intervals = Intervals.of_segments(pieces, self.robot, piece, begin, end, rate=rate, most=most)
+        for look in range(HALVINGS + 1):
             if not len(intervals.piece):
                 break
             values = self._sample(pieces, intervals)
-            if halving == 0:  # later intervals are parts of these
-                self.rms.add_intervals(values, intervals.starting, intervals.width * pieces.length[intervals.piece])
             gain = self._gain(*bracket(values, self.kinked))
-            open_ = np.flatnonzero(gain > 0)
-            if len(open_) > MOST:
-                open_ = open_[np.argsort(gain[open_])[-MOST:]]
-            intervals = intervals.halves(open_)
+            duration = intervals.width * pieces.length[intervals.piece]
+            if look == 0:
+                open_ = np.flatnonzero((gain > 0) | intervals.slow | self.rms.uneven(values, duration))
+                duration[open_] = 0.0  # these add their parts to the means
+            else:
+                open_ = np.flatnonzero(gain > 0)
+                open_ = open_[np.argsort(gain[open_])[-MOST:]] if len(open_) > MOST else open_
+            if look < 2:  # later intervals are parts of those of the second look
+                self.rms.add_intervals(values, intervals.starting, duration)
+            intervals = intervals.parts(open_, 2 if look else PARTS)
 
     def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
         """The quantities (n, k) at a state q, qd, qdd (n, 4), directions of motion (n, 4) and breakaways (n, 4)."""
@@ -210,6 +221,8 @@ class Intervals:
     """(n, 4): the joint starts from rest where the interval begins, so that friction there is static."""
     joined: Mask
     """(n,): the interval ends where the next one begins, so that both have one value there."""
+    slow: Mask
+    """(n,): a joint starts, stops or turns back where the interval begins or ends."""
 
     @classmethod
     def of_segments(
@@ -217,37 +230,47 @@ class Intervals:
     ) -> Intervals:
         """Segments (m,) cut so that four instants in each interval make the rate (Hz), into `most` intervals each at most."""
         # within a segment no joint turns back, so that its direction is that at the middle
-        direction = np.sign(pieces.at(piece, (begin + end) / 2)[1]) * pieces.moving(robot)[piece]
-        starting = (np.abs(pieces.at(piece, begin)[1]) <= still(robot)) & (direction != 0)
+        at_begin, middle, at_end = pieces.speeds(piece, np.stack([begin, (begin + end) / 2, end]))
+        direction = np.sign(middle) * pieces.moving(robot)[piece]
+        starting, stopping = ((np.abs(qd) <= still(robot)) & (direction != 0) for qd in (at_begin, at_end))
         counts = np.maximum(np.ceil((end - begin) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1)
         counts = np.minimum(counts, most)
         of = np.repeat(np.arange(len(piece)), counts)
         part = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        width = ((end - begin) / counts)[of]
+        width, first, last = ((end - begin) / counts)[of], part == 0, part == counts[of] - 1
+        slow = (first & starting.any(axis=1)[of]) | (last & stopping.any(axis=1)[of])
         return cls(
             piece[of],
             begin[of] + part * width,
             width,
             direction[of],
-            starting=starting[of] & (part == 0)[:, None],
-            joined=np.append(of[1:] == of[:-1], False),
+            starting=starting[of] & first[:, None],
+            joined=~last,
+            slow=slow,
         )
 
     def chosen(self, some: slice) -> Intervals:
         """Some in a row."""
         joined = self.joined[some].copy()
         joined[-1:] = False
-        piece, begin, width = self.piece[some], self.begin[some], self.width[some]
-        return Intervals(piece, begin, width, self.direction[some], starting=self.starting[some], joined=joined)
+        piece, begin, width, slow = self.piece[some], self.begin[some], self.width[some], self.slow[some]
+        return Intervals(
+            piece, begin, width, self.direction[some], starting=self.starting[some], joined=joined, slow=slow
+        )
 
-    def halves(self, chosen: Indices) -> Intervals:
-        """The two halves of each of the chosen intervals."""
-        twice = np.repeat(chosen, 2)
-        width, begin, starting = self.width[twice] / 2, self.begin[twice], self.starting[twice]
-        begin[1::2] += width[1::2]
-        starting[1::2] = False
-        joined = np.arange(len(twice)) % 2 == 0
-        return Intervals(self.piece[twice], begin, width, self.direction[twice], starting=starting, joined=joined)
+    def parts(self, chosen: Indices, count: int) -> Intervals:
+        """The equal parts, so many of each, of the chosen intervals."""
+        of, part = np.repeat(chosen, count), np.tile(np.arange(count), len(chosen))
+        width, first = self.width[of] / count, part == 0
+        return Intervals(
+            self.piece[of],
+            self.begin[of] + part * width,
+            width,
+            self.direction[of],
+            starting=self.starting[of] & first[:, None],
+            joined=part < count - 1,
+            slow=self.slow[of],
+        )
 
 
 class RmsTorques:
@@ -261,6 +284,12 @@ class RmsTorques:
         self.joints = [quantities[k].index for k in self.columns]
         self.cases = [quantities[k].case for k in self.columns]
         self.integrals = np.zeros(len(self.columns))
+
+    def uneven(self, values: Array, duration: Array) -> Mask:
+        """(n,): where the square of a torque is no cubic, to UNEVEN of all that these intervals add to its mean."""
+        squares = values[:, :, self.columns] ** 2
+        third = np.abs(squares[0] - squares[3] + 3 * (squares[2] - squares[1])) * duration[:, None]
+        return np.any(third > UNEVEN * (duration @ squares[1]), axis=1)
 
     def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
         """n intervals with values (4, n, k) at four instants and durations (n,).

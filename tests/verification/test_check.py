@@ -228,6 +228,20 @@ def test_jumps_are_found_on_either_side_of_a_block(robot: Robot, monkeypatch: py
         assert found.time in trajectory.breaks[[k, min(k + 1, 10)]]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_first_look_hides_nothing(robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """The same worst values as with the whole rate everywhere, of friction that changes quickly too."""
+    robot, trajectory = screw(robot), wavy(np.random.default_rng(seed))
+    limits = dataclasses.replace(LIMITS, duty=0.0)
+    found = check(trajectory, robot, limits)
+    monkeypatch.setattr(sampled_extremes, "PARTS", 1)
+    whole = check(trajectory, robot, limits)
+    assert found.instants < 0.7 * whole.instants
+    for a, b in zip(found.limits, whole.limits, strict=True):
+        # where friction has corners a mean is exact to 1e-5 either way
+        assert a.margin == pytest.approx(b.margin, abs=3e-5 if a.name == "continuous torque" else 3e-8), a.name
+
+
 def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     trajectory = wavy(np.random.default_rng(2), pieces=10)
     whole = check(trajectory, robot, LIMITS)

@@ -31,7 +31,8 @@ polynomials = st.lists(st.lists(numbers, min_size=1, max_size=6), min_size=1, ma
 def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) -> None:
     degree = max(len(row) for row in rows)
     powers = np.array([row + [0.0] * (degree - len(row)) for row in rows])
-    value, index, s = bernstein.largest(bernstein.from_powers(powers), 1e-12)
+    groups = bernstein.from_powers(powers).T[None]
+    value, index, s = (found[0] for found in bernstein.largest(groups, np.array([1e-12]), np.array([-np.inf])))
     grid = np.linspace(0, 1, 2001)
     assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers) - 1e-9
     assert value == pytest.approx(float(np.polyval(powers[index, ::-1], s)), abs=1e-9)
