@@ -147,9 +147,9 @@ def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
         columns = [each.quantity.index for each, *_ in open_]
         factors = np.array([sign * each.quantity.scale for each, sign, *_ in open_])
         widths = np.array([each.quantity.limit.half_width for each, *_ in open_])
-        known = np.array([last for *_, last in open_])
+        bars = np.array([known for *_, known in open_])
         groups = bernstein_of.T[columns] * factors[:, None, None]
-        found = bernstein.largest(groups, EXACT * widths, known)
+        found = bernstein.largest(groups, EXACT * widths, bars)
         for (each, sign, bound, _), width, value, piece, s in zip(open_, widths, *found, strict=True):
             time = float(pieces.start[piece] + s * pieces.length[piece])
             each.offer(float((value - bound) / width), float(sign * value), time)
