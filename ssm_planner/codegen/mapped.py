@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import time
 from collections.abc import Sequence
 from functools import lru_cache
@@ -32,15 +33,33 @@ class Mapped:
         for i, values in enumerate(self._results):
             buffer.set_res(i, values.data)
         self._buffer = buffer
+        self._whole: Array | None = None
         self._outputs = [((count, *size), places) for size, places in _outputs(function)]
+
+    def at(self, z: int, *others: int) -> None:
+        """The same by addresses: of z, (n, size), of the multipliers where there are any, and of the last result, dense."""
+        *multipliers, result = others
+        for values, start in zip((self._arguments[0], *self._arguments[-1:]), (z, *multipliers), strict=False):
+            ctypes.memmove(values.ctypes.data, start, values.nbytes)
+        self._evaluate()
+        values, (shape, places) = self._results[-1], self._outputs[-1]
+        if places is not None:
+            if self._whole is None:
+                self._whole = np.zeros((shape[0], shape[1] * shape[2]))
+            self._whole[:, places] = values
+            values = self._whole
+        ctypes.memmove(result, values.ctypes.data, values.nbytes)
+
+    def _evaluate(self) -> None:
+        begin = time.perf_counter()
+        self._trigger()
+        self.seconds += time.perf_counter() - begin
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
             self._arguments[-1][...] = multipliers
-        begin = time.perf_counter()
-        self._trigger()
-        self.seconds += time.perf_counter() - begin
+        self._evaluate()
         found = []
         for values, (shape, places) in zip(self._results, self._outputs, strict=True):
             if places is None:

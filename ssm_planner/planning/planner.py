@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ssm_planner.interior.solve import available
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.corners import with_corners
@@ -333,7 +334,8 @@ class _PhasePlanner:
 
     def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
-        found = solve(method="sketched" if self.sketch else METHODS[self.problem.planner])
+        method: Method = "sketched" if self.sketch else METHODS[self.problem.planner]
+        found = solve(method=method if available() else "Ipopt")
         given_up = not found.solved and found.solver == "structured" and not self.sketch
         return solve(method="Ipopt") if given_up else found
 

@@ -1,12 +1,21 @@
-"""The maps from unknowns to elements against SciPy's splines, and their derivatives against differences."""
+"""The maps from unknowns to elements (native/spline.c) against SciPy's splines, their derivatives against differences."""
 
 from __future__ import annotations
+
+import ctypes
 
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline, CubicHermiteSpline
 
+from ssm_planner.interior.solve import available
 from ssm_planner.interior.spline import Kind, Spline
+from ssm_planner.native import library
+from ssm_planner.typing import Array
+
+pytestmark = pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
+TERMS, WIDEST = 9, 5
+LOOKS: tuple[tuple[str, tuple[int, ...]], ...] = (("values", (TERMS,)), ("slopes", (TERMS, WIDEST)))
 
 FRACTIONS = np.array([0.3, 0.2, 0.5, 0.1, 0.25, 0.35, 0.3])
 BLOCK = np.array([0, 0, 0, 1, 1, 1, 1])
@@ -19,12 +28,33 @@ def spline(kind: Kind) -> Spline:
     return Spline(kind, 2, FRACTIONS, BLOCK, TIMES.sum() if kind == "hermite" else None)
 
 
+def called(name: str, kind: Kind, eta: Array, shape: tuple[int, ...], *given: Array) -> Array:
+    """What a function of native/spline.c writes."""
+    found = np.zeros(shape)
+    pointers = [values.ctypes.data_as(ctypes.c_void_p) for values in (np.ascontiguousarray(eta), *given, found)]
+    getattr(library.load(), name)(("hermite", "bspline").index(kind), *pointers)
+    return found
+
+
+def eta_of(one: Spline) -> Array:
+    """Lengths of time near every element, (n, 5)."""
+    if one.kind == "hermite":
+        assert one.stretched_from is not None
+        return np.column_stack([H, np.full((len(H), 4), TIMES.sum() / one.stretched_from)])
+    padded = np.concatenate([[0.0, 0.0], H, [0.0, 0.0]])
+    return np.stack([padded[k : k + 5] for k in range(len(H))])
+
+
+def states_of(one: Spline, c: Array) -> Array:
+    maps = [called("ssm_matrix", one.kind, eta, (5, 4)) for eta in eta_of(one)]
+    return np.array(maps) @ c[one.local]
+
+
 @pytest.mark.parametrize("kind", ["hermite", "bspline"])
 def test_elements_are_scipys(kind: Kind) -> None:
     one = spline(kind)
     c = np.random.default_rng(1).normal(size=(one.rows, 2))
-    shares, offset = one.lengths()
-    states = one.maps()[0](shares @ TIMES + offset)[0].reshape(-1, 5, 4) @ c[one.local]
+    states = states_of(one, c)
     if kind == "hermite":
         reference = CubicHermiteSpline(ENDS, c[0::2], c[1::2])
     else:
@@ -44,8 +74,7 @@ def test_elements_are_scipys(kind: Kind) -> None:
 def test_unknowns_of_a_motion_give_it_back(kind: Kind) -> None:
     one = spline(kind)
     c = np.random.default_rng(2).normal(size=(one.rows, 2))
-    shares, offset = one.lengths()
-    states = one.maps()[0](shares @ TIMES + offset)[0].reshape(-1, 5, 4) @ c[one.local]
+    states = states_of(one, c)
     last = states[-1]
     u = np.vstack([states[:, 0], last[0] + H[-1] * (last[1] + H[-1] * (last[2] / 3 + last[3] / 6))])
     v = np.vstack([states[:, 1], last[1] + H[-1] * (last[2] + last[3]) / 2])
@@ -54,18 +83,18 @@ def test_unknowns_of_a_motion_give_it_back(kind: Kind) -> None:
 
 @pytest.mark.parametrize("kind", ["hermite", "bspline"])
 def test_derivatives_of_the_maps(kind: Kind) -> None:
-    one = spline(kind)
-    shares, offset = one.lengths()
-    eta = shares @ TIMES + offset
-    value, derivatives = one.maps()
-    w = eta.shape[1]
-    first, second = (x.reshape(len(eta), 20, -1) for x in derivatives(eta))
-    for k in range(w):
-        step = np.zeros(w)
-        step[k] = 1e-6
-        numbers = [(value(eta + side * step)[0], derivatives(eta + side * step)[0]) for side in (1, -1)]
-        of_value, of_first = ((up - down) / 2e-6 for up, down in zip(*numbers, strict=True))
-        inner = slice(2, -2)  # where no length is zero
-        assert first[inner, :, k] == pytest.approx(of_value[inner], rel=1e-5, abs=1e-5)
-        of_first = of_first.reshape(len(eta), 20, w)
-        assert second.reshape(len(eta), 20, w, w)[inner, :, :, k] == pytest.approx(of_first[inner], rel=1e-4, abs=1e-3)
+    weights = np.random.default_rng(3).normal(size=TERMS)
+    weights[8 if kind == "hermite" else TERMS :] = 0.0
+    for eta in eta_of(spline(kind))[2:-2]:  # where no length is zero
+        first = called("ssm_term_slopes", kind, eta, (TERMS, WIDEST))
+        second = called("ssm_term_curvature", kind, eta, (WIDEST, WIDEST), weights)
+        assert second == pytest.approx(second.T)
+        for k in range(2 if kind == "hermite" else WIDEST):
+            step = 1e-6 * (np.arange(WIDEST) == k)
+            up, down = (
+                [called(f"ssm_term_{name}", kind, eta + side * step, shape) for name, shape in LOOKS]
+                for side in (1, -1)
+            )
+            of_value, of_first = ((x - y) / 2e-6 for x, y in zip(up, down, strict=True))
+            assert first[:, k] == pytest.approx(of_value, rel=1e-5, abs=1e-5)
+            assert second[k] == pytest.approx(weights @ of_first, rel=1e-4, abs=1e-3)

@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from random_problems import random_problem
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.interior.solve import available
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp import refinement
@@ -26,6 +27,7 @@ from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.text import verdicts
 
+pytestmark = pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
 SAME = 1e-6
 """Share of the duration within which both solvers agree."""
 Solve = tuple[Any, Any, Any, InitialPoint, NlpSolution]
@@ -108,6 +110,19 @@ def test_ipopt_solves_where_it_does_not_converge(tilt_insert: Problem, monkeypat
     assert found.certificate.passed
     assert {phase.solver for phase in found.phases} == {"Ipopt"}
     assert any(line.split() == ["solver", "Ipopt"] for line in verdicts(found))
+
+
+@pytest.mark.parametrize("planner", ["fast", "optimal"])
+def test_ipopt_solves_alone_without_the_compiled_part(
+    planner: Planner, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = dataclasses.replace(tilt_insert, objective="time")
+    monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
+    found = plan(dataclasses.replace(problem, planner=planner))
+    assert found.passed
+    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    assert found.confirmation is None
+    assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
 
 
 def durations(problem: Problem, **changes: Any) -> list[float]:

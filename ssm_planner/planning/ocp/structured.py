@@ -38,7 +38,7 @@ def solve_structured(
     """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged."""
     program = program_of(structure, element, data)
     outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=iterations)
-    function_store.note_time(element, sum(each.seconds for group in program.groups for each in group.mapped.values()))
+    function_store.note_time(element, outcome.seconds)
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)

@@ -1,0 +1,327 @@
+/* The interior point: a monotone barrier, Newton steps on a small positive definite band, a filter line search.
+ *
+ * With slacks s > 0 of the rows r(x) + s = 0 and multipliers lam > 0, of equalities e(x) = 0 and nu, the barrier problem of mu is
+ *
+ *     min f(x) - mu sum log s   s.t.  r(x) + s = 0,  e(x) = 0
+ *
+ * Its Newton step has, with Sigma = diag(lam / s), the slacks and multipliers of rows eliminated (band.c):
+ *
+ *     (D2(f + lam'r + nu'e) + J' Sigma J) dx + A'(nu + dnu) = -(Df + J'(mu / s + Sigma (r + s))),   A dx = -e
+ *     ds = -(r + s) - J dx,   dlam = mu / s - lam - Sigma ds
+ *
+ * Steps keep s and lam positive (fraction to the boundary tau) and are accepted by a filter on (theta, phi), the sum of the
+ * residuals and the barrier function (Waechter and Biegler, Math. Program. 106, 2006, section 2.3); where the whole step is
+ * refused, slacks set to -r are tried before it is halved. mu falls when the barrier problem is solved to BARRIER mu (their
+ * section 2.1).
+ *
+ * Converged is where dual residual Df + J'lam + A'nu, primal residual and s lam are all at most `tolerance`, as they stand,
+ * without scaling by the size of the multipliers. The constants are those of ssm_planner/interior/solve.py.
+ */
+
+#include <math.h>
+#include <string.h>
+
+#include "interior.h"
+
+static const double COLD = 1e-4, WARM = 1e-7;             /* first mu */
+static const double PUSH = 1e-2, WARM_PUSH = 1e-8;        /* least first slack */
+static const double NEAR = 1e4;                           /* by which multipliers of a warm start may be off mu / s */
+static const double BARRIER = 100.0;                      /* a barrier problem is solved to this many mu */
+static const double LINEAR = 0.2, SUPERLINEAR = 1.5;      /* mu becomes the least of LINEAR mu and mu^SUPERLINEAR */
+static const double LAST_BARRIER = 11.0;                  /* tolerance in the last mu */
+static const double BOUNDARY = 0.995;                     /* tau: fraction to the boundary, 1 - mu later */
+static const double SHORTER = 0.5;                        /* a step keeps this share of every time */
+static const double MULTIPLIERS = 1e10;                   /* largest factor of multipliers off mu / s */
+static const double MARGIN = 1e-5, ARMIJO = 1e-8;         /* of the filter, and of sufficient decrease */
+static const double SHORT = 1e-2, SMALL = 1e-10;          /* share of a step that is a short one; theta that is none */
+static const double WORST = 1e4;                          /* theta in that of the start which no step may reach */
+enum { HALVINGS = 12, REFUSED = 5, PATIENCE = 20 };       /* of a step; steps in a row that are refused, or short */
+
+typedef struct {
+    double theta, phi;
+} Pair;
+
+typedef struct {
+    Evaluator evaluator;
+    System system;
+    Place places[2];
+    Place *now, *trial;
+    double mu, tolerance;
+    double *slacks, *tried, *lam, *sigma, *weights; /* of the rows that count */
+    double *slacks_step, *lam_step;
+    double *nu, *dual, *found; /* found: step of (c, T), then nu */
+    Pair *pairs;               /* of the filter: no step may be worse than one of them */
+    long pair_count;
+    double worst;
+    long refused, brief;
+} Iteration;
+
+static double larger(double a, double b) /* not a number where one is none */
+{
+    return isnan(a) || a > b ? a : b;
+}
+
+/* largest residual of the barrier problem of mu */
+static double error_of(const Iteration *it, double mu)
+{
+    const Evaluator *e = &it->evaluator;
+    double most = 0.0;
+    for (long i = 0; i < e->size + e->b; i++)
+        most = larger(most, fabs(it->dual[i]));
+    for (long i = 0; i < e->active; i++) {
+        most = larger(most, fabs(it->now->rows[i] + it->slacks[i]));
+        most = larger(most, fabs(it->slacks[i] * it->lam[i] - mu));
+    }
+    for (long i = 0; i < e->equal_size; i++)
+        most = larger(most, fabs(it->now->equal[i]));
+    return most;
+}
+
+/* sum of the residuals, and the barrier function: logarithms of products, which take less time than their sum */
+static Pair pair_of(const Iteration *it, const Place *place, const double *slacks)
+{
+    const Evaluator *e = &it->evaluator;
+    double theta = 0.0, logs = 0.0, product = 1.0;
+    for (long i = 0; i < e->active; i++) {
+        theta += fabs(place->rows[i] + slacks[i]);
+        product *= slacks[i];
+        if (!(product > 1e-200 && product < 1e200)) {
+            logs += log(product / slacks[i]) + log(slacks[i]);
+            product = 1.0;
+        }
+    }
+    logs += log(product);
+    for (long i = 0; i < e->equal_size; i++)
+        theta += fabs(place->equal[i]);
+    const Pair found = {theta, place->objective - it->mu * logs};
+    return found;
+}
+
+/* largest share of a step, at most 1, that keeps 1 - tau of positive values */
+static double longest(const double *values, const double *step, long count, double tau)
+{
+    double fall = 0.0;
+    for (long i = 0; i < count; i++)
+        fall = fmin(fall, step[i] / values[i]);
+    return fall >= -tau ? 1.0 : -tau / fall;
+}
+
+static double clipped(double value, double central, double factor)
+{
+    return fmin(fmax(value, central / factor), central * factor);
+}
+
+/* gradients at the point */
+static void differentiate(Iteration *it)
+{
+    ssm_differentiate(&it->evaluator, it->now);
+    ssm_dual(&it->evaluator, it->lam, it->nu, it->dual);
+}
+
+static int reserve(Iteration *it)
+{
+    Evaluator *e = &it->evaluator;
+    Memory *memory = &e->memory;
+    for (int i = 0; i < 2; i++) {
+        it->places[i].c = ssm_doubles(memory, e->size);
+        it->places[i].times = ssm_doubles(memory, e->b);
+        it->places[i].z = ssm_doubles(memory, e->n * e->states);
+        it->places[i].rows = ssm_doubles(memory, e->active);
+        it->places[i].equal = ssm_doubles(memory, e->equal_size);
+    }
+    double **of_rows[] = {&it->slacks, &it->tried,       &it->lam,     &it->sigma,
+                          &it->weights, &it->slacks_step, &it->lam_step};
+    for (size_t i = 0; i < sizeof of_rows / sizeof *of_rows; i++)
+        *of_rows[i] = ssm_doubles(memory, e->active);
+    it->nu = ssm_doubles(memory, e->equal_size);
+    it->dual = ssm_doubles(memory, e->size + e->b);
+    it->found = ssm_doubles(memory, e->size + e->b + e->equal_size);
+    return ssm_system_new(&it->system, memory, e->size, e->b + e->equal_size, e->m, e->stride);
+}
+
+static void begin(Iteration *it, const State *state, int warm)
+{
+    Evaluator *e = &it->evaluator;
+    it->now = it->places;
+    it->trial = it->places + 1;
+    it->mu = warm ? WARM : COLD;
+    memcpy(it->now->c, state->c, (size_t)e->size * sizeof(double));
+    memcpy(it->now->times, state->times, (size_t)e->b * sizeof(double));
+    ssm_values(e, it->now);
+    for (long i = 0; i < e->active; i++) {
+        it->slacks[i] = larger(-it->now->rows[i], warm ? WARM_PUSH : PUSH);
+        it->lam[i] = it->mu / it->slacks[i];
+        if (warm)
+            it->lam[i] = clipped(state->multipliers[e->place_of[i]], it->lam[i], NEAR);
+    }
+    for (long i = 0; warm && i < e->equal_size; i++)
+        it->nu[i] = state->equality_multipliers[i];
+    it->worst = WORST * fmax(1.0, pair_of(it, it->now, it->slacks).theta);
+    differentiate(it);
+}
+
+static void finish(const Iteration *it, State *state)
+{
+    const Evaluator *e = &it->evaluator;
+    memcpy(state->c, it->now->c, (size_t)e->size * sizeof(double));
+    memcpy(state->times, it->now->times, (size_t)e->b * sizeof(double));
+    memcpy(state->z, it->now->z, (size_t)(e->n * e->states) * sizeof(double));
+    for (long i = 0; i < e->all; i++) {
+        state->slacks[i] = 1.0;
+        state->multipliers[i] = 0.0;
+    }
+    for (long i = 0; i < e->active; i++) {
+        state->slacks[e->place_of[i]] = it->slacks[i];
+        state->multipliers[e->place_of[i]] = it->lam[i];
+    }
+    for (long i = 0; i < e->equal_size; i++)
+        state->equality_multipliers[i] = it->nu[i];
+    state->objective = it->now->objective;
+}
+
+typedef enum { REFUSE, DESCENT, PROGRESS } Verdict; /* progress enters the filter */
+
+static Verdict judge(const Iteration *it, Pair after, Pair before, double slope, double length)
+{
+    int admitted = isfinite(after.theta) && isfinite(after.phi) && after.theta < it->worst;
+    for (long i = 0; admitted && i < it->pair_count; i++) {
+        const Pair *pair = it->pairs + i;
+        admitted = after.theta < (1.0 - MARGIN) * pair->theta || after.phi < pair->phi - MARGIN * pair->theta;
+    }
+    if (!admitted)
+        return REFUSE;
+    if (slope < 0.0 && length * pow(-slope, 2.3) > pow(before.theta, 1.1))
+        return after.phi <= before.phi + ARMIJO * length * slope + 1e-13 * fabs(before.phi) ? DESCENT : REFUSE;
+    const int better = after.theta <= (1.0 - MARGIN) * before.theta || after.phi <= before.phi - MARGIN * before.theta;
+    return better || after.theta < SMALL ? PROGRESS : REFUSE;
+}
+
+static void move_to_trial(Iteration *it, double length)
+{
+    const Evaluator *e = &it->evaluator;
+    for (long i = 0; i < e->size; i++)
+        it->trial->c[i] = it->now->c[i] + length * it->found[i];
+    for (long i = 0; i < e->b; i++)
+        it->trial->times[i] = it->now->times[i] + length * it->found[e->size + i];
+    ssm_values(&it->evaluator, it->trial);
+}
+
+/* go along the step as far as the filter lets, and return how far that was; a short way where it refuses everything */
+static double search(Iteration *it, double slope, double length, double tau)
+{
+    const Evaluator *e = &it->evaluator;
+    const Pair before = pair_of(it, it->now, it->slacks);
+    Verdict verdict = REFUSE;
+    for (int k = 0; k < HALVINGS; k++) {
+        move_to_trial(it, length);
+        for (long i = 0; i < e->active; i++)
+            it->tried[i] = larger(it->slacks[i] + length * it->slacks_step[i], -it->trial->rows[i]);
+        verdict = judge(it, pair_of(it, it->trial, it->tried), before, slope, length);
+        if (verdict == REFUSE && k == 0) {
+            for (long i = 0; i < e->active; i++)
+                it->tried[i] = larger(-it->trial->rows[i], (1.0 - tau) * it->slacks[i]);
+            verdict = judge(it, pair_of(it, it->trial, it->tried), before, slope, length);
+        }
+        if (verdict != REFUSE || it->evaluator.failed)
+            break;
+        if (k < HALVINGS - 1)
+            length /= 2.0;
+    }
+    if (verdict == PROGRESS)
+        it->pairs[it->pair_count++] = before;
+    if (verdict == REFUSE)
+        it->pair_count = 0;
+    it->refused = verdict == REFUSE ? it->refused + 1 : 0;
+    Place *kept = it->now;
+    it->now = it->trial;
+    it->trial = kept;
+    double *slacks = it->slacks;
+    it->slacks = it->tried;
+    it->tried = slacks;
+    return length;
+}
+
+/* found becomes the Newton step of (c, T) and the new nu; 0 where there is none */
+static int newton_step(Iteration *it)
+{
+    Evaluator *e = &it->evaluator;
+    const long unknowns = e->size + e->b;
+    for (long i = 0; i < e->active; i++) {
+        it->sigma[i] = it->lam[i] / it->slacks[i];
+        it->weights[i] = it->mu / it->slacks[i] + it->sigma[i] * (it->now->rows[i] + it->slacks[i]);
+    }
+    ssm_newton_matrix(e, &it->system, it->lam, it->sigma);
+    if (e->failed || !ssm_factorise(&it->system, e->program->is_free, e->b))
+        return 0;
+    ssm_right_side(e, it->weights, it->found);
+    for (long i = 0; i < e->equal_size; i++)
+        it->found[unknowns + i] = it->now->equal[i];
+    ssm_solve_factors(&it->system, it->found, it->found + e->size);
+    int finite = 1;
+    for (long i = 0; i < unknowns + e->equal_size; i++) {
+        it->found[i] = -it->found[i];
+        finite = finite && isfinite(it->found[i]);
+    }
+    return finite;
+}
+
+/* one iteration; 0 where there is no step to take */
+static int step(Iteration *it)
+{
+    Evaluator *e = &it->evaluator;
+    const double least = it->tolerance / LAST_BARRIER;
+    const long unknowns = e->size + e->b;
+    while (it->mu > least && error_of(it, it->mu) <= BARRIER * it->mu) {
+        it->mu = fmax(least, fmin(LINEAR * it->mu, pow(it->mu, SUPERLINEAR)));
+        it->pair_count = 0;
+    }
+    if (!newton_step(it))
+        return 0;
+    double slope = ssm_along(e, it->found, it->found + e->size, it->slacks_step);
+    for (long i = 0; i < e->active; i++) {
+        it->slacks_step[i] = -(it->now->rows[i] + it->slacks[i]) - it->slacks_step[i];
+        it->lam_step[i] = it->mu / it->slacks[i] - it->lam[i] - it->sigma[i] * it->slacks_step[i];
+        slope -= it->mu * (it->slacks_step[i] / it->slacks[i]);
+    }
+    const double tau = fmax(BOUNDARY, 1.0 - it->mu);
+    double length = fmin(longest(it->slacks, it->slacks_step, e->active, tau),
+                         longest(it->now->times, it->found + e->size, e->b, SHORTER));
+    length = search(it, slope, length, tau);
+    if (e->failed)
+        return 0;
+    const double dual_length = longest(it->lam, it->lam_step, e->active, tau);
+    for (long i = 0; i < e->active; i++)
+        it->lam[i] = clipped(it->lam[i] + dual_length * it->lam_step[i], it->mu / it->slacks[i], MULTIPLIERS);
+    for (long i = 0; i < e->equal_size; i++)
+        it->nu[i] += length * (it->found[unknowns + i] - it->nu[i]);
+    differentiate(it);
+    it->brief = length < SHORT ? it->brief + 1 : 0;
+    return !e->failed && it->refused < REFUSED && it->brief < PATIENCE;
+}
+
+/* A local minimum from state's (c, T), or, warm, from where the solve of a neighbour ended: NOT_CONVERGED, CONVERGED, NO_VALUE
+ * where a function gave none, NO_MEMORY. state becomes where it ended, except without memory. */
+SSM_API int ssm_solve(const Program *program, State *state, int warm, long iterations, double tolerance)
+{
+    Iteration it;
+    int converged = NOT_CONVERGED;
+    long k = 0;
+    memset(&it, 0, sizeof it);
+    it.tolerance = tolerance;
+    if (ssm_evaluator_new(&it.evaluator, program) && reserve(&it))
+        it.pairs = (Pair *)(void *)ssm_doubles(&it.evaluator.memory, 2 * (iterations + 1));
+    if (it.evaluator.memory.failed || it.pairs == NULL) {
+        ssm_release(&it.evaluator.memory);
+        return NO_MEMORY;
+    }
+    begin(&it, state, warm);
+    for (; k < iterations && !it.evaluator.failed; k++)
+        if (error_of(&it, 0.0) <= tolerance || !step(&it))
+            break;
+    if (!it.evaluator.failed && error_of(&it, 0.0) <= tolerance)
+        converged = CONVERGED;
+    finish(&it, state);
+    state->iterations = k;
+    ssm_release(&it.evaluator.memory);
+    return it.evaluator.failed ? NO_VALUE : converged;
+}
