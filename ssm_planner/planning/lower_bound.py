@@ -93,23 +93,33 @@ def fastest(
     """The shortest time over a way of either sign with |v| and |a| limited, from one speed to another; None: free ones, s."""
     begin, end = (None if speed is None else float(math.copysign(1.0, way)) * speed for speed in speeds)
     way, known = abs(way), [speed for speed in (begin, end) if speed is not None]
-    velocity = max([velocity, *map(abs, known)])
     if begin is None or end is None:
+        velocity = max([velocity, *map(abs, known)])
         if not known:
             return way / velocity
         # at the free end it is as fast as the way allows
         top = min(math.sqrt(known[0] ** 2 + 2 * acceleration * way), velocity)
         ramp = (top - known[0]) / acceleration
         return ramp + (way - (top**2 - known[0] ** 2) / (2 * acceleration)) / top if top > 0 else ramp
-    direct = (begin + end) / 2 * abs(end - begin) / acceleration
-    if abs(way - direct) <= MOVES + ROUNDING * abs(direct):
-        return abs(end - begin) / acceleration
-    if way < direct:  # it overshoots and comes back
-        way, begin, end = -way, -begin, -end
+    return float(fastest_times(np.array(way), velocity, acceleration, (np.array(begin), np.array(end))))
+
+
+def fastest_times(
+    way: Array, velocity: Array | float, acceleration: Array | float, speeds: tuple[Array, Array]
+) -> Array:
+    """As `fastest`, of arrays that broadcast; from given speeds to given ones."""
+    sign = np.where(way < 0, -1.0, 1.0)
+    way, begin, end = sign * way, sign * speeds[0], sign * speeds[1]
+    direct = (begin + end) / 2 * np.abs(end - begin) / acceleration
+    at_once = np.abs(way - direct) <= MOVES + ROUNDING * np.abs(direct)
+    side = np.where(way < direct, -1.0, 1.0)  # it overshoots and comes back
+    way, begin, end = side * way, side * begin, side * end
     squares = (begin**2 + end**2) / 2
-    top = min(math.sqrt(acceleration * way + squares), velocity)
-    ramps = (2 * top - begin - end) / acceleration
-    return ramps + (way - (top**2 - squares) / acceleration) / top if top > 0 else ramps
+    most = np.maximum(velocity, np.maximum(np.abs(begin), np.abs(end)))
+    top = np.minimum(np.sqrt(np.maximum(acceleration * way + squares, 0.0)), most)
+    cruise = (way - (top**2 - squares) / acceleration) / np.where(top > 0, top, 1.0)
+    taken = (2 * top - begin - end) / acceleration + np.where(top > 0, cruise, 0.0)
+    return np.asarray(np.where(at_once, np.abs(end - begin) / acceleration, taken))
 
 
 def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: float) -> float:

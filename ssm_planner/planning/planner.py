@@ -35,7 +35,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
-from ssm_planner.planning.turning_points import PAYS, Turns, best_turns
+from ssm_planner.planning.turning_points import PAYS, Turns, best_turns, passing_turns
 from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance
 from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -372,16 +372,15 @@ class _PhasePlanner:
     def _turning_back(self, phase: Phase, found: PlannedPhase | Reason) -> PlannedPhase | Reason:
         """The motion of a free phase, or a faster one in which joints turn back between its points."""
         too_short = isinstance(found, Reason) and isinstance(found.limit, Duration)
-        at_speed = bool(phase.qd_start.any() or phase.qd_end.any())
-        if (
-            not (self.turning and isinstance(phase.motion, Free) and len(phase.points) == 2)
-            or at_speed
-            or self.problem.stop_travel is not None
-        ):
+        if not (self.turning and isinstance(phase.motion, Free)) or self.problem.stop_travel is not None:
             return found
         if not too_short and (isinstance(found, Reason) or phase.motion.duration is not None):
             return found
         if not isinstance(found, Reason) and (1 - PAYS) * found.duration <= found.lower_bound:
+            return found
+        if len(phase.points) > 2:
+            return self._turning_at_points(phase, found)
+        if phase.qd_start.any() or phase.qd_end.any():
             return found
         fastest = replace(self, problem=replace(self.problem, objective="time"))
         untimed = replace(phase, motion=replace(phase.motion, duration=None))
@@ -406,6 +405,16 @@ class _PhasePlanner:
             return next(replace(planned, phase=phase) for each, planned in solved if each is turns)
         better = self._free_by_optimal_control(phase, turns)
         return found if isinstance(better, Reason) else better
+
+    def _turning_at_points(self, phase: Phase, found: PlannedPhase | Reason) -> PlannedPhase | Reason:
+        """The motion of a free phase with points on its way, or a faster one in which joints turn back beside them."""
+        turns = passing_turns(self.problem, phase)
+        if turns is None:
+            return found
+        timed = isinstance(found, Reason) or phase.motion.duration is not None
+        enough = np.inf if timed else (1 - PAYS) * found.duration  # type: ignore[union-attr]
+        better = self._free_by_optimal_control(phase, turns, useless=enough)
+        return found if isinstance(better, Reason) or not better.duration < enough else better
 
     def _stopped_first(self, phase: Phase) -> PlannedPhase | None:
         """A free motion that begins at speed, as a stop and a motion from rest, named so; None where one is not found."""
@@ -475,6 +484,7 @@ class _PhasePlanner:
             speeds=(phase.qd_start, phase.qd_end),
             pull=phase.qdd_start,
             loose=() if turns is None else turns.loose,
+            passing=None if turns is None else turns.passing,
             useless=useless,
         )
         motion = self._solved(solve)

@@ -1,4 +1,4 @@
-"""Turning points on free motions from rest to rest: joints that turn back because the motion is faster for it.
+"""Turning points on free motions: joints that turn back because the motion is faster for it.
 
 Between two borders of a free motion every joint moves one way. A joint that goes out and comes back, or goes beyond an end,
 may loosen a limit that binds: drawn back, the tool swings faster under a limit of the tip's speed. Such a motion has one
@@ -8,6 +8,9 @@ Which joint turns, and to which side, is seen without a solver. T(q) is TOPP-RA'
 their directions an optimal one gains nothing, to first order, from a displacement that keeps these directions. So where
 T(q + A b e_j) < T(q) for a small A and a smooth b(s) that is 0 at the points, it is a displacement that turns joint j back.
 The reverse does not hold: where several limits bind at once, T falls only where the displacement loosens all of them.
+
+Through points joints turn back for each other: one that has time to spare before a point goes beyond it, or takes a run-up,
+and passes it at speed in the direction of its way from there (`passing_turns`).
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.lower_bound import fastest_times
 from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.phases import Phase, joint_room
 from ssm_planner.planning.retiming.paths import MotionPath, PathSamples
@@ -48,6 +52,9 @@ TURNS, TRIED, COMPARABLE = 3, 2, 0.5
 as a share of the best."""
 PAYS = 2e-3
 """Share of the duration that a turning point has to save."""
+SOLVES, ENOUGH, DIFFERENCE, IDLE = 60, 1e-6, 1e-6, 5e-4
+"""Of the speeds at points: iterations, precision, difference for slopes, and the share of the time that those left out
+save."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +67,8 @@ class Turns:
     """Which of these are the latter."""
     gain: float = 0.0
     """Share of the time that this one is expected to save."""
+    passing: Array | None = None
+    """q̇ at the points within, (k − 1, 4), where these tell between which of them joints turn back."""
 
 
 def best_turns(
@@ -107,6 +116,110 @@ def _promising(
             found.append(Turns(points, tuple(sorted(moved)), gain))
     found.sort(key=lambda each: -each.gain)
     return [each for each in found[:TRIED] if each.gain > COMPARABLE * found[0].gain]
+
+
+def passing_turns(problem: Problem, phase: Phase) -> Turns | None:
+    """Turning points of a free phase with points on its way, of joints that pass beyond one or take a run-up to the next.
+
+    The joints alone, with their speeds q̇_j(k) at the points unknown, give the durations of the ways: the least Σ_k max_j of
+    the closed forms, once with the directions of the ways kept and once without. None where that saves too little.
+    """
+    velocity, acceleration = np.array([(joint.velocity, joint.acceleration) for joint in problem.robot.joints]).T
+    velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
+    way = np.diff(phase.points, axis=0)
+    alone = _Passing(way, (phase.qd_start, phase.qd_end), velocity, acceleration)
+    kept = alone.fastest(np.zeros((len(way) - 1, 4)), turning=False)
+    free = alone.fastest(kept, turning=True)
+    least = alone.duration(kept)
+    if alone.duration(free) > (1 - PAYS) * least:
+        return None
+    return Turns(phase.points, gain=1 - alone.duration(free) / least, passing=alone.without_idle(free))
+
+
+@dataclass(frozen=True, eq=False)
+class _Passing:
+    """Joints that pass points, each as if it were alone, at the same instants."""
+
+    way: Array
+    """From point to point, (n, 4)."""
+    ends: tuple[Array, Array]
+    """q̇ at both ends, (4,)."""
+    velocity: Array
+    acceleration: Array
+    """Limits, (4,)."""
+
+    def times(self, speeds: Array) -> Array:
+        """Of every joint over every way, (n, 4), with q̇ (n − 1, 4) at the points within."""
+        whole = np.vstack([self.ends[0], speeds, self.ends[1]])
+        return fastest_times(self.way, self.velocity, self.acceleration, (whole[:-1], whole[1:]))
+
+    def duration(self, speeds: Array) -> float:
+        """Of all, s."""
+        return float(self.times(speeds).max(axis=1).sum())
+
+    def fastest(self, speeds: Array, *, turning: bool) -> Array:
+        """q̇ with which all takes least, from others on; not turning: joints that do not go on in their direction rest."""
+        from scipy.optimize import fmin_slsqp
+
+        n, most = len(self.way), np.broadcast_to(self.velocity, speeds.shape)
+        signs = np.sign(self.way)
+        low, high = (
+            np.where(turning | (np.minimum(side * signs[:-1], side * signs[1:]) > 0), side * most, 0.0)
+            for side in (-1, 1)
+        )
+        unit = self.duration(speeds)
+
+        def total(x: Array) -> float:
+            return float(x[:n].sum())
+
+        def total_slope(x: Array) -> Array:
+            return np.append(np.ones(n), np.zeros(len(x) - n))
+
+        def spare(x: Array) -> Array:
+            return np.asarray(x[:n, None] - self.times(x[n:].reshape(-1, 4) * most) / unit).ravel()
+
+        def spare_slope(x: Array) -> Array:
+            return self._slopes(x[n:].reshape(-1, 4), unit)
+
+        found = fmin_slsqp(
+            total,
+            np.concatenate([self.times(speeds).max(axis=1) / unit, (speeds / most).ravel()]),
+            fprime=total_slope,
+            bounds=[*[(0.0, np.inf)] * n, *zip((low / most).ravel(), (high / most).ravel(), strict=True)],
+            f_ieqcons=spare,
+            fprime_ieqcons=spare_slope,
+            iter=SOLVES,
+            acc=ENOUGH,
+            iprint=0,
+        )
+        reached = np.clip(found[n:].reshape(-1, 4) * most, low, high)
+        return reached if self.duration(reached) < self.duration(speeds) else speeds
+
+    def _slopes(self, shares: Array, unit: float) -> Array:
+        """Of T_k − t_jk, in units of time, by T and by the speeds as shares of the largest, (4 n, n + 4 (n − 1))."""
+        n, here = len(self.way), self.times(shares * self.velocity)
+        slopes = np.zeros((n, 4, n + shares.size))
+        slopes[np.arange(n), :, np.arange(n)] = 1.0
+        for first in (0, 1):  # a speed bears on the ways before and after it alone
+            moved = shares.copy()
+            moved[first::2] += DIFFERENCE
+            change = (here - self.times(moved * self.velocity)) / (DIFFERENCE * unit)
+            for k in range(first, n - 1, 2):
+                for j in range(4):
+                    slopes[[k, k + 1], j, n + 4 * k + j] = change[[k, k + 1], j]
+        return slopes.reshape(4 * n, -1)
+
+    def without_idle(self, speeds: Array) -> Array:
+        """Without those that hardly save time, the smallest first: joints turn back for them."""
+        kept = speeds.copy()
+        longest = (1 + IDLE) * self.duration(speeds)
+        order = np.argsort(np.abs(speeds / self.velocity), axis=None)
+        for k, j in zip(*np.unravel_index(order, speeds.shape), strict=True):
+            less = kept.copy()
+            less[k, j] = 0.0
+            if self.duration(less) <= longest:
+                kept = less
+        return kept
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,15 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.lower_bound import fastest_times
 from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.planning.planner import plan_motion
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Free, Joints, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
 Weaker = Callable[[Robot, float], Robot]
@@ -37,10 +40,12 @@ def through(problem: Problem, *points: tuple[float, ...], first: tuple[float, ..
     return dataclasses.replace(problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),))
 
 
-def passing(result: Plan, point: tuple[float, ...]) -> tuple[float, Array]:
+def passing(motion: Plan | Trajectory, point: tuple[float, ...]) -> tuple[float, Array]:
     """When the motion is nearest to a point, of the ends of its pieces, and the velocities then."""
-    assert result.passed
-    at_breaks = result.trajectory.sample(result.trajectory.breaks)
+    if isinstance(motion, Plan):
+        assert motion.passed
+        motion = motion.motion
+    at_breaks = motion.sample(motion.breaks)
     distance = np.abs(at_breaks.q - point).max(axis=1)
     k = int(np.argmin(distance))
     assert distance[k] <= 1e-9
@@ -68,10 +73,53 @@ def test_a_point_on_the_way_is_passed_at_speed(tilt_insert: Problem, with_jerk: 
     assert without.duration / backoff <= whole.duration <= 0.95 * sum(part.duration for part in parts)
 
 
-def test_a_joint_that_turns_back_or_stands_is_at_rest_and_the_others_go_on(tilt_insert: Problem) -> None:
-    _, speed = passing(plan(through(tilt_insert, ASIDE, LAST)), ASIDE)
+def test_a_joint_that_turns_back_at_a_point_is_at_rest_there_and_the_others_go_on(tilt_insert: Problem) -> None:
+    planned = plan_motion(through(tilt_insert, ASIDE, LAST), turning=False)
+    assert planned.trajectory is not None
+    _, speed = passing(planned.trajectory, ASIDE)
     assert speed[[1, 3]] == pytest.approx(0.0, abs=1e-12)
     assert np.all(np.abs(speed[[0, 2]]) > 0.1)
+
+
+@pytest.mark.parametrize("jerk", [False, True])
+def test_a_joint_with_time_to_spare_turns_back_beyond_the_point(
+    tilt_insert: Problem, with_jerk: WithJerk, jerk: bool
+) -> None:
+    """Joint 1 takes long to the point and joint 2 from there: each then is as fast as it is alone over its way.
+
+    Joint 2 passes the point at the speed that makes it so, which the bound takes for free.
+    """
+    first, point, last = (-0.5, 0.6, 0.0, 0.0), (0.3, 0.7, 0.3, 0.0), (0.35, -0.2, 0.5, 0.0)
+    robot = unmotored(tilt_insert.robot)
+    if jerk:
+        robot = with_jerk(robot, 60.0, 2.0)
+    problem = dataclasses.replace(through(tilt_insert, point, last, first=first), robot=robot, objective="time")
+    rested, result = plan_motion(problem, turning=False).phases[0], plan(problem)
+    assert result.passed
+    _, speed = passing(result.motion, point)
+    assert speed[1] < -0.1
+    assert result.motion.uniform(1000.0).q[:, 1].max() > 0.71
+    assert result.duration < 0.96 * rested.duration
+    if not jerk:
+        acceleration = [joint.acceleration for joint in robot.joints]
+        velocity = [joint.velocity for joint in robot.joints]
+        ways = np.diff([first, point, last], axis=0)
+        alone = least_over(ways[:, :2], np.array(velocity[:2]), np.array(acceleration[:2]))
+        assert result.duration == pytest.approx(alone, rel=5e-4)
+
+
+def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
+    """Two ways of two joints alone: the least sum of the slower one's times, over a grid of both speeds at the point, s."""
+    first, second = np.meshgrid(*(np.linspace(-v, v, 801) for v in velocity), indexing="ij")
+    there = (
+        fastest_times(way, v, a, (np.zeros(()), speed))
+        for way, v, a, speed in zip(ways[0], velocity, acceleration, (first, second), strict=True)
+    )
+    onward = (
+        fastest_times(way, v, a, (speed, np.zeros(())))
+        for way, v, a, speed in zip(ways[1], velocity, acceleration, (first, second), strict=True)
+    )
+    return float((np.maximum(*there) + np.maximum(*onward)).min())
 
 
 def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> None:

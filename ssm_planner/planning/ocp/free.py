@@ -88,13 +88,15 @@ def solve_free(
     method: Method = "Ipopt",
     pull: Array | None = None,
     loose: tuple[int, ...] = (),
+    passing: Array | None = None,
     useless: float = np.inf,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
     strict, cooling, method: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     pull: q̈ (4,) at the start where jerk is limited, 0 by default. loose: which of the points, of a motion from rest to rest,
-    only guess where joints turn back; they are optimised. useless: s, as for `optimise`.
+    only guess where joints turn back; they are optimised. passing: q̇ (k − 1, 4) at the points within, a guess that tells
+    between which of them joints turn back. useless: s, as for `optimise`.
     """
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
@@ -119,8 +121,12 @@ def solve_free(
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
     fewest = 2 if len(way) < 16 else 1
     table = np.stack([limits[name] for name in KINEMATIC])
+    within = _passing_at_need(way, ends, table[1]) if passing is None else passing
+    speeds_at = np.vstack([ends[0], within, ends[1]])
     segments = [
-        _segment(way, k, ends, table, each=each, fewest=fewest, jerk=limits_jerk(robot), pull=pull)
+        _segment(
+            way[k], speeds_at[k : k + 2], table, each=each, fewest=fewest, jerk=limits_jerk(robot), pull=pull * (k == 0)
+        )
         for k in range(len(way))
     ]
     borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
@@ -171,7 +177,7 @@ def solve_free(
 
     guesses = [guess for each in segments for guess in each.guesses]
     ocp = on_mesh_of(guesses)
-    if at_rest and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
+    if at_rest and passing is None and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
@@ -188,38 +194,33 @@ def _count(ways: int, *, finer: bool, one_time: bool, jerk: bool) -> int:
 
 
 def _segment(
-    way: Array,
-    k: int,
-    ends: tuple[Array, Array],
-    table: Array,
-    *,
-    each: int,
-    fewest: int,
-    jerk: bool,
-    pull: Array,
+    way: Array, speeds: Array, table: Array, *, each: int, fewest: int, jerk: bool, pull: Array
 ) -> TurningGuess:
-    """The guess between points k and k + 1 of a motion over ways (n, 4), at rest at the points within."""
-    begin, end = (ends[0] if k == 0 else np.zeros(4)), (ends[1] if k == len(way) - 1 else np.zeros(4))
-    if not (begin.any() or end.any()):
-        guess = closed_form_guess(way[k], table, jerk, each, fewest)
-        positions = np.stack([np.zeros(4), way[k]])
-        return TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), np.sign(way[k : k + 1]))
-    # a joint that goes on in its direction, and cannot stop before the point, passes it at speed
-    if k < len(way) - 1:
-        end = _passing(begin, way[k], way[k + 1], table[1])
-    if k > 0:
-        begin = _passing(end, way[k], way[k - 1], table[1])
+    """The guess over a way (4,) from q̇ to q̇ (2, 4); pull: q̈ where it begins."""
+    begin, end = speeds
+    if not speeds.any():
+        guess = closed_form_guess(way, table, jerk, each, fewest)
+        positions = np.stack([np.zeros(4), way])
+        return TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), np.sign(way[None]))
     brake = table[1]
     if jerk:
-        brake = np.minimum(braking(begin, pull if k == 0 else np.zeros(4), table), braking(end, np.zeros(4), table))
+        brake = np.minimum(braking(begin, pull, table), braking(end, np.zeros(4), table))
     limits = np.stack([table[0], table[1], brake])
-    return turning_guess(way[k], (begin, end), limits, count=each, fewest=fewest)
+    return turning_guess(way, (begin, end), limits, count=each, fewest=fewest)
 
 
-def _passing(speed: Array, way: Array, other: Array, acceleration: Array) -> Array:
-    """Least speed (4,) at a point, a way (4,) from where a joint has this speed, if its way beyond the point is the same."""
-    square = np.where((way * other > 0) & (speed * way > 0), speed**2 - 2 * acceleration * np.abs(way), 0.0)
-    return np.asarray(np.sign(speed) * np.sqrt(np.maximum(square, 0.0)))
+def _passing_at_need(way: Array, ends: tuple[Array, Array], acceleration: Array) -> Array:
+    """q̇ (n − 1, 4) at the points between ways (n, 4): rest, but of a joint that cannot stop between a point and an end.
+
+    It passes the point at the least speed, if it goes on beyond it in its direction.
+    """
+    found = np.zeros((len(way) - 1, 4))
+    for speed, near, beyond, k in ((ends[0], 0, 1, 0), (ends[1], -1, -2, -1)) if len(way) > 1 else ():
+        goes_on = (way[near] * way[beyond] > 0) & (speed * way[near] > 0)
+        square = np.where(goes_on, speed**2 - 2 * acceleration * np.abs(way[near]), 0.0)
+        least = np.sign(speed) * np.sqrt(np.maximum(square, 0.0))
+        found[k] = np.where(np.abs(least) > np.abs(found[k]), least, found[k])
+    return found
 
 
 def _jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array]) -> Array:
