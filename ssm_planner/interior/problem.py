@@ -63,12 +63,13 @@ class Called:
     """A group's functions as C calls them back. Their numbers stand row by row, those of one element after the other's."""
 
     def __init__(self, group: RowGroup) -> None:
-        self.failure: BaseException | None = None
-        """What one of them raised, for C passes no exceptions on."""
+        self.failures: list[BaseException] = []
+        """What they raised, for C passes no exceptions on."""
         count = len(group.elements)
         self._mapped = {name: Mapped(function, group.parameters, count) for name, function in group.functions.items()}
         calls = (
-            kind(self._call(self._mapped[name])) if name in self._mapped else kind() for name, kind in _KINDS.items()
+            kind(_call(self._mapped[name], self.failures)) if name in self._mapped else kind()
+            for name, kind in _KINDS.items()
         )
         self.functions = ElementGroup(None, group.functions["rows"].size1_in(0), group.bound.shape[1], count, *calls)
 
@@ -77,16 +78,16 @@ class Called:
         """Spent in the functions so far."""
         return sum(each.seconds for each in self._mapped.values())
 
-    def _call(self, mapped: Mapped) -> Any:
-        def call(_: int, z: int, *others: int) -> int:
-            try:
-                mapped.at(z, *others)
-            except BaseException as error:  # noqa: BLE001
-                self.failure = error
-                return 1
-            return 0
 
-        return call
+def _call(mapped: Mapped, failures: list[BaseException]) -> Any:
+    def call(_: int, z: int, *others: int) -> int:
+        try:
+            mapped.at(z, *others)
+        except BaseException as error:  # noqa: BLE001
+            failures.append(error)
+        return len(failures)
+
+    return call
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

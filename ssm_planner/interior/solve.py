@@ -167,9 +167,8 @@ class _Given:
 
     def raise_failure(self) -> None:
         """What a function raised, for C passes no exceptions on."""
-        for called in self._groups:
-            if called.failure is not None:
-                raise called.failure
+        for failure in (each for called in self._groups for each in called.failures):
+            raise failure
 
     @property
     def seconds(self) -> float:

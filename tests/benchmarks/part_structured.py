@@ -1,22 +1,26 @@
-"""The structured solver against Ipopt: the same programs from the same guesses, and whole plans with either; CPU time."""
+"""The structured solver: against Ipopt, Opti and rockit on the same programs, whole plans, and time by mesh; CPU time."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 from unittest.mock import patch
 
 from cases import FREE_WEAK, ROOT, Change, free_problem, straight_problem, with_limits
 from measuring import Spread
+from part_same_problem import MOTIONS, OPTI_EXPANDED, ROCKIT_EXPANDED, make, problems
 from section import Section
 
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning import planner as phase_planner
 from ssm_planner.planning.ocp import refinement
 from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.nlp import InitialPoint
+from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
 from ssm_planner.planning.planner import plan_motion
@@ -24,6 +28,12 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 
 ROUNDS = 7
+PEERS = (OPTI_EXPANDED, ROCKIT_EXPANDED)
+FASTER, GROWTH = 30.0, 1.2
+"""Than one solve of either; times the time per iteration and element of the smallest mesh."""
+MESHES = (25, 100, 400, 1600)
+STEPS = 10
+"""Iterations whose time is taken on every mesh."""
 
 
 def run(quick: bool) -> Section:
@@ -47,7 +57,83 @@ def run(quick: bool) -> Section:
         "÷",
     )
     section.table(head, rows)
+    _against_peers(section, MOTIONS[:1] if quick else MOTIONS, 2 if quick else ROUNDS)
+    _by_mesh(section, MESHES[:2] if quick else MESHES)
     return section
+
+
+class _AskedError(Exception):
+    """The structured solver was asked; what it was given."""
+
+
+def _asked(problem: Problem) -> tuple[Any, ...]:
+    """What the structured solver is first given of a problem."""
+
+    def ask(*given: Any) -> None:
+        raise _AskedError(*given)
+
+    with patch.object(refinement, "solve_structured", ask):
+        try:
+            plan_motion(unchecked(problem, planner="fast"))
+        except _AskedError as asked:
+            return asked.args
+    raise RuntimeError("the structured solver was not asked")
+
+
+def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> None:
+    """One solve of each from its own guess: rows, mesh and tolerance are the same; setting parameters included."""
+    section.say("One solve with other numbers than the last, from the first guess; iterations in brackets.")
+    rows = []
+    for motion in motions:
+        cases = [_asked(problem) for problem in problems(motion)]
+        function_store.compile_all()
+        ways: dict[str, Any] = {"structured": lambda k, cases=cases: solve_structured(*cases[k]).iterations}
+        for name in PEERS:
+            try:
+                way = make(name, motion)
+                way.solve(0)
+            except ModuleNotFoundError as error:
+                section.cannot.append((f"{name}, {motion}", str(error)))
+                continue
+            ways[name] = lambda k, way=way: way.solve(k)[1]
+        spent: dict[str, list[float]] = {name: [] for name in ways}
+        iterations: dict[str, list[float]] = {name: [] for name in ways}
+        for k in range(1, rounds + 1):
+            for name, solve in ways.items():
+                begin = time.process_time()
+                iterations[name].append(solve(k % len(cases)))
+                spent[name].append(time.process_time() - begin)
+        times = {name: Spread.of(values) for name, values in spent.items()}
+        for name, spread in times.items():
+            ratio = spread.over(times["structured"])
+            counts = Spread.of(iterations[name])
+            rows.append([motion, name, f"{spread.seconds()} [{counts.text()}]", ratio.times()])
+            if name in PEERS:
+                words = f"one structured solve, {motion}: times faster than {name}"
+                section.asked(words, f"≥ {FASTER:g}", ratio.text(), ratio.median >= FASTER)
+    section.table(("motion", "by", "one solve", "÷ structured"), rows)
+
+
+def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
+    """Time of an iteration and element, with and without the functions of the elements."""
+    section.say(f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element.")
+    rows, whole = [], []
+    for count in meshes:
+        with patch.object(phase_planner, "solve_straight", partial(solve_straight, count=count)):
+            given = _asked(straight_problem(Change()))
+        spent = {}
+        for steps in (0, STEPS):
+            spent[steps] = min(
+                _times({"": lambda given=given, steps=steps: solve_structured(*given, steps)}, 5)[""].values
+            )
+        n = given[0].elements
+        whole.append((spent[STEPS] - spent[0]) / STEPS / n)
+        rows.append([str(n), f"{1e6 * whole[-1]:.2f} µs", f"{whole[-1] / whole[0]:.2f}"])
+    section.table(("elements", "an iteration and element", "÷ the smallest mesh's"), rows)
+    growth = max(whole) / whole[0]
+    section.asked(
+        "structured solver, time per iteration and element, by mesh", f"≤ {GROWTH:g}", f"{growth:.2f}", growth <= GROWTH
+    )
 
 
 def _cases(quick: bool) -> dict[str, Problem]:
