@@ -122,7 +122,12 @@ class RigidBody:
     @classmethod
     def from_robot(cls, robot: Robot) -> RigidBody:
         """The same object for the same geometry, bodies and gravity, so that its Functions are built once."""
-        return _rigid_body(pickle.dumps((robot.geometry, robot.bodies, robot.gravity)))
+        global _last
+        parts, known = (robot.geometry, robot.gravity, *robot.bodies), _last
+        if known is None or any(one is not other for one, other in zip(known[0], parts, strict=True)):
+            content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
+            known = _last = parts, _rigid_body(content)
+        return known[1]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Joint efforts (n, 4) at q, qd, qdd (n, 4)."""
@@ -201,6 +206,10 @@ class RigidBody:
                 com += rotation @ ca.DM(axes[2]) * q[3]
             potential -= body.mass * ca.dot(ca.DM(self.gravity), com)
         return potential
+
+
+_last: tuple[tuple[Any, ...], RigidBody] | None = None
+"""That was asked for last, and of what."""
 
 
 @lru_cache(maxsize=16)

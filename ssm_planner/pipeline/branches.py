@@ -247,5 +247,5 @@ def _with_target(problem: Problem, entry: int, place: int, q: Array) -> Problem:
     targets = [*motion.through, motion.to]
     targets[place] = Joints((a, b, c, d), targets[place].line)
     spin_free = motion.spin_free and place < len(motion.through)
-    changed: Motion = replace(motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free)
-    return replace(problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :]))
+    changed: Motion = unchecked(motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free)
+    return unchecked(problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :]))

@@ -107,9 +107,16 @@ def _plan(
     )
 
 
+def quickly(problem: Problem) -> Problem:
+    """The problem for the structured solver alone, where Ipopt would confirm what that finds: for trials and re-planning."""
+    return unchecked(problem, planner="fast") if problem.planner == "optimal" else problem
+
+
 @dataclass(frozen=True)
 class Replanner:
     """Plans one problem again and again, from other starts and to other targets: for control loops and studies.
+
+    By the structured solver without Ipopt's confirmation, as with `planner: fast`, unless the problem names another planner.
 
     What does not depend on those, programs and compiled functions, is built once and kept, of the last dozen structures of
     motions: memory does not grow. A plan is the same to the last bit whatever was planned before. Threads may share it.
@@ -133,12 +140,12 @@ class Replanner:
         first = self.problem.start if start is None else _merged(self.problem.start, start)
         motion = self.problem.motion if target is None else self._to(target)
         begins = self.problem.start_rate if rates is None else rates
-        return plan(replace(self.problem, start=first, start_rate=begins, motion=motion), relaxations=False)
+        return plan(quickly(replace(self.problem, start=first, start_rate=begins, motion=motion)), relaxations=False)
 
     def plan_from(self, motion: Plan | Trajectory, at: float, target: Point | None = None) -> Plan:
         """Plan on from an instant of a motion, s, as fast as the robot then moves; otherwise as `plan`."""
         there = begun_at(replace(self.problem, motion=self._to(target)) if target else self.problem, motion, at)
-        return plan(there, relaxations=False)
+        return plan(quickly(there), relaxations=False)
 
     def _to(self, target: Point) -> tuple[Motion, ...]:
         motions = list(self.problem.motion)
@@ -413,7 +420,7 @@ def _ignore(_: object) -> None:
 
 
 def _duration_or_reason(problem: Problem) -> float | Reason:
-    planned, _, reason = _attempt(problem, _ignore, _ignore)
+    planned, _, reason = _attempt(quickly(problem), _ignore, _ignore)
     if reason is not None or planned.trajectory is None:
         return reason or Reason(None, None, None, None, "no motion found")
     return planned.trajectory.duration

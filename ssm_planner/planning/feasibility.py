@@ -68,12 +68,7 @@ def infeasible_place(problem: Problem, mechanism: Mechanism, phases: Sequence[Ph
 
 def _joints(phase: Phase) -> Array:
     """Joints along a straight path, or at the points of another motion, (n, 4)."""
-    return phase.points if phase.path is None else _along(phase.path)
-
-
-def _along(path: JointPath) -> Array:
-    """Joints along a path, (SAMPLES, 4)."""
-    return path.sample(np.linspace(0.0, 1.0, SAMPLES)).q
+    return phase.points if phase.path is None else phase.path.overview.q
 
 
 def _where(phase: Phase, k: int, count: int) -> str:
@@ -175,7 +170,7 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
 
 def nearest_to_eye(problem: Problem, path: JointPath) -> Array:
     """Where a path comes nearest to retina or lens, or goes farthest through them: joints, (4,)."""
-    q = _along(path)
+    q = path.overview.q
     values = [] if problem.eye is None else eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, q).T).values()
     room = np.min([value / least for value, least in values if least > 0] or np.zeros((1, len(q))), axis=0)
     return np.asarray(q[int(np.argmin(room))])
@@ -329,7 +324,7 @@ def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> 
     reason = motor_too_weak(problem, phase, path, SAMPLES)
     if reason is not None:
         return reason
-    blocked = blocked_by_eye(problem, path.mechanism, phase, _along(path))
+    blocked = blocked_by_eye(problem, path.mechanism, phase, path.overview.q)
     if blocked is not None:
         text = f"{blocked.message}; no way around it was found ({message})"
         return replace(blocked, message=text)
@@ -461,7 +456,7 @@ class _SlowMotion:
         """Of a phase; None where it is not straight, or begins or ends at speed."""
         if phase.path is None or phase.qd_start.any() or phase.qd_end.any():
             return None
-        way = phase.path.sample(np.linspace(0.0, 1.0, SAMPLES))
+        way = phase.path.overview
         load = RigidBody.from_robot(robot).path_load(way.q, way.dq, way.ddq)
         velocity = np.array([joint.velocity for joint in robot.joints])
         fastest = np.min(velocity / np.maximum(np.abs(way.dq), 1e-12), axis=1)

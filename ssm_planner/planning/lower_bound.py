@@ -130,7 +130,7 @@ def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: fl
     if not speeds.any():
         # where it turns back its velocity is zero, but with a jerk limit its acceleration need not be
         jerk = joint.jerk if len(runs) == 1 else None
-        return sum(rest_to_rest(run, velocity, acceleration, jerk).duration for run in runs)
+        return sum(rest_time(run, velocity, acceleration, jerk) for run in runs)
     moved = steps[np.abs(steps) > MOVES]
     if len(runs) < 2:
         return fastest(float(moved.sum()), velocity, acceleration, (speeds[0], speeds[1]))
@@ -148,10 +148,15 @@ def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: fl
 
 def _runs(positions: Array) -> list[float]:
     """Distances between the points where the motion turns back."""
-    steps = np.diff(positions)
-    steps = steps[np.abs(steps) > MOVES]
-    turns = np.flatnonzero(np.diff(np.sign(steps))) + 1
-    return [float(np.abs(run).sum()) for run in np.split(steps, turns) if len(run)]
+    runs: list[float] = []
+    for step in np.diff(positions).tolist():
+        if abs(step) <= MOVES:
+            continue
+        if runs and runs[-1] * step > 0:
+            runs[-1] += step
+        else:
+            runs.append(step)
+    return [abs(run) for run in runs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,6 +239,17 @@ def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: fl
     )
     kept = all_lengths > 1e-13 * all_lengths.sum()
     return SCurve(all_lengths[kept], starts[kept], ends[kept])
+
+
+def rest_time(distance: float, velocity: float, acceleration: float, jerk: float | None = None) -> float:
+    """The duration of `rest_to_rest`, s."""
+    speed = min(velocity, _reachable_speed(distance, acceleration, jerk))
+    if jerk is None:
+        ramp = speed / acceleration
+    else:
+        limited = speed * jerk >= acceleration**2
+        ramp = speed / acceleration + acceleration / jerk if limited else 2 * math.sqrt(speed / jerk)
+    return ramp + max(distance / speed, ramp)
 
 
 def _reachable_speed(distance: float, acceleration: float, jerk: float | None) -> float:

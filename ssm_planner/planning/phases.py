@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -252,7 +253,16 @@ def _solutions(
         return found
     assert isinstance(target, Task)
     task = _task_of(problem, mechanism, target, held)
-    return inverse_task(mechanism, task[None, :], limits=limits, reference=reference)
+    return _inverse(mechanism, *(None if each is None else each.tobytes() for each in (task, limits, reference)))
+
+
+@lru_cache(maxsize=256)
+def _inverse(mechanism: Mechanism, task: bytes | None, limits: bytes | None, reference: bytes | None) -> Solutions:
+    """`inverse_task` of one target: other joints for one of several targets ask for the same ones again."""
+    assert task is not None
+    within = None if limits is None else np.frombuffer(limits).reshape(4, 2)
+    near = None if reference is None else np.frombuffer(reference)
+    return inverse_task(mechanism, np.frombuffer(task)[None, :], limits=within, reference=near)
 
 
 def _task_of(problem: Problem, mechanism: Mechanism, target: Task, held: Array) -> Array:

@@ -312,8 +312,8 @@ class _PhasePlanner:
         retiming = self._retime(path, problem.robot, speeds)
         if not retiming.solved:
             return no_motion(problem, phase, path, retiming.message)
-        guess = retiming
-        if retiming.duration > CREEPING * self._lower_bound(phase):
+        guess, bound = retiming, self._lower_bound(phase)
+        if retiming.duration > CREEPING * bound:
             # a motor that barely starts creeps over TOPP-RA's first interval, where a real one breaks away at a point
             kinetic = self._retime(path, problem.robot, speeds, static=False)
             guess = kinetic if kinetic.solved else retiming
@@ -330,7 +330,7 @@ class _PhasePlanner:
             speeds=speeds,
         )
         motion = self._solved(solve)
-        return self._planned(phase, path, motion, None if asked else retiming.duration)
+        return self._planned(phase, path, motion, None if asked else retiming.duration, bound)
 
     def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
@@ -488,15 +488,23 @@ class _PhasePlanner:
             useless=useless,
         )
         motion = self._solved(solve)
-        return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None)
+        return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:
         return retime(path, robot, limits=self.problem.task_limits, speeds=speeds, static=static)
 
     def _planned(
-        self, phase: Phase, path: JointPath, motion: PhaseSolution, toppra_duration: float | None
+        self,
+        phase: Phase,
+        path: JointPath,
+        motion: PhaseSolution,
+        toppra_duration: float | None,
+        bound: float | None,
     ) -> PlannedPhase | Reason:
-        """The phase with a solver's motion, or why that is none of the phase: it was not found, or takes too long."""
+        """The phase with a solver's motion, or why that is none of the phase: it was not found, or takes too long.
+
+        bound: the lower bound where it is known.
+        """
         if not motion.solved:
             if self.sketch:
                 return Reason(None, None, None, None, motion.message)
@@ -504,7 +512,7 @@ class _PhasePlanner:
         asked = phase.motion.duration
         if asked is not None and motion.duration > asked * (1 + LONGER):
             return duration_too_short(phase.motion.name, asked, motion.duration)
-        return PlannedPhase(phase, motion, toppra_duration, asked or self._lower_bound(phase))
+        return PlannedPhase(phase, motion, toppra_duration, asked or bound or self._lower_bound(phase))
 
     def _lower_bound(self, phase: Phase) -> float:
         """A duration that no motion between the ends of the phase can beat, s."""

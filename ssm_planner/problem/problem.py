@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -55,7 +56,7 @@ class Eye(Value):
     lens: Lens | None = None
     """What the shaft keeps clear of."""
 
-    @property
+    @cached_property
     def limits(self) -> tuple[Limit, ...]:
         """What it limits."""
         retina = RetinaClearance(self.clearance, self.radius)
@@ -219,7 +220,7 @@ class Problem(Value, Limited):
     Both are readers of files, so `loading/load` gives them to this class.
     """
 
-    @property
+    @cached_property
     def task_limits(self) -> TaskLimits:
         """Limits on where the tool is and how fast it goes."""
         return TaskLimits(

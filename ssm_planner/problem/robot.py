@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -106,34 +107,10 @@ class Body(Value):
             raise self._wrong("inertia", reason, POSSIBLE)
 
 
-@lru_cache(maxsize=256)
-def _limits(
-    name: str,
-    slides: bool,
-    kinematic: tuple[Range, float, float, float | None],
-    motor: tuple[float, float, float] | None,
-    drive: tuple[bool, float | None],
-) -> tuple[Limit, ...]:
-    """Of a joint: checks and plans ask for them again and again.
-
-    kinematic: position, velocity, acceleration, jerk; motor: largest speed and torque, nominal torque; drive: whether a nut
-    has to stay in contact, and the lowest friction coefficient that has to lock.
-    """
-    position, velocity, acceleration, jerk = kinematic
-    found: list[Limit] = [
-        JointPosition(name, *position, slides),
-        JointVelocity(name, velocity, slides),
-        JointAcceleration(name, acceleration, slides),
-    ]
-    if jerk is not None:
-        found.append(JointJerk(name, jerk, slides))
-    if motor is not None:
-        found += [MotorSpeed(name, motor[0]), MotorTorque(name, motor[1]), ContinuousTorque(name, motor[2])]
-    if drive[0]:
-        found.append(NutContact(name))
-    if drive[1] is not None:
-        found.append(SelfLocking(name, drive[1]))
-    return tuple(found)
+@lru_cache(maxsize=1024)
+def _kept(kind: Callable[..., Limit], *values: Any) -> Limit:
+    """A limit of these values: checks and plans ask for the same ones again and again."""
+    return kind(*values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,16 +165,26 @@ class Joint(Value):
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Everything that limits this joint, its motor and its drive."""
-        drive, motor, friction = self.drive, self.motor, None
-        if drive is not None and drive.self_locking and drive.friction is not None:
-            friction = drive.friction.mu if drive.friction.mu_lowest is None else drive.friction.mu_lowest
-        return _limits(
-            self.name,
-            self.kind == "prismatic",
-            (self.position, self.velocity, self.acceleration, self.jerk),
-            None if drive is None or motor is None else (motor.max_speed, motor.max_torque, motor.nominal_torque),
-            (drive is not None and drive.kind == "antibacklash_screw", friction),
-        )
+        name, slides, drive, motor = self.name, self.kind == "prismatic", self.drive, self.motor
+        found = [
+            _kept(JointPosition, name, *self.position, slides),
+            _kept(JointVelocity, name, self.velocity, slides),
+            _kept(JointAcceleration, name, self.acceleration, slides),
+        ]
+        if self.jerk is not None:
+            found.append(_kept(JointJerk, name, self.jerk, slides))
+        if drive is None:
+            return tuple(found)
+        if motor is not None:
+            found.append(_kept(MotorSpeed, name, motor.max_speed))
+            found.append(_kept(MotorTorque, name, motor.max_torque))
+            found.append(_kept(ContinuousTorque, name, motor.nominal_torque))
+        if drive.kind == "antibacklash_screw":
+            found.append(_kept(NutContact, name))
+        if drive.self_locking and drive.friction is not None:
+            lowest = drive.friction.mu_lowest
+            found.append(_kept(SelfLocking, name, drive.friction.mu if lowest is None else lowest))
+        return tuple(found)
 
     def limit(self, kind: type[L]) -> L:
         """The limit of one kind. Raises KeyError where there is none."""

@@ -126,8 +126,10 @@ def unchecked(value: V, **changes: Any) -> V:
 
     Trial values of a fit, arrays that stand for many drives at once, friction left out, others' mistakes reproduced.
     """
-    copy = object.__new__(type(value))
-    copy.__dict__.update(value.__dict__, **changes)
+    cls: Any = type(value)
+    copy, own = object.__new__(cls), value.__dict__
+    # what is worked out of the fields (cached properties) may be another
+    copy.__dict__.update({name: own[name] for name in _names(cls)}, **changes)
     return copy
 
 
@@ -315,6 +317,11 @@ def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
     if array.dtype.kind not in "iuf" or not fits or not np.isfinite(array).all():
         raise wrong(where, value, allowed)
     return frozen(array, array.shape)
+
+
+@cache
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(cls))
 
 
 @cache

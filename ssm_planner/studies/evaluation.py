@@ -21,7 +21,7 @@ from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import of_data
 from ssm_planner.loading.load import problem_from_dict
 from ssm_planner.loading.motors import motor_from
-from ssm_planner.pipeline.run import plan
+from ssm_planner.pipeline.run import plan, quickly
 from ssm_planner.plans import Plan
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
@@ -154,7 +154,7 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
     """The candidate's plans, made again with the motors it has, by motion; they keep the margin required of these."""
     found = {}
     for name, problem in problems_of(study, study.whole(row.design, row.figures)):
-        made = plan(sparing(problem, study.require.motor_margin))
+        made = plan(quickly(sparing(problem, study.require.motor_margin)))
         if made.trajectory is not None:
             certificate = check(made.trajectory, problem.robot, problem.task_limits, seal=True)
             made = replace(made, problem=problem, certificate=certificate)
@@ -169,7 +169,7 @@ def _planned(problems: Mapping[str, Problem], known: Motions) -> Motions | Falle
         if name in known and check(known[name], problem.robot, problem.task_limits).passed:
             found[name] = known[name]
             continue
-        made = plan(problem, relaxations=False)
+        made = plan(quickly(problem), relaxations=False)
         if not made.passed or made.trajectory is None:
             return Fallen("plan", f"{name}: {'no motion found' if made.reason is None else made.reason.message}")
         found[name] = made.trajectory

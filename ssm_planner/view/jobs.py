@@ -170,11 +170,11 @@ def planned(problem: Problem, steps: Path) -> Outcome:
             file.write(f"{time.perf_counter() - begin:.1f} s  {step}\n")
 
     progress("loading the planner")
-    from ssm_planner.pipeline.run import plan
+    from ssm_planner.pipeline.run import plan, quickly
     from ssm_planner.reporting.html.report import report_page
 
     relaxed: list[Problem] = []
-    result = plan(problem, progress, cured=relaxed.append)
+    result = plan(quickly(problem), progress, cured=relaxed.append)
     if result.trajectory is None:
         reason = result.reason
         message = reason.message if reason else result.status

@@ -89,9 +89,18 @@ def robot_key(robot: Robot) -> bytes:
 
     Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
     """
+    global _last
+    known = _last
+    if known is not None and known[0] is robot:
+        return known[1]
     joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
     corners = [load.bodies for load in robot.loads], [robot.actuations(i) for i in range(4)] if robot.corners else None
-    return pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
+    _last = robot, pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
+    return _last[1]
+
+
+_last: tuple[Robot, bytes] | None = None
+"""The robot that was asked for last, and its key."""
 
 
 def limits_jerk(robot: Robot) -> bool:

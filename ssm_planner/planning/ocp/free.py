@@ -261,13 +261,16 @@ class _FreeProblem(OcpProblem):
         """d: length of u = 1 by joint, (4,)."""
         return np.asarray(np.abs(np.diff(self.points, axis=0)).max(axis=0))
 
+    @cached_property
+    def room(self) -> Array:
+        """Where joints may turn back, (2, 4)."""
+        return joint_room(self.problem, self.mechanism, self.points[self.given.all(axis=1)])
+
     @property
     def boundary(self) -> BoundaryConditions:
         start, end = (self._scaled(speed, 1) for speed in self.speeds)
         points = self._scaled(np.where(self.given, self.points, np.nan) - self.points[0], 0)
-        room = self._scaled(
-            joint_room(self.problem, self.mechanism, self.points[self.given.all(axis=1)]) - self.points[0], 0
-        )
+        room = self._scaled(self.room - self.points[0], 0)
         pull = self._scaled(self.pull, 2)
         return BoundaryConditions(
             points, self.directions[:, self.moving], start, end, start_acceleration=pull, room=room

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.retiming.paths import PolylinePath
@@ -149,9 +150,11 @@ def _density(guess: Retiming, borders: Array) -> Array:
         if np.count_nonzero(inside) < 4 * DEGREE:
             densities.append(np.zeros(SAMPLES))
             continue
-        fit = np.polynomial.Chebyshev.fit(middle[inside], acceleration[inside], DEGREE)
-        places = np.clip(np.linspace(start, end, SAMPLES), *fit.domain)
-        densities.append(np.sqrt(np.abs(fit.deriv(2)(places))))
+        t = middle[inside]
+        centre, half = (t[-1] + t[0]) / 2, (t[-1] - t[0]) / 2
+        terms = np.linalg.lstsq(chebvander((t - centre) / half, DEGREE), acceleration[inside], rcond=None)[0]
+        places = np.clip((np.linspace(start, end, SAMPLES) - centre) / half, -1.0, 1.0)
+        densities.append(np.sqrt(np.abs(chebval(places, chebder(terms, 2)))) / half)
     return np.array(densities)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -133,7 +134,8 @@ class OcpProblem(ABC):
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """The program's parameters and bounds near these elements; backoff (n, active rows)."""
         velocity, acceleration, jerk = self.limits
-        lower, upper, between = self.boundary.bounds(self.structure, velocity, acceleration)
+        boundary = self.boundary
+        lower, upper, between = boundary.bounds(self.structure, velocity, acceleration)
         return NlpData(
             element_parameters=self.element_parameters(elements),
             fractions=self.fractions,
@@ -141,7 +143,7 @@ class OcpProblem(ABC):
             lower=lower,
             upper=upper,
             velocity=between,
-            end=np.concatenate([self.boundary.points[-1], self.boundary.end_velocity]),
+            end=np.concatenate([boundary.points[-1], boundary.end_velocity]),
             acceleration=acceleration,
             jerk=jerk,
             path_bound=np.tile(1.0 - backoff, (1, len(COLLOCATION))),
@@ -163,7 +165,7 @@ class OcpProblem(ABC):
         """σ: directions of the joints in every element, (n, 4)."""
         return np.asarray(self.directions[self.structure.segment])
 
-    @property
+    @cached_property
     def row_names(self) -> list[RowName]:
         """Of all r rows."""
         return self.complete_element.row_names
@@ -452,15 +454,15 @@ def parabolic_peak(values: Array) -> Array:
 
     Returns an array without the last axis; never less than the largest sample.
     """
-    last = values.shape[-1] - 1
-    best = np.argmax(values, axis=-1)[..., None]
-    middle = np.clip(best, 1, last - 1)
-    left, here, right = (np.take_along_axis(values, middle + k, axis=-1) for k in (-1, 0, 1))
+    count = values.shape[-1]
+    rows = values.reshape(-1, count)
+    largest = rows.max(axis=1)
+    middle = np.clip(rows.argmax(axis=1), 1, count - 2) + np.arange(len(rows)) * count
+    left, here, right = (rows.ravel()[middle + k] for k in (-1, 0, 1))
     slope, bend = (right - left) / 2, right - 2 * here + left
     with np.errstate(divide="ignore", invalid="ignore"):
         where = np.clip(np.nan_to_num(-slope / bend), -1.0, 1.0)
-    vertex = here + where * (slope + where * bend / 2)
-    return np.maximum(values.max(axis=-1), vertex[..., 0])
+    return np.asarray(np.maximum(largest, here + where * (slope + where * bend / 2)).reshape(values.shape[:-1]))
 
 
 def _chosen(names: list[RowName], values: Array, least: float) -> frozenset[RowName]:

@@ -141,7 +141,7 @@ class _StraightProblem(OcpProblem):
     @cached_property
     def complete_element(self) -> StraightElement:
         """With the rows of what moves and has a limit."""
-        moving = np.abs(self.path.sample(np.linspace(0, 1, 33)).dq).max(axis=0) > 0
+        moving = np.abs(self.path.overview.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
             rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -27,6 +26,7 @@ CORNER = np.radians(30)
 """Turn of a polyline, in joints by their velocities, beyond which it is no sample of a smooth curve."""
 STILL = 1e-9
 """A joint whose q'(s) stays below this (rad or m per whole path) does not move along the path."""
+OVERVIEW = 201
 LOOKS = 401
 """Points among which turning points of a straight path are looked for."""
 PARTS, DIGITS = 200, 5
@@ -62,8 +62,15 @@ class JointPath(ABC):
     def directions(self) -> tuple[Array, Array]:
         """Where joints turn back: knots s_k (m + 1,) from 0 to 1, and the sign of q'(s) between them, (m, 4); 0: stands."""
 
+    @cached_property
+    def overview(self) -> PathSamples:
+        """At OVERVIEW even places from end to end."""
+        return self.sample(np.linspace(0.0, 1.0, OVERVIEW))
+
     def speed_at(self, s: float, qd: Array) -> float:
         """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
+        if not qd.any():
+            return 0.0
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
 
@@ -127,22 +134,18 @@ class StraightPath(JointPath):
         turns[:, 3] = 0.0
         return turns
 
-    @cached_property
-    def _pickled(self) -> bytes:
-        return pickle.dumps(self.mechanism)
-
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
         """The joints at s (n,), up to whole turns, and their derivatives by s up to an order, (n, 4) each."""
-        function = _line(self._pickled, self.branch, order)
+        function = _line(self.mechanism, self.branch, order)
         ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
         return call(function, s[:, None], *ends)
 
 
 @lru_cache(maxsize=16)
-def _line(mechanism: bytes, branch: int, order: int) -> ca.Function:
-    """(s, start, way): the joints and their derivatives by s along a line in task coordinates; mechanism: pickled."""
+def _line(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
+    """(s, start, way): the joints and their derivatives by s along a line in task coordinates."""
     s, start, way = ca.SX.sym("s"), ca.SX.sym("start", 4), ca.SX.sym("way", 4)
-    values: Any = [joints_from_task_symbolic(pickle.loads(mechanism), start + s * way, branch)]
+    values: Any = [joints_from_task_symbolic(mechanism, start + s * way, branch)]
     for _ in range(order):
         values.append(ca.jacobian(values[-1], s))
     return ca.Function("path", [s, start, way], ca.cse(values))
@@ -171,11 +174,10 @@ class MotionPath(JointPath):
         breaks = self.trajectory.breaks / self.trajectory.duration
         shares = np.diff(breaks)
         between = np.maximum(np.round(shares * max(points - 2 * len(shares), 0)).astype(int), 1)
-        pieces = [
-            np.linspace(start + BESIDE * share, end - BESIDE * share, n + 1)
-            for start, end, share, n in zip(breaks[:-1], breaks[1:], shares, between, strict=True)
-        ]
-        return np.concatenate([[0.0], *pieces, [1.0]])
+        of = np.repeat(np.arange(len(shares)), between + 1)
+        part = np.arange(len(of)) - np.repeat(np.cumsum(between + 1) - between - 1, between + 1)
+        inside = BESIDE + (1 - 2 * BESIDE) * part / between[of]
+        return np.concatenate([[0.0], breaks[of] + inside * shares[of], [1.0]])
 
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)

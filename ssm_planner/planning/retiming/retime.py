@@ -173,10 +173,11 @@ def _retimed(
 
 def _bind(linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array) -> bool:
     """Whether a row binds that has a tangent."""
-    if not rows.k.any():
+    curved = np.asarray(rows.k.any(axis=0))
+    if not curved.any():
         return False
     binding = linear.active(grid, speed_squared)
-    return bool(rows.k[:, binding[binding >= 0]].any())
+    return bool(curved[binding[binding >= 0]].any())
 
 
 def _lifted(speed_squared: Array) -> Array:
