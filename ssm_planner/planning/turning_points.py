@@ -15,7 +15,7 @@ and passes it at speed in the direction of its way from there (`passing_turns`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -28,7 +28,7 @@ from ssm_planner.planning.lower_bound import fastest_times
 from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.phases import Phase, joint_room
 from ssm_planner.planning.retiming.paths import MotionPath, PathSamples
-from ssm_planner.planning.retiming.retime import retime_motion
+from ssm_planner.planning.retiming.retime import durations
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
@@ -103,17 +103,19 @@ def _promising(
     """Motions with one turning point more than this one of the phase, which has some already; the best expected first."""
     screen = _Screen.of(problem, mechanism, phase, motion)
     path, found = screen.path, []
-    for first, last in pairwise([k for k in range(len(path.knots)) if k not in loose]):
-        for displaced in screen.displacements(first, last):
-            chosen, gain = screen.farthest(displaced)
-            if not gain:
-                continue
-            k = int(np.clip(np.searchsorted(path.knots, chosen.peak), first + 1, last))
-            at = np.insert(path.knots, k, chosen.peak)
-            points = chosen.sample(at).q
-            moved = *(i + (i >= k) for i in loose), k
-            points[[i for i in range(len(at)) if i not in moved]] = phase.points
-            found.append(Turns(points, tuple(sorted(moved)), gain))
+    ways = pairwise([k for k in range(len(path.knots)) if k not in loose])
+    small = [(way, each) for way in ways for each in screen.displacements(*way) if screen.has_room(each)]
+    own, *times = screen.times([path, *(each for _, each in small)])
+    for ((first, last), displaced), time in zip(small, times, strict=True):
+        chosen, gain = screen.farthest(displaced, 1 - time / own, own)
+        if not gain:
+            continue
+        k = int(np.clip(np.searchsorted(path.knots, chosen.peak), first + 1, last))
+        at = np.insert(path.knots, k, chosen.peak)
+        points = chosen.sample(at).q
+        moved = *(i + (i >= k) for i in loose), k
+        points[[i for i in range(len(at)) if i not in moved]] = phase.points
+        found.append(Turns(points, tuple(sorted(moved)), gain))
     found.sort(key=lambda each: -each.gain)
     return [each for each in found[:TRIED] if each.gain > COMPARABLE * found[0].gain]
 
@@ -286,25 +288,32 @@ class _Screen:
                 moved = {"joint": joint, "far": far, "interval": interval}
                 yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, **moved)  # type: ignore[arg-type]
 
-    def farthest(self, displaced: _Displaced) -> tuple[_Displaced, float]:
-        """A displacement doubled as long as that shortens the motion more, and the share of the time that it saves."""
-        chosen, most = displaced, 0.0
-        for k in range(DOUBLED + 1):
-            further = replace(displaced, far=2**k * displaced.far)
-            q = further.sample(np.linspace(0.0, 1.0, SAMPLES)).q
-            inside = ((q >= self.room[0] - EDGE) & (q <= self.room[1] + EDGE)).all()
-            if not inside or infeasible_place(self.problem, self.path.mechanism, (replace(self.phase, points=q),)):
-                break
-            gain = 1 - self.time(further) / self.own_time
-            if gain <= max(most, GAIN):
+    def has_room(self, displaced: _Displaced) -> bool:
+        """Whether the joints stay in their room."""
+        q = displaced.sample(np.linspace(0.0, 1.0, SAMPLES)).q
+        return bool(((q >= self.room[0] - EDGE) & (q <= self.room[1] + EDGE)).all())
+
+    def is_allowed(self, displaced: _Displaced) -> bool:
+        """Whether no limit forbids a place on the path."""
+        way = replace(self.phase, points=displaced.sample(np.linspace(0.0, 1.0, SAMPLES)).q)
+        return infeasible_place(self.problem, self.path.mechanism, (way,)) is None
+
+    def farthest(self, displaced: _Displaced, gain: float, own: float) -> tuple[_Displaced, float]:
+        """A displacement doubled as long as that shortens the motion more, and the share of its own time that it saves.
+
+        gain: the share that the first one saves.
+        """
+        chosen, most, further = displaced, 0.0, displaced
+        for _ in range(DOUBLED + 1):
+            if gain <= max(most, GAIN) or not self.is_allowed(further):
                 break
             chosen, most = further, gain
+            further = replace(further, far=2 * further.far)
+            if not self.has_room(further):
+                break
+            gain = 1 - self.times([further])[0] / own
         return chosen, most
 
-    @cached_property
-    def own_time(self) -> float:
-        return self.time(self.path)
-
-    def time(self, path: MotionPath) -> float:
-        """TOPP-RA's along a path, s; infinite where it finds no motion."""
-        return retime_motion(path, self.problem.robot, self.problem.task_limits, GRID, PACE).duration
+    def times(self, paths: Sequence[MotionPath]) -> list[float]:
+        """TOPP-RA's along paths that differ by displacements, s; infinite where it finds no motion."""
+        return durations(paths, self.problem.robot, self.problem.task_limits, GRID, PACE)

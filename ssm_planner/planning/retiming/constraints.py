@@ -106,6 +106,11 @@ class LinearConstraints:
         b, c = self.b + self.k / (2 * root), self.c + self.k * (root / 2)
         return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
 
+    def part(self, points: slice) -> LinearConstraints:
+        """At some of the points."""
+        a, b, c, k, ceiling = (values[points] for values in (self.a, self.b, self.c, self.k, self.ceiling))
+        return LinearConstraints(a, b, c, k, ceiling)
+
     def largest(self, grid: Array, speed_squared: Array) -> Array:
         """Of every row on each interval of the grid (n,), at its ends, (n − 1, rows)."""
         acceleration, root = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None], np.sqrt(speed_squared)[:, None]

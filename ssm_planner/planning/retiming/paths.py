@@ -200,6 +200,43 @@ class MotionPath(JointPath):
 
 
 @dataclass(frozen=True, eq=False)
+class Chain(JointPath):
+    """Several paths, the k-th of them over 2 k ≤ s ≤ 2 k + 1: what is worked out at one point of a path is so for all."""
+
+    mechanism: Mechanism
+    paths: tuple[JointPath, ...]
+
+    @staticmethod
+    def grid(own: Array, count: int) -> Array:
+        """The same grid (n,) on each of `count` paths, (count n,)."""
+        return np.asarray((2 * np.arange(count)[:, None] + own).ravel())
+
+    def sample(self, s: Array) -> PathSamples:
+        found = [path.sample(part) for path, part in zip(self.paths, self._parts(s), strict=True)]
+        q, dq, ddq = (np.concatenate([getattr(each, name) for each in found]) for name in ("q", "dq", "ddq"))
+        return PathSamples(s, q, dq, ddq)
+
+    @property
+    def directions(self) -> tuple[Array, Array]:
+        each = [path.directions for path in self.paths]
+        knots = np.concatenate([2 * k + knots for k, (knots, _) in enumerate(each)])
+        # from the end of a path to the start of the next as before
+        return knots, np.concatenate([np.vstack([signs, signs[-1:]]) for _, signs in each])[:-1]
+
+    def starts(self, samples: PathSamples) -> Mask:
+        parts = self._parts(samples.s)
+        cuts = np.cumsum([len(part) for part in parts])[:-1]
+        of = zip(*(np.split(each, cuts) for each in (samples.q, samples.dq, samples.ddq)), strict=True)
+        found = [path.starts(PathSamples(s, *at)) for path, s, at in zip(self.paths, parts, of, strict=True)]
+        return np.concatenate(found)
+
+    def _parts(self, s: Array) -> list[Array]:
+        """Of each path its own s, of s in order."""
+        cuts = np.searchsorted(s, 2 * np.arange(1, len(self.paths)) - 0.5)
+        return [part - 2 * k for k, part in enumerate(np.split(s, cuts))]
+
+
+@dataclass(frozen=True, eq=False)
 class SplinePath(JointPath):
     """The natural cubic spline through points (k + 1, 4) of which no two in a row are the same.
 

@@ -9,12 +9,13 @@ T-RO 34(3), 2018, and its interpolation scheme.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
-from ssm_planner.planning.retiming.paths import JointPath, MotionPath
+from ssm_planner.planning.retiming.paths import Chain, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -100,6 +101,38 @@ def retime_motion(
     # where all joints rest nothing limits ṡ
     path_limits = replace(path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2))
     return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
+
+
+def durations(paths: Sequence[MotionPath], robot: Robot, limits: TaskLimits, points: int, pace: float) -> list[float]:
+    """Of `retime_motion` along paths of motions on one mesh that last as long, all at once, s; infinite without a motion."""
+    grid, speed = paths[0].grid(points), pace / paths[0].trajectory.duration
+    n = len(grid)
+    own = [slice(k * n, (k + 1) * n) for k in range(len(paths))]
+    along = PathLimits.along(Chain(paths[0].mechanism, tuple(paths)), Chain.grid(grid, len(paths)), robot, limits)
+    along = replace(along, ceiling=np.minimum(along.ceiling, (FASTER * speed) ** 2))
+    every = list(range(len(paths)))
+    found, tangent, open_ = np.full(len(paths), np.inf), np.full(len(along.ceiling), speed**2), every
+    for count in range(1, PASSES + 1):
+        rows, left = along.constraints(tangent, static_start=True), []
+        for k in open_:
+            curved = rows.part(own[k])
+            linear = curved.tangent(_lifted(tangent[own[k]]))
+            squares = fastest(grid, linear, (speed, speed))
+            if squares is None:
+                tangent[own[k]] *= SLOWER
+                left += [k] if np.isinf(found[k]) and count < TRIES else []
+                continue
+            before, found[k] = found[k], _times(grid, squares)[-1]
+            tangent[own[k]] = squares
+            if abs(before - found[k]) > CONVERGED * found[k] and _bind(linear, curved, grid, squares):
+                left.append(k)
+        open_ = left
+        if not open_:
+            more = along.with_missed(Chain.grid(grid, len(paths)), tangent, static_start=True)
+            if more is along:
+                break
+            along, found, open_ = more, np.full(len(paths), np.inf), every
+    return [float(each) for each in found]
 
 
 def motion_along(path: MotionPath, found: Retiming) -> Trajectory:
