@@ -3,7 +3,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-os.environ.setdefault("SSM_PLANNER_COMPILE", "0")  # but where a test asks for it
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses the cores
 os.environ["COLUMNS"] = "100"  # what is printed must not depend on the terminal that the tests run in
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -22,6 +22,8 @@ typedef double ssm_real;
 #endif
 """
 """The one type of all numbers, a constant of it, and a function of math.h for it."""
+PLAIN = {name: operation.c for name, operation in OPERATIONS.items()}
+"""Expressions of operations."""
 SIGN = "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < SSM_R(0.0))); }\n"
 
 
@@ -31,14 +33,26 @@ class Argument:
 
     name: str
     size: int
+    places: Sequence[int] | None = None
+    """Of an output: where its numbers go in the array; None: one after the other."""
+    adds: bool = False
+    """An output is added to what is there."""
+
+    def at(self, index: int) -> str:
+        """A number of it."""
+        return self.name if self.size == 0 else f"{self.name}[{index if self.places is None else self.places[index]}]"
 
 
 def write_function(
-    declaration: str, function: ca.Function, inputs: Sequence[Argument], outputs: Sequence[Argument]
+    declaration: str,
+    function: ca.Function,
+    inputs: Sequence[Argument],
+    outputs: Sequence[Argument],
+    expressions: Mapping[str, str] = PLAIN,
 ) -> str:
     """C text of a function; it needs REAL and SIGN.
 
-    All inputs are read before any output is written, for they may overlap.
+    All inputs are read before any output is written, for they may overlap. expressions: in place of those of OPERATIONS.
     """
     place: dict[int, str] = {}
     used: dict[int, None] = {}
@@ -50,19 +64,19 @@ def write_function(
         if step.name == "const":
             place[step.out] = literal(step.constant)
         elif step.name == "input":
-            argument = inputs[step.argument]
-            place[step.out] = argument.name if argument.size == 0 else f"{argument.name}[{step.index}]"
+            place[step.out] = inputs[step.argument].at(step.index)
             read.add(step.argument)
         elif step.name == "output":
-            results.append((f"{outputs[step.argument].name}[{step.index}]", operands[0], len(body)))
+            output = outputs[step.argument]
+            results.append((f"{output.at(step.index)} {'+=' if output.adds else '='}", operands[0], len(body)))
             body.append("")
         else:
             used[step.out] = None
             place[step.out] = f"w{step.out}"
-            body.append(f"{place[step.out]} = {OPERATIONS[step.name].c.format(*operands)};")
+            body.append(f"{place[step.out]} = {expressions[step.name].format(*operands)};")
     for k, (target, value, at) in enumerate(results):
         body[at] = f"r{k} = {value};"
-        body.append(f"{target} = r{k};")
+        body.append(f"{target} r{k};")
     unused = [f"(void){argument.name};" for i, argument in enumerate(inputs) if i not in read]
     names = [f"w{k}" for k in sorted(used)] + [f"r{k}" for k in range(len(results))]
     lines = [f"    ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]

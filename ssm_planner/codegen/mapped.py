@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import time
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -19,8 +18,6 @@ class Mapped:
 
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
         mapped = _mapped(function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1))
-        self.seconds = 0.0
-        """Spent evaluating so far."""
         buffer: Any
         buffer, self._trigger = mapped.buffer()
         self._arguments = [np.empty((count, function.size1_in(0)))]
@@ -41,7 +38,7 @@ class Mapped:
         *multipliers, result = others
         for values, start in zip((self._arguments[0], *self._arguments[-1:]), (z, *multipliers), strict=False):
             ctypes.memmove(values.ctypes.data, start, values.nbytes)
-        self._evaluate()
+        self._trigger()
         values, (shape, places) = self._results[-1], self._outputs[-1]
         if places is not None:
             if self._whole is None:
@@ -50,16 +47,11 @@ class Mapped:
             values = self._whole
         ctypes.memmove(result, values.ctypes.data, values.nbytes)
 
-    def _evaluate(self) -> None:
-        begin = time.perf_counter()
-        self._trigger()
-        self.seconds += time.perf_counter() - begin
-
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
             self._arguments[-1][...] = multipliers
-        self._evaluate()
+        self._trigger()
         found = []
         for values, (shape, places) in zip(self._results, self._outputs, strict=True):
             if places is None:

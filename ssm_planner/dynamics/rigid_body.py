@@ -14,9 +14,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import call
+from ssm_planner.codegen.vectorised import Layout, call
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.rotations import constant, rotation_symbolic
+from ssm_planner.kinematics.rotations import constant, rotation, rotation_symbolic
 from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
 from ssm_planner.typing import Array
 
@@ -46,13 +46,14 @@ def _newton_euler(
     rotations: Sequence[ca.SX],
     bodies: Sequence[tuple[Any, Any, Any]],
     *,
-    base: ca.DM,
+    base: Any,
     motion: tuple[ca.SX, ca.SX, ca.SX],
 ) -> ca.SX:
     """The recursion, over constants or symbols in the base frame at q = 0.
 
     axes: of the revolute joints, (3,) each; rotations: e^{ω̂θ} about them, (3, 3); bodies: mass, centre of mass (3,) and
-    inertia about it (3, 3) of each; base: its acceleration, −g.
+    inertia about it (3, 3) of each, or for a body that only turns None, first moment and inertia about the RCM; base: its
+    acceleration, −g.
     """
     q, qd, qdd = motion
     omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(base)
@@ -65,6 +66,11 @@ def _newton_euler(
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
             turns.append(back.T)
+            if mass is None:
+                moments.append(
+                    inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(com, base_acceleration)
+                )
+                continue
             place, sliding = ca.SX(com), ca.SX.zeros(3)
         else:
             place, sliding = com + axes[2] * q[3], axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
@@ -79,6 +85,69 @@ def _newton_euler(
         total = moments[i] + turns[i + 1] @ total
         tau.append(ca.dot(axes[i], total))
     return ca.vertcat(*reversed(tau))
+
+
+LOAD = Layout(first_turn=2, second_turn=2, gravity=3, first_moments=9, inertias=18, mass=1, com=3)
+"""What the efforts of a robot depend on, in frames that follow its axes (`axes_frames`): cosine and sine of the angles
+between neighbouring axes; gravity in the base's; first moments and inertias (xx, xy, xz, yy, yz, zz) about the RCM of the
+three bodies that turn, the third with the inertia of the fourth; mass and centre of mass of the fourth."""
+
+
+def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
+    """Frames whose z axes are the joints' and in whose x–z planes the next joint's axis lies: at q = 0 in the base frame
+    (4, 3, 3), of the base and three bodies; angles between neighbouring axes; and the angle of joint 2 that brings the third
+    axis into that plane, which is to be added to θ2."""
+    first, second, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
+    angles = [float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)) for a, b in ((first, second), (second, third))]
+    x = second - first * (first @ second)
+    x /= np.linalg.norm(x)
+    base = np.column_stack([x, np.cross(first, x), first])
+    axis = np.array([0.0, 1.0, 0.0])
+    before = base @ rotation(axis, angles[0])
+    along = before.T @ third
+    offset = float(np.arctan2(along[1], along[0]))
+    elbow = before @ rotation(np.array([0.0, 0.0, 1.0]), offset)
+    return np.stack([base, base, elbow, elbow @ rotation(axis, angles[1])]), angles, offset
+
+
+def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
+    """The figures LOAD of a robot, (38,); gravity (3,)."""
+    frames, angles, _ = axes_frames((geometry.omega1, geometry.omega2, geometry.omega3))
+    coms = [body.frame @ body.com for body in bodies]
+    inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
+    inertias[2] = inertias[2] + bodies[3].frame @ inertia_about_com(bodies[3]) @ bodies[3].frame.T
+    turning = list(zip(frames[1:], coms, inertias, bodies, strict=False))
+    return LOAD.pack(
+        first_turn=[np.cos(angles[0]), np.sin(angles[0])],
+        second_turn=[np.cos(angles[1]), np.sin(angles[1])],
+        gravity=frames[0].T @ gravity,
+        first_moments=[body.mass * frame.T @ com for frame, com, _, body in turning],
+        inertias=[(frame.T @ inertia @ frame)[np.triu_indices(3)] for frame, _, inertia, _ in turning],
+        mass=bodies[3].mass,
+        com=frames[3].T @ coms[3],
+    )
+
+
+def efforts_by_figures(figures: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
+    """`inverse_dynamics_symbolic` by the figures LOAD as symbols; θ2 with the offset of `axes_frames`."""
+    f, axis = LOAD.unpack(figures), constant(np.array([0.0, 0.0, 1.0]))
+    turn = [rotation_symbolic(np.array([0.0, 0.0, 1.0]), q[i]) for i in range(3)]
+    between = [_about_y(f.first_turn), _about_y(f.second_turn)]
+    bodies: list[tuple[Any, Any, Any]] = []
+    for i in range(3):
+        xx, xy, xz, yy, yz, zz = ca.vertsplit(f.inertias[6 * i : 6 * i + 6])
+        inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+        bodies.append((None, f.first_moments[3 * i : 3 * i + 3], inertia))
+    bodies.append((f.mass, f.com, ca.SX(3, 3)))
+    rotations = [turn[0], between[0] @ turn[1], between[1] @ turn[2]]
+    return _newton_euler([axis] * 3, rotations, bodies, base=-f.gravity, motion=(q, qd, qdd))
+
+
+def _about_y(turn: ca.SX) -> ca.SX:
+    """Rotation about y by the angle of this cosine and sine."""
+    matrix = ca.SX(3, 3)
+    matrix[0, 0], matrix[0, 2], matrix[1, 1], matrix[2, 0], matrix[2, 2] = turn[0], turn[1], 1.0, -turn[1], turn[0]
+    return matrix
 
 
 def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Array) -> Array:

@@ -42,10 +42,9 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
     The second is negative when the mesh locks itself. Shape of mu; arrays or CasADi expressions, so the tangents of
     sums are written by tan φ = μ / cos θ_n. Finite while λ + φ < 90°.
     """
-    gamma, tan_lead = float(drive.gamma), math.tan(drive.lead_angle)
-    tan_phi = mu * (1.0 / math.cos(drive.pressure_angle))
-    up = gamma * (tan_lead + tan_phi) / (1.0 - tan_lead * tan_phi)
-    down = gamma * (tan_lead - tan_phi) / (1.0 + tan_lead * tan_phi)
+    tan_lead, tan_phi = drive.lead_slope, mu * drive.wedging
+    up = (tan_lead + tan_phi) * drive.gamma / (1.0 - tan_lead * tan_phi)
+    down = (tan_lead - tan_phi) * drive.gamma / (1.0 + tan_lead * tan_phi)
     return up, down
 
 

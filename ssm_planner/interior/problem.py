@@ -11,9 +11,9 @@ Values and derivatives are taken in C: native/program.c.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -42,6 +42,20 @@ class ElementGroup(ctypes.Structure):
         *((f"{name}_of", kind) for name, kind in _KINDS.items()),
     )
 
+    @classmethod
+    def of(
+        cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int], names: Iterable[str]
+    ) -> ElementGroup:
+        """Functions of elements.c by their names, and their context, which has to be kept; size of z, rows, elements."""
+        given = {f"{name}_of": ctypes.cast(getattr(library, f"ssm_{name}_of"), _KINDS[name]) for name in names}
+        return cls(ctypes.addressof(context), *sizes, **given)
+
+
+class NativeGroup(Protocol):
+    """What holds an ElementGroup and all that it points to."""
+
+    group: ElementGroup
+
 
 @dataclass(frozen=True, eq=False)
 class RowGroup:
@@ -57,6 +71,8 @@ class RowGroup:
     bound: Array
     """(q, r); infinite where there is none."""
     cost_weight: float = 0.0
+    native: NativeGroup | None = None
+    """The same functions in C; then there are none of CasADi."""
 
 
 class Called:
@@ -65,6 +81,10 @@ class Called:
     def __init__(self, group: RowGroup) -> None:
         self.failures: list[BaseException] = []
         """What they raised, for C passes no exceptions on."""
+        self._mapped: dict[str, Mapped] = {}
+        if group.native is not None:
+            self.functions = group.native.group
+            return
         count = len(group.elements)
         self._mapped = {name: Mapped(function, group.parameters, count) for name, function in group.functions.items()}
         calls = (
@@ -72,11 +92,6 @@ class Called:
             for name, kind in _KINDS.items()
         )
         self.functions = ElementGroup(None, group.functions["rows"].size1_in(0), group.bound.shape[1], count, *calls)
-
-    @property
-    def seconds(self) -> float:
-        """Spent in the functions so far."""
-        return sum(each.seconds for each in self._mapped.values())
 
 
 def _call(mapped: Mapped, failures: list[BaseException]) -> Any:

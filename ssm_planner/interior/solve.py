@@ -47,8 +47,6 @@ class Outcome:
     z: Array
     """The elements, (n, 5 m + 1)."""
     objective: float
-    seconds: float
-    """Spent in the functions of the elements."""
 
 
 def available() -> bool:
@@ -94,7 +92,6 @@ def solve(
         state,
         z,
         objective=native_state.objective,
-        seconds=given.seconds,
     )
 
 
@@ -169,11 +166,6 @@ class _Given:
         """What a function raised, for C passes no exceptions on."""
         for failure in (each for called in self._groups for each in called.failures):
             raise failure
-
-    @property
-    def seconds(self) -> float:
-        """Spent in the functions of the elements."""
-        return sum(called.seconds for called in self._groups)
 
     def _doubles(self, values: object) -> int:
         return self._keep(values, float)

@@ -99,7 +99,7 @@ def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
 
 
 def _minus(tip: Any, centre: Any) -> list[Any]:
-    return [tip[k] - float(centre[k]) for k in range(3)]
+    return [tip[k] - centre[k] for k in range(3)]
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:

@@ -44,18 +44,25 @@ def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
     return np.tensordot(monomials, exponential_terms(omega), axes=1)
 
 
-def rotation_symbolic(omega: ArrayLike, angle: Any) -> casadi.SX:
-    """e^{ω̂θ} (3, 3) for a unit axis (3,) and a CasADi expression θ."""
+def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
+    """e^{ω̂θ} (3, 3) for a unit axis (3,), numbers or a CasADi expression, and a CasADi expression θ."""
     import casadi
 
-    still, cosine, sine = (constant(term) for term in exponential_terms(omega))
+    if isinstance(omega, casadi.SX):
+        along = omega @ omega.T
+        still, cosine, sine = along, casadi.SX.eye(3) - along, casadi.skew(omega)
+    else:
+        still, cosine, sine = (constant(term) for term in exponential_terms(omega))
     return still + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
 
 
-def constant(value: ArrayLike) -> casadi.DM:
-    """A CasADi constant (rows, columns) without its zeros, and without rounding errors in their place."""
+def constant(value: Any) -> Any:
+    """A CasADi constant (rows, columns) without its zeros, and without rounding errors in their place; expressions as
+    they are."""
     import casadi
 
+    if isinstance(value, casadi.SX):
+        return value
     matrix = np.array(value, dtype=float)
     matrix[np.abs(matrix) < 1e-15 * np.abs(matrix).max(initial=0.0)] = 0.0
     return casadi.sparsify(casadi.DM(matrix))

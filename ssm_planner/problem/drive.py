@@ -207,6 +207,16 @@ class Drive(Value):
     """What lubrication, temperature and wear may make of friction parameters, by their names in Friction."""
 
     @property
+    def lead_slope(self) -> float:
+        """tan λ."""
+        return math.tan(self.lead_angle)
+
+    @property
+    def wedging(self) -> float:
+        """1 / cos θ_n: tan of the friction angle per μ."""
+        return 1.0 / math.cos(self.pressure_angle)
+
+    @property
     def slides(self) -> bool:
         """The output slides."""
         return self.kind not in TURNING

@@ -59,9 +59,10 @@ def problem_of(kind: str, turn: int) -> Any:
 
 def compiled() -> None:
     """Compile what is compiled in the background, as far as a checkout has it."""
-    from ssm_planner.planning.ocp.compiled import function_store
+    with suppress(ImportError):
+        from ssm_planner.planning.ocp.compiled import function_store
 
-    function_store.compile_all()
+        function_store.compile_all()
     with suppress(ImportError):
         from ssm_planner.planning.retiming.reachability import PASSES
 

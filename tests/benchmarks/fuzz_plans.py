@@ -10,7 +10,6 @@ Exit status 1 where that is missed.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 import traceback
@@ -21,7 +20,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
@@ -152,22 +150,15 @@ def reached(endings: Sequence[Ending]) -> bool:
     return in_time and not any(e.faults for e in endings) and sum(e.solved for e in solvable) >= SHARE * len(solvable)
 
 
-def _in(cache: str) -> None:
-    os.environ["XDG_CACHE_HOME"] = cache
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--first", type=int, default=20_000, help="first seed")
-    parser.add_argument("--processes", type=int, default=1, help="the compiler takes another processor")
+    parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.count)
     endings = []
-    with (
-        TemporaryDirectory() as cache,
-        ProcessPoolExecutor(options.processes, initializer=_in, initargs=(cache,)) as pool,
-    ):
+    with ProcessPoolExecutor(options.processes) as pool:
         for done in pool.map(ending, seeds, chunksize=1):
             endings.append(done)
             if done.faults or done.seconds > SECONDS or (done.solvable and not done.solved):

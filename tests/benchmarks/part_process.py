@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -27,24 +26,20 @@ def run(quick: bool) -> Section:
     section = Section("The first plan in a fresh process")
     section.say(
         f"`ssm-planner plan problems/{PROBLEM.name}` with all its output, beside `python -c '{IMPORTS}'`, in turns. "
-        "*Nothing kept* is a run that finds its cache folder empty. Memory is the peak resident set of the process and of "
+        "Memory is the peak resident set of the process and of "
         "those it starts."
     )
     imports = [sys.executable, "-c", IMPORTS]
     plan = [sys.executable, "-m", "ssm_planner", "plan", str(PROBLEM), "-o"]
-    taken: dict[str, list[tuple[float, float]]] = {"imports": [], "plan": [], "nothing kept": []}
+    taken: dict[str, list[tuple[float, float]]] = {"imports": [], "plan": []}
     with tempfile.TemporaryDirectory() as folder:
-        kept = {**os.environ, "XDG_CACHE_HOME": f"{folder}/kept"}
-        _process([*plan, f"{folder}/first"], kept)
+        _process([*plan, f"{folder}/first"])
         for k in range(3 if quick else 7):
-            taken["imports"].append(_process(imports, kept))
-            taken["plan"].append(_process([*plan, f"{folder}/{k}"], kept))
-            if k < 3:
-                empty = {**os.environ, "XDG_CACHE_HOME": f"{folder}/empty{k}"}
-                taken["nothing kept"].append(_process([*plan, f"{folder}/{k}_empty"], empty))
+            taken["imports"].append(_process(imports))
+            taken["plan"].append(_process([*plan, f"{folder}/{k}"]))
     base = Spread.of([seconds for seconds, _ in taken["imports"]])
     rows = []
-    for name, label in (("imports", "imports alone"), ("plan", "plan"), ("nothing kept", "plan, nothing kept")):
+    for name, label in (("imports", "imports alone"), ("plan", "plan")):
         seconds = Spread.of([s for s, _ in taken[name]])
         memory = Spread.of([m for _, m in taken[name]])
         ratio = seconds.over(Spread(base.values[: len(seconds.values)]))
@@ -61,12 +56,11 @@ def run(quick: bool) -> Section:
     return section
 
 
-def _process(command: list[str], environment: dict[str, str]) -> tuple[float, float]:
+def _process(command: list[str]) -> tuple[float, float]:
     """Seconds and peak MB of a command that has to succeed."""
     done = subprocess.run(
         [sys.executable, "-c", LAUNCHER, *command],
         cwd=ROOT,
-        env=environment,
         capture_output=True,
         text=True,
         check=False,

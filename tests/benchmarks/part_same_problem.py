@@ -20,7 +20,6 @@ from section import Section
 
 from ssm_planner.planning.ocp import free as free_ocp
 from ssm_planner.planning.ocp import straight as straight_ocp
-from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
@@ -192,7 +191,7 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
             way = make(name, motion)
             way.solve(0)
             if name == OURS:
-                _until_compiled(way)
+                way.solve(0)
             ways[name] = way
     judged: dict[str, list[tuple[float, str]]] = {name: [] for name in ways}
 
@@ -265,13 +264,6 @@ def _ask(section: Section, motion: str, name: str, theirs: Spread, ours: dict[st
         ratio = theirs.over(own)
         words = f"re-planning, {motion}: {what}, times faster than one solve by {name}"
         section.asked(words, f"≥ {least:g}", ratio.text(), ratio.median >= least)
-
-
-def _until_compiled(way: Way) -> None:
-    """Compile the element functions in use; without a compiler they stay interpreted."""
-    way.solve(0)
-    function_store.compile_all()
-    way.solve(0)
 
 
 def first_solve(name: str, motion: str) -> tuple[float, str]:

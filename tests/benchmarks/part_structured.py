@@ -18,7 +18,6 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import planner as phase_planner
 from ssm_planner.planning.ocp import refinement
-from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.nlp import InitialPoint
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.ocp.structured import solve_structured
@@ -86,7 +85,6 @@ def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> N
     rows = []
     for motion in motions:
         cases = [_asked(problem) for problem in problems(motion)]
-        function_store.compile_all()
         ways: dict[str, Any] = {"structured": lambda k, cases=cases: solve_structured(*cases[k]).iterations}
         for name in PEERS:
             try:
@@ -154,7 +152,6 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
         plan_motion(problems["fast"])
     for each in problems.values():
         plan(each)
-    function_store.compile_all()
     plans = _times({planner: lambda each=each: plan(each) for planner, each in problems.items()}, rounds)
     ways = [each.seconds() for each in plans.values()]
     ways.append(", ".join(plans["ipopt"].over(plans[planner]).times() for planner in ("optimal", "fast")))

@@ -98,8 +98,7 @@ def start(
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
     pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **(streams or {})}
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cwd / "cache"), MARK: mark}
-    environment.pop("SSM_PLANNER_COMPILE", None)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), MARK: mark}
     command = [sys.executable, "-m", "ssm_planner", *words]
     return subprocess.Popen(command, cwd=cwd, env=environment, preexec_fn=begin, start_new_session=True, **pipes)
 

@@ -118,6 +118,12 @@ RowName = tuple[str, int | None]
 """Limit and joint of a row; of the torque with the k-th of `Robot.actuations` joint + 4 k, so that each is active alone."""
 
 
+RowPlace = tuple[str, int | None, int]
+"""The same, and the place of the row among all that native/elements.c knows."""
+JOINT_ROWS = 10
+"""Places of a joint: velocity and two of its stop in either sense, acceleration and jerk in either."""
+
+
 @dataclass(frozen=True)
 class PathConstraint:
     """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (as in RowName; None for the whole arm)."""
@@ -148,18 +154,31 @@ class Instant:
 def kinematic_rows(at: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
     """Speeds of the tool; velocity, acceleration and, where asked for, jerk of every joint; how far the tip goes to stop
     (`retiming.constraints.braking_travel`)."""
-    rows, bounds = speed_rows(at), at.limits
-    tip = at.speeds[TIP] / (2 * bounds.stop)
+    rows = speed_rows(at)
     for i, joint in enumerate(joints):
         for sense in (1, -1) if joint.drive is None else (at.sigma[i],):
-            speed = sense * at.qd_hull[i]
-            rows.append(PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i]))
-            for braking in (0, -sense * at.qdd[i]):
-                rows.append(PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i]))
-        for side in (1, -1):
-            rows.append(PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / bounds.acceleration[i]))
-            if jerk:
-                rows.append(PathConstraint(JointJerk.name, i, side * at.qddd[i] / bounds.jerk[i]))
+            rows += sense_rows(at, i, sense)
+        rows += acceleration_rows(at, i, jerk)
+    return rows
+
+
+def sense_rows(at: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
+    """Velocity of joint i in one sense, ±1, and how far the tip goes to stop, by its speed and by its braking."""
+    bounds, speed = at.limits, sense * at.qd_hull[i]
+    tip = at.speeds[TIP] / (2 * bounds.stop)
+    rows = [PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i])]
+    for braking in (0, -sense * at.qdd[i]):
+        rows.append(PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i]))
+    return rows
+
+
+def acceleration_rows(at: Instant, i: int, jerk: bool) -> list[PathConstraint]:
+    """Acceleration and, where asked for, jerk of joint i."""
+    rows = []
+    for side in (1, -1):
+        rows.append(PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / at.limits.acceleration[i]))
+        if jerk:
+            rows.append(PathConstraint(JointJerk.name, i, side * at.qddd[i] / at.limits.jerk[i]))
     return rows
 
 
@@ -176,15 +195,50 @@ def torque_rows(at: Instant, robot: Robot, *, breakaway: bool = False) -> list[P
     rows = []
     each = [(i, k, *one) for i in range(4) for k, one in enumerate(robot.actuations(i))]
     for i, k, load, drive, sides in each:
-        first, second = directed_torques(drive, at, i, breakaway=breakaway, load=load)
-        limit, row = at.limits.torque[i], i + 4 * k
-        if 1 in sides:
-            rows += [PathConstraint(MotorTorque.name, row, value / limit) for value in (first, second)]
-        if -1 in sides:
-            # σ τ is the larger of the two; the smooth maximum below never exceeds it
-            half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
-            resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
-            rows.append(PathConstraint(MotorTorque.name, row, -resisting))
+        torques = directed_torques(drive, at, i, breakaway=breakaway, load=load)
+        driving, braking = sides_of_torque(torques, at.limits.torque[i])
+        values = [*(driving if 1 in sides else ()), *(braking if -1 in sides else ())]
+        rows += [PathConstraint(MotorTorque.name, i + 4 * k, value) for value in values]
+    return rows
+
+
+def sides_of_torque(torques: tuple[ca.SX, ca.SX], limit: ca.SX) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
+    """Values of the rows of a motor that drives, and of one that brakes; torques: the two of `directed_torques`."""
+    first, second = torques
+    # σ τ is the larger of the two; the smooth maximum below never exceeds it
+    half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
+    resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
+    return (first / limit, second / limit), (-resisting,)
+
+
+def actuations_by_load(robot: Robot) -> list[tuple[int, int, int, Drive, tuple[int, ...]]]:
+    """Joint, its k-th of `Robot.actuations`, load, drive and sides of all, by load."""
+    each = [(i, k, *one) for i in range(4) for k, one in enumerate(robot.actuations(i))]
+    return sorted(each, key=lambda one: one[2])
+
+
+def torque_places(robot: Robot, first: int) -> list[RowPlace]:
+    """Of the rows of `torque_rows`; first: the place of the first of them all."""
+    places = {one[:2]: first + 3 * at for at, one in enumerate(actuations_by_load(robot))}
+    return [
+        (MotorTorque.name, i + 4 * k, places[i, k] + side)
+        for i in range(4)
+        for k, (*_, sides) in enumerate(robot.actuations(i))
+        for side in [0, 1] * (1 in sides) + [2] * (-1 in sides)
+    ]
+
+
+def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
+    """Of the rows of `kinematic_rows`."""
+    rows: list[RowPlace] = [(kind.name, None, k) for k, kind in enumerate(JACOBIANS)]
+    for i, joint in enumerate(robot.joints):
+        place = len(JACOBIANS) + JOINT_ROWS * i
+        for side in range(2 if joint.drive is None else 1):
+            names = JointVelocity.name, StopTravel.name, StopTravel.name
+            rows += [(name, i, place + 3 * side + k) for k, name in enumerate(names)]
+        for side in (0, 1):
+            rows.append((JointAcceleration.name, i, place + 6 + 2 * side))
+            rows += [(JointJerk.name, i, place + 7 + 2 * side)] * jerk
     return rows
 
 
@@ -215,11 +269,14 @@ def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 
 def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """σ τ_motor / τ_nominal of every motor, the larger side of the mesh smoothed."""
-    values = []
-    for i, drive, motor in motorised(joints):
-        first, second = (side / motor.nominal_torque for side in directed_torques(drive, at, i, breakaway=False))
-        values.append((first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2))
+    values = [smooth_torque(drive, at, i, motor.nominal_torque) for i, drive, motor in motorised(joints)]
     return ca.vertcat(ca.SX(0, 1), *values)
+
+
+def smooth_torque(drive: Drive, at: Instant, i: int, nominal: float) -> ca.SX:
+    """σ τ_motor / τ_nominal of joint i, the larger side of the mesh smoothed."""
+    first, second = (side / nominal for side in directed_torques(drive, at, i, breakaway=False))
+    return (first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2)
 
 
 def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool, load: int = 0) -> tuple[ca.SX, ca.SX]:

@@ -19,7 +19,17 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
-from ssm_planner.planning.ocp.constraints import Instant, PathConstraint, RowName, cooling, effort, heat, torque_rows
+from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.planning.ocp.constraints import (
+    Instant,
+    PathConstraint,
+    RowName,
+    RowPlace,
+    cooling,
+    effort,
+    heat,
+    torque_rows,
+)
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 
@@ -61,6 +71,8 @@ class ElementModel(ABC):
     """k."""
     positions: ClassVar[int]
     """How many entries of x are positions."""
+    layout: ClassVar[Layout]
+    """Of the last parameter."""
 
     @property
     @abstractmethod
@@ -89,6 +101,16 @@ class ElementModel(ABC):
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         """All path constraints in state x."""
 
+    @property
+    @abstractmethod
+    def all_rows(self) -> list[RowPlace]:
+        """Names, joints and places in native/elements.c of what `rows` gives, in its order."""
+
+    @property
+    @abstractmethod
+    def first_actuation(self) -> int:
+        """Place there of the first torque."""
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ElementModel) and self.key == other.key
 
@@ -110,9 +132,14 @@ class ElementModel(ABC):
         return [self.state(z, c) for c in COLLOCATION]
 
     @cached_property
+    def row_places(self) -> list[RowPlace]:
+        """Of the active rows, in order."""
+        return [row for row in self.all_rows if self.active is None or row[:2] in self.active]
+
+    @property
     def row_names(self) -> list[RowName]:
         """Limit and joint of every active row, in order."""
-        return [(row.name, row.joint) for row in self._active_rows(*self._symbols(self.state_size))]
+        return [(name, joint) for name, joint, _ in self.row_places]
 
     @cached_property
     def point(self) -> ca.Function:
@@ -203,6 +230,7 @@ class ElementFunctions:
         return {name: function for name, function in vars(self).items() if function is not None}
 
 
+@lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
     """Exact derivatives of an element by the chain rule through the state at each point.
 

@@ -20,6 +20,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -32,17 +33,21 @@ from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic, too
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
 from ssm_planner.planning.ocp.constraints import (
+    JOINT_ROWS,
     LIMITS,
     Instant,
     PathConstraint,
+    RowPlace,
+    joint_places,
     kinematic_rows,
     robot_key,
     speed_rows,
+    torque_places,
     torque_rows,
 )
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.planning.retiming.paths import StraightPath
-from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
 from ssm_planner.typing import Array
 
@@ -96,6 +101,14 @@ class StraightElement(ElementModel):
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         at = self.instant(x, *p)
         return [*kinematic_rows(at, self.robot.joints, self.jerk), *torque_rows(at, self.robot)]
+
+    @property
+    def first_actuation(self) -> int:
+        return len(JACOBIANS) + 4 * JOINT_ROWS
+
+    @cached_property
+    def all_rows(self) -> list[RowPlace]:
+        return [*joint_places(self.robot, self.jerk), *torque_places(self.robot, self.first_actuation)]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         sigma, fit_parameters, packed = p
@@ -235,19 +248,22 @@ class FreeElement(ElementModel):
         at, parameters = self.instant(x, *p), self.layout.unpack(p[1])
         q, qd, _ = _joints(x, parameters)
         rows = [*speed_rows(at), *torque_rows(at, self.robot)]
-        task = task_from_joints_symbolic(self.mechanism, q)
-        for k, name in enumerate(WATCHED):
-            value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[k]
-            rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
-        rates = task_rates_symbolic(self.mechanism, q, qd)
-        for k, name in enumerate(RATED):
-            value = rates[TASK.index(name)] / parameters.rate[k]
-            rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
+        rows += range_rows(self.mechanism, q, parameters) + rate_rows(self.mechanism, q, qd, parameters)
+        return rows if self._seen is None else rows + seen_rows(self._seen, self.mechanism, q, parameters.retina_easing)
+
+    @property
+    def first_actuation(self) -> int:
+        return len(JACOBIANS) + 2 * (len(WATCHED) + len(RATED)) + 2
+
+    @cached_property
+    def all_rows(self) -> list[RowPlace]:
+        rows: list[RowPlace] = [(kind.name, None, k) for k, kind in enumerate(JACOBIANS)]
+        names = [TaskRange.name_of(name) for name in WATCHED] + [TaskRate.name_of(name) for name in RATED]
+        places = [(name, None, len(JACOBIANS) + 2 * k + side) for k, name in enumerate(names) for side in (0, 1)]
+        rows += [*torque_places(self.robot, self.first_actuation), *places]
         if self._seen is not None:
-            tip = tip_position_symbolic(self.mechanism, q)
-            for name, value in eye_rows(casadi_namespace(), self._seen, (tip[0], tip[1], tip[2])).items():
-                easing = parameters.retina_easing if name == RetinaClearance.name else 0
-                rows.append(PathConstraint(name, None, value + 1 - easing))
+            rows.append((RetinaClearance.name, None, self.first_actuation - 2))
+            rows += [(LensClearance.name, None, self.first_actuation - 1)] * (self._seen.lens is not None)
         return rows
 
     @property
@@ -261,6 +277,32 @@ class FreeElement(ElementModel):
         """q (4,) → J (k, 4) of every speed of the tool."""
         q = ca.SX.sym("q", 4)
         return [ca.Function("jacobian", [q], [jacobian(self.mechanism, q)]) for jacobian in JACOBIANS.values()]
+
+
+def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
+    """Ranges of WATCHED; parameters: of `FreeElement.layout`."""
+    rows, task = [], task_from_joints_symbolic(mechanism, q)
+    for k, name in enumerate(WATCHED):
+        value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[k]
+        rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
+    return rows
+
+
+def rate_rows(mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
+    """Rates of RATED."""
+    rows, rates = [], task_rates_symbolic(mechanism, q, qd)
+    for k, name in enumerate(RATED):
+        value = rates[TASK.index(name)] / parameters.rate[k]
+        rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
+    return rows
+
+
+def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
+    """Of the eye; easing: by how much the retina's row may exceed 1."""
+    tip, rows = tip_position_symbolic(mechanism, q), []
+    for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
+        rows.append(PathConstraint(name, None, value + 1 - (easing if name == RetinaClearance.name else 0)))
+    return rows
 
 
 def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:

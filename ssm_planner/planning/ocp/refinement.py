@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.codegen.vectorised import call
 from ssm_planner.planning.ocp.constraints import RowName
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, Aim, ElementModel, shared
+from ssm_planner.planning.ocp.natively import rows_between
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Confirmation,
@@ -178,11 +178,8 @@ class OcpProblem(ABC):
         parts = LOOKS_AT_PORT if self.at_port else 1
         counts = np.full(n, parts)
         looked = split(elements, counts) if parts > 1 else elements
-        parameters = (
-            np.repeat(p, counts, axis=0) if p.ndim == 2 else np.broadcast_to(p, (n * parts, len(p)))
-            for p in self.element_parameters(elements)
-        )
-        rows = call(self.complete_element.between, looked, *parameters)[0]
+        parameters = [np.repeat(p, counts, axis=0) if p.ndim == 2 else p for p in self.element_parameters(elements)]
+        rows = rows_between(self.complete_element, looked, parameters)
         found = parabolic_peak(rows.reshape(n * parts, len(DENSE), -1).transpose(0, 2, 1))
         return np.asarray(found.reshape(n, parts, -1).max(axis=1))
 

@@ -6,17 +6,15 @@ coordinate passes a point, or stands there, of a jerk-limited motion of several 
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ssm_planner.interior.problem import Point, Program, RowGroup
 from ssm_planner.interior.solve import solve
 from ssm_planner.interior.spline import Spline
-from ssm_planner.planning.ocp.compiled import function_store
 from ssm_planner.planning.ocp.element import ElementModel
+from ssm_planner.planning.ocp.natively import native_elements
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, cubics
 from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
 from ssm_planner.typing import Array, Indices
@@ -38,7 +36,6 @@ def solve_structured(
     """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged."""
     program = program_of(structure, element, data)
     outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=iterations)
-    function_store.note_time(element, outcome.seconds)
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
@@ -69,16 +66,15 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
     )
     free, _, equal = _boundary(structure, spline, data)
     matrix, bound = _linear_rows(structure, data)
-    functions = function_store.functions(element).by_name()
     every = np.arange(n)
     groups = []
-    if element.row_names or "cost" in functions:
-        groups.append(RowGroup(functions, data.element_parameters, every, data.path_bound, data.weights[1]))
+    if element.row_names or element.aim != "time":
+        groups.append(_group(element, data.element_parameters, every, data.path_bound, data.weights[1]))
     if np.isfinite(data.breakaway_bound).any():
         at, side = np.array(structure.breakaways).T
         sigma, *others = data.element_parameters
         parameters = sigma[side], *(values if values.ndim == 1 else values[at] for values in others)
-        groups.append(RowGroup(_breakaway(element), parameters, at, data.breakaway_bound))
+        groups.append(_group(element, parameters, at, data.breakaway_bound, breakaway=True))
     return Program(
         spline=spline,
         groups=tuple(groups),
@@ -92,6 +88,22 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
         smoothing=SMOOTHING / data.acceleration**2 if structure.joints else np.zeros(m),
         even=EVEN if len(data.least_times) > 1 else 0.0,
     )
+
+
+def _group(
+    element: ElementModel,
+    parameters: tuple[Array, ...],
+    elements: Indices,
+    bound: Array,
+    cost_weight: float = 0.0,
+    *,
+    breakaway: bool = False,
+) -> RowGroup:
+    """The rows and the cost of a model, or its breakaway rows."""
+    native = native_elements(element, parameters, len(elements), "breakaway" if breakaway else "collocation")
+    if native is None:
+        raise RuntimeError("the structured solver is in the compiled part, which is not there")
+    return RowGroup({}, parameters, elements, bound, cost_weight=cost_weight, native=native)
 
 
 def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[Array, Array, Equalities]:
@@ -167,17 +179,3 @@ def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array) -
     c = program.spline.unknowns(u, v, acceleration, h)
     _, values, _ = _boundary(structure, program.spline, data)
     return Point(np.where(program.free, c, values), times)
-
-
-@lru_cache(maxsize=32)
-def _breakaway(element: ElementModel) -> dict[str, ca.Function]:
-    """Breakaway rows with their derivatives, as functions of RowGroup."""
-    function = element.breakaway
-    symbols = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
-    rows = function(*symbols)
-    lam = ca.SX.sym("lam", rows.numel())
-    return {
-        "rows": ca.Function("rows", symbols, [ca.densify(rows)]),
-        "jacobian": ca.Function("jacobian", symbols, [ca.jacobian(rows, symbols[0])]),
-        "hessian": ca.Function("hessian", [*symbols, lam], [ca.hessian(ca.dot(lam, rows), symbols[0])[0]]),
-    }

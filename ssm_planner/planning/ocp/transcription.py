@@ -17,8 +17,7 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
-from ssm_planner.planning.ocp.compiled import function_store
-from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel
+from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
@@ -82,14 +81,11 @@ class Transcription:
     """Rows of every group of constraints before the path constraints, in their order."""
 
     @classmethod
-    def of(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
-        """The program, built once for each structure and element model; again when the element has been compiled."""
-        return cls.build(structure, element, function_store.functions(element))
-
-    @classmethod
     @lru_cache(maxsize=12)
-    def build(cls, structure: NlpStructure, element: ElementModel, functions: ElementFunctions) -> Transcription:
-        """The program of n elements k, m coordinates and b blocks, to be solved from a guess by `solve`.
+    def of(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
+        """The program, built once for each structure and element model, to be solved from a guess by `solve`.
+
+        With n elements k, m coordinates and b blocks
 
             min   w_t Σ T + w_c Σ L(z_k) + 3 SMOOTHING Σ ∫ (ü/limit)² dt + EVEN var(T / T_least)
             s.t.  u, u̇ continuous, ü too where jerk is limited;  bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
@@ -164,7 +160,7 @@ class Transcription:
             cost_weight=p.weights[1],
             z=z,
             element_parameters=element_parameters,
-            functions=functions,
+            functions=element_functions(element),
             first={} if structure.joints and structure.smooth else FROM_BARRIER,
             iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
                 element.aim, max(ITERATIONS, 2 * n)
@@ -296,8 +292,6 @@ def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solve
         return kept[asked]
     arguments = {name: np.frombuffer(values) for name, values in inputs}
     result, stats = ipopt(transcription.solver(start), **arguments)
-    seconds = sum(stats[f"t_wall_nlp_{name}"] for name in ("g", "jac_g", "hess_l", "grad_f"))
-    function_store.note_time(transcription.element, seconds)
     x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
     if len(kept) == KEPT_SOLUTIONS:
         del kept[next(iter(kept))]
@@ -313,7 +307,7 @@ def forget_solutions() -> None:
 
 def forget_programs() -> None:
     """Free the memory of the programs kept, with their solutions."""
-    Transcription.build.cache_clear()
+    Transcription.of.cache_clear()
 
 
 def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:

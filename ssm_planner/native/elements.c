@@ -1,0 +1,639 @@
+/* Rows and costs of the elements of a mesh: the parts of kernels.h put together by the chain rule of planning/ocp/element.py.
+
+At every point of an element the rows g and the cost are functions of quantities (efforts of the joints, their rates, the
+tool's place), these of y, and y of z. y is, of a free motion, q, qd and qdd of all joints, of a straight one its x.
+Four elements are taken at once; every number is a vector of theirs. */
+
+#include <math.h>
+#include <string.h>
+
+#include "native.h"
+#include "elements.h"
+
+#pragma GCC diagnostic ignored "-Wpsabi"
+
+#define LANES 4
+#define Y 12   /* most entries of y */
+#define Z 17   /* most entries of z */
+#define EACH 5 /* most entries of y of one coordinate, and entries of z */
+
+typedef double real __attribute__((vector_size(8 * LANES)));
+typedef long long mask __attribute__((vector_size(8 * LANES)));
+
+static inline real R(double x)
+{
+    real all = {x, x, x, x};
+    return all;
+}
+
+#define BY_LANE(name)                                      \
+    static inline real v_##name(real x)                    \
+    {                                                      \
+        for (int k = 0; k < LANES; k++) x[k] = name(x[k]); \
+        return x;                                          \
+    }
+BY_LANE(sin)
+BY_LANE(cos)
+BY_LANE(exp)
+BY_LANE(sqrt)
+
+static inline real v_atan2(real y, real x)
+{
+    for (int k = 0; k < LANES; k++) y[k] = atan2(y[k], x[k]);
+    return y;
+}
+
+static inline real v_is(mask condition) { return (real)(condition & (mask)R(1.0)); }
+static inline real v_where(mask condition, real x) { return (real)(condition & (mask)x); }
+static inline real v_fabs(real x) { return v_where(x >= R(0.0), x) - v_where(x < R(0.0), x); }
+static inline real sign_of(real x) { return v_is(x > R(0.0)) - v_is(x < R(0.0)); }
+
+#define V(name) v_##name
+#include "kernels.h"
+
+typedef struct {
+    long straight, count, m, rows, points, loads, actuations, costs, effort, hull;
+    const double *shares, *weights; /* of the points: where, and in integrals */
+    const long *moving;             /* joints of the coordinates of a free motion */
+    const long *undriven;           /* 4: joints that may move either way */
+    const long *slots;              /* row of a point in which each of all rows stands, or -1 */
+    const long *actuation;          /* joint, load, law of each; by load */
+    const double *drives;           /* figures of each */
+    const long *cost;               /* joint and law of each motor in the cost */
+    const double *cost_drives, *cost_weights;
+    const double *load, *mechanism, *eye, *limits;
+    const double *sigma, *fits; /* of each element */
+    double offset;
+} Elements;
+
+enum { FREE_ACTUATIONS = 13, JOINT_ROWS = 10, STRAIGHT_ACTUATIONS = 1 + 4 * JOINT_ROWS };
+enum { ROWS, JACOBIAN, HESSIAN, COST, GRADIENT };
+
+typedef void (*At)(const real *drive, const real *sigma, const real *v, real *restrict g);
+typedef void (*By)(const real *drive, const real *sigma, const real *v, real *restrict g, real *restrict by);
+typedef void (*Bend)(const real *drive, const real *sigma, const real *v, const real *lam, real *restrict bend);
+typedef struct {
+    At at;
+    By by;
+    Bend bend;
+} Law;
+
+#define LAW(name) {name##_at, name##_by, name##_bend}
+static const Law TORQUES[] = {
+    LAW(worm_coulomb), LAW(worm_stribeck_exponential), LAW(worm_stribeck_gaussian), LAW(antibacklash_screw_coulomb),
+    LAW(antibacklash_screw_stribeck_exponential), LAW(antibacklash_screw_stribeck_gaussian),
+};
+static const Law PULLS[] = {
+    LAW(worm_coulomb_pull), LAW(worm_stribeck_exponential_pull), LAW(worm_stribeck_gaussian_pull),
+    LAW(antibacklash_screw_coulomb_pull), LAW(antibacklash_screw_stribeck_exponential_pull),
+    LAW(antibacklash_screw_stribeck_gaussian_pull),
+};
+
+typedef struct {
+    const Elements *of;
+    int mode, order; /* order of the derivatives that it takes */
+    long size, block, point;
+    const double *lam;
+    double *out;
+    /* figures */
+    real prepared[SSM_PREPARED], limits[SSM_FREE_SIZE], first[4];
+    /* of the elements */
+    real z[Z], sigma[4];
+    /* of the point: y by z of each coordinate, and which entries those are */
+    real y[Y], by_z[4][EACH * EACH];
+    long ny, each, entry[4][EACH];
+    real tau[4], tau_by[4 * Y], still[4], still_by[4 * Y];
+    real rate[4][4], rate_by[4][4][Y]; /* qd, qd in the velocity rows, qdd, qddd */
+    real speed, speed_by[Y];
+    /* what comes of it: of the Lagrangian and the cost at the point, then of the element */
+    real phi_by[Y], bend[Y * Y], cost, cost_by[Y];
+    real tau_weight[4], still_weight[4], rate_weight[4][4], speed_weight;
+    real hessian[Z * Z], gradient[Z], integral;
+} Work;
+
+/* ---- between elements and lanes */
+
+static real gather(const double *values, long stride, long entry, const Work *w)
+{
+    real found;
+    for (long k = 0; k < LANES; k++) {
+        long element = w->block + k < w->of->count ? w->block + k : w->of->count - 1;
+        found[k] = values[element * stride + entry];
+    }
+    return found;
+}
+
+static void scatter(real value, double *values, long stride, long entry, const Work *w)
+{
+    for (long k = 0; k < LANES && w->block + k < w->of->count; k++) values[(w->block + k) * stride + entry] = value[k];
+}
+
+static long index_of(const Work *w, long coordinate, long entry)
+{
+    long m = w->of->m;
+    return entry < 4 ? entry * m + coordinate : 4 * m;
+}
+
+/* ---- the chain rule */
+
+/* A gradient by y as one by z. */
+static void by_z(const Work *w, const real *by, real *found)
+{
+    real length = R(0.0);
+    for (long k = 0; k < w->of->m; k++)
+        for (long e = 0; e < EACH; e++) {
+            real sum = R(0.0);
+            for (long o = 0; o < w->each; o++) sum += by[w->entry[k][o]] * w->by_z[k][o * EACH + e];
+            if (e < 4)
+                found[index_of(w, k, e)] = sum;
+            else
+                length += sum;
+        }
+    found[w->size - 1] = length;
+}
+
+static real multiplier(const Work *w, long slot)
+{
+    long row = w->of->slots[slot], all = w->of->points * w->of->rows;
+    return row < 0 ? R(0.0) : gather(w->lam, all + (w->of->costs > 0), w->point * w->of->rows + row, w);
+}
+
+static int active(const Work *w, long slot, long count)
+{
+    for (long k = 0; k < count; k++)
+        if (w->of->slots[slot + k] >= 0) return 1;
+    return 0;
+}
+
+/* One row: its value and gradient by y. */
+static void put(Work *w, long slot, real value, const real *by)
+{
+    long row = w->of->slots[slot], all = w->of->points * w->of->rows;
+    real found[Z];
+    if (row < 0) return;
+    row += w->point * w->of->rows;
+    if (w->mode == ROWS) {
+        scatter(value, w->out, all, row, w);
+    } else if (w->mode == JACOBIAN) {
+        by_z(w, by, found);
+        for (long e = 0; e < w->size; e++) scatter(found[e], w->out, all * w->size, row * w->size + e, w);
+    } else {
+        real lam = multiplier(w, slot);
+        for (long i = 0; i < w->ny; i++) w->phi_by[i] += lam * by[i];
+    }
+}
+
+/* Rows g of quantities v, of which by_v (rows x count) is the Jacobian and v_by the gradients by y. */
+static void put_all(Work *w, long slot, long rows, const real *g, const real *by_v, long count, const real *const *v_by)
+{
+    real by[Y];
+    for (long row = 0; row < rows; row++) {
+        if (w->of->slots[slot + row] < 0) continue;
+        if (w->order > 0)
+            for (long i = 0; i < w->ny; i++) {
+                by[i] = R(0.0);
+                for (long k = 0; k < count; k++) by[i] += by_v[row * count + k] * v_by[k][i];
+            }
+        put(w, slot + row, g[row], by);
+    }
+}
+
+/* Add the second derivatives of quantities (upper triangle, 3 x 3) to those by y. */
+static void push(Work *w, const real *bend, const real *const *v_by)
+{
+    for (long k = 0; k < 3; k++) {
+        real along[Y];
+        for (long i = 0; i < w->ny; i++) {
+            along[i] = R(0.0);
+            for (long l = 0; l < 3; l++) along[i] += bend[k < l ? 3 * k + l : 3 * l + k] * v_by[l][i];
+        }
+        for (long i = 0; i < w->ny; i++)
+            for (long j = i; j < w->ny; j++) w->bend[i * w->ny + j] += v_by[k][i] * along[j];
+    }
+}
+
+/* ---- a point */
+
+static void states(Work *w)
+{
+    const Elements *of = w->of;
+    real share = R(of->shares[w->point]), hull = R(of->hull && of->shares[w->point] == 0.5);
+    for (long k = 0; k < of->m; k++) {
+        real z[EACH], x[EACH];
+        for (long e = 0; e < EACH; e++) z[e] = w->z[index_of(w, k, e)];
+        if (of->straight) {
+            line_by(&share, &hull, z, w->y, w->by_z[k]);
+            continue;
+        }
+        state_by(&share, z, x, w->by_z[k]);
+        long joint = of->moving[k];
+        real unit = w->limits[SSM_FREE_D + joint];
+        for (long o = 0; o < 3; o++) {
+            long entry = 4 * o + joint;
+            w->y[entry] = unit * x[o] + (o ? R(0.0) : w->first[joint]);
+            for (long e = 0; e < EACH; e++) w->by_z[k][o * EACH + e] *= unit;
+            unit /= w->limits[SSM_FREE_TIME_SCALE];
+        }
+    }
+}
+
+static void curve_of(const Work *w, long curve, real *found)
+{
+    long curves = 4 + 12 * w->of->loads + 1;
+    for (long k = 0; k <= SSM_DEGREE; k++)
+        found[k] = gather(w->of->fits, 2 + (SSM_DEGREE + 1) * curves, 2 + k * curves + curve, w);
+}
+
+static void place_of(const Work *w, real *place)
+{
+    long curves = 4 + 12 * w->of->loads + 1;
+    for (long k = 0; k < 2; k++) place[k] = gather(w->of->fits, 2 + (SSM_DEGREE + 1) * curves, k, w);
+}
+
+/* Efforts of a load, and their gradients by y. */
+static void efforts(const Work *w, long load, const real *y, real *tau, real *by)
+{
+    if (!w->of->straight) {
+        real figures[SSM_LOAD];
+        for (long k = 0; k < SSM_LOAD; k++) figures[k] = R(w->of->load[load * SSM_LOAD + k]);
+        if (w->order)
+            torques_by(figures, y, tau, by);
+        else
+            torques_at(figures, y, tau);
+        return;
+    }
+    real place[2], curve[3 * (SSM_DEGREE + 1)];
+    place_of(w, place);
+    for (long i = 0; i < 4; i++) {
+        for (long k = 0; k < 3; k++)
+            curve_of(w, 4 + 4 * (k * w->of->loads + load) + i, curve + k * (SSM_DEGREE + 1));
+        if (w->order)
+            effort_by(w->limits, place, curve, y, tau + i, by + i * w->ny);
+        else
+            effort_at(w->limits, place, curve, y, tau + i);
+    }
+}
+
+static void bend_efforts(const Work *w, long load, const real *y, const real *weight, real *bend)
+{
+    if (!w->of->straight) {
+        real figures[SSM_LOAD];
+        for (long k = 0; k < SSM_LOAD; k++) figures[k] = R(w->of->load[load * SSM_LOAD + k]);
+        torques_bend(figures, y, weight, bend);
+        return;
+    }
+    real place[2], curve[3 * (SSM_DEGREE + 1)];
+    place_of(w, place);
+    for (long i = 0; i < 4; i++) {
+        for (long k = 0; k < 3; k++)
+            curve_of(w, 4 + 4 * (k * w->of->loads + load) + i, curve + k * (SSM_DEGREE + 1));
+        effort_bend(w->limits, place, curve, y, weight + i, bend);
+    }
+}
+
+/* Rates of the joints and of the tool on a path, by y. */
+static void rates_on_path(Work *w)
+{
+    real place[2], curve[SSM_DEGREE + 1];
+    place_of(w, place);
+    for (long i = 0; i < 4; i++) {
+        curve_of(w, i, curve);
+        real by[4 * EACH];
+        memset(by, 0, sizeof by);
+        joint_by(w->limits, place, curve, w->y, w->rate[i], by);
+        for (long k = 0; k < 4; k++) memcpy(w->rate_by[i][k], by + k * w->ny, (size_t)w->ny * sizeof(real));
+    }
+    curve_of(w, 4 + 12 * w->of->loads, curve);
+    speed_by(w->limits, place, curve, w->y, &w->speed, w->speed_by);
+}
+
+static void bend_rates_on_path(Work *w)
+{
+    real place[2], curve[SSM_DEGREE + 1];
+    place_of(w, place);
+    for (long i = 0; i < 4; i++) {
+        curve_of(w, i, curve);
+        joint_bend(w->limits, place, curve, w->y, w->rate_weight[i], w->bend);
+    }
+    curve_of(w, 4 + 12 * w->of->loads, curve);
+    speed_bend(w->limits, place, curve, w->y, &w->speed_weight, w->bend);
+}
+
+static void rates_of_joints(Work *w)
+{
+    for (long i = 0; i < 4; i++) {
+        w->rate[i][0] = w->rate[i][1] = w->y[4 + i];
+        w->rate[i][2] = w->y[8 + i];
+        w->rate_by[i][0][4 + i] = w->rate_by[i][1][4 + i] = w->rate_by[i][2][8 + i] = R(1.0);
+    }
+}
+
+#define POSTURE(name, slot, count)                                                     \
+    if (active(w, slot, count)) {                                                      \
+        real g[count], by[count * Y], lam[count];                                      \
+        memset(by, 0, sizeof by);                                                      \
+        if (w->order)                                                                  \
+            name##_by(w->prepared, w->y, g, by);                                       \
+        else                                                                           \
+            name##_at(w->prepared, w->y, g);                                           \
+        for (long k = 0; k < count; k++) put(w, slot + k, g[k], by + k * Y);           \
+        if (w->order == 2) {                                                           \
+            for (long k = 0; k < count; k++) lam[k] = multiplier(w, slot + k);         \
+            name##_bend(w->prepared, w->y, lam, w->bend);                              \
+        }                                                                              \
+    }
+
+static void posture_rows(Work *w)
+{
+    POSTURE(tip, 0, 1)
+    POSTURE(ranges, 1, 4)
+    POSTURE(rates, 5, 6)
+    POSTURE(retina, 11, 1)
+    POSTURE(lens, 12, 1)
+}
+
+static void joint_rows(Work *w)
+{
+    const double *limits = w->of->limits;
+    if (active(w, 0, 1)) {
+        real over = R(1.0 / limits[SSM_STRAIGHT_SPEEDS]), by[Y];
+        for (long i = 0; i < w->ny; i++) by[i] = over * w->speed_by[i];
+        put(w, 0, over * w->speed, by);
+        if (w->order == 2) w->speed_weight += over * multiplier(w, 0);
+    }
+    for (long i = 0; i < 4; i++) {
+        real bounds[4] = {R(limits[SSM_STRAIGHT_VELOCITY + i]), R(limits[SSM_STRAIGHT_ACCELERATION + i]),
+                          R(limits[SSM_STRAIGHT_JERK + i]), R(limits[SSM_STRAIGHT_STOP])};
+        long slot = 1 + JOINT_ROWS * i;
+        for (long side = 0; side <= w->of->undriven[i]; side++) {
+            if (!active(w, slot + 3 * side, 3)) continue;
+            real sense = w->of->undriven[i] ? R(side ? -1.0 : 1.0) : w->sigma[i];
+            real v[3] = {w->rate[i][1], w->rate[i][2], w->speed}, g[3], by[9], lam[3], bend[9];
+            const real *v_by[3] = {w->rate_by[i][1], w->rate_by[i][2], w->speed_by};
+            memset(by, 0, sizeof by);
+            sense_by(bounds, &sense, v, g, by);
+            put_all(w, slot + 3 * side, 3, g, by, 3, v_by);
+            if (w->order < 2) continue;
+            memset(bend, 0, sizeof bend);
+            for (long k = 0; k < 3; k++) {
+                lam[k] = multiplier(w, slot + 3 * side + k);
+                w->rate_weight[i][1] += lam[k] * by[3 * k];
+                w->rate_weight[i][2] += lam[k] * by[3 * k + 1];
+                w->speed_weight += lam[k] * by[3 * k + 2];
+            }
+            sense_bend(bounds, &sense, v, lam, bend);
+            push(w, bend, v_by);
+        }
+        if (!active(w, slot + 6, 4)) continue;
+        real v[2] = {w->rate[i][2], w->rate[i][3]}, g[4], by[8];
+        const real *v_by[2] = {w->rate_by[i][2], w->rate_by[i][3]};
+        memset(by, 0, sizeof by);
+        pace_by(bounds, v, g, by);
+        put_all(w, slot + 6, 4, g, by, 2, v_by);
+        for (long k = 0; k < 4 && w->order == 2; k++)
+            for (long j = 0; j < 2; j++) w->rate_weight[i][2 + j] += multiplier(w, slot + 6 + k) * by[2 * k + j];
+    }
+}
+
+static void actuation_rows(Work *w, long a)
+{
+    const long *actuation = w->of->actuation + 3 * a, i = actuation[0];
+    long slot = (w->of->straight ? STRAIGHT_ACTUATIONS : FREE_ACTUATIONS) + 3 * a;
+    const Law *law = TORQUES + actuation[2];
+    real figures[SSM_DRIVE], v[3] = {w->tau[i], w->rate[i][0], w->rate[i][2]}, g[3], by[9], lam[3], bend[9];
+    const real *v_by[3] = {w->tau_by + i * w->ny, w->rate_by[i][0], w->rate_by[i][2]};
+    for (long k = 0; k < SSM_DRIVE; k++) figures[k] = R(w->of->drives[a * SSM_DRIVE + k]);
+    if (w->order) {
+        memset(by, 0, sizeof by);
+        law->by(figures, w->sigma + i, v, g, by);
+    } else
+        law->at(figures, w->sigma + i, v, g);
+    put_all(w, slot, 3, g, by, 3, v_by);
+    if (w->order < 2) return;
+    memset(bend, 0, sizeof bend);
+    for (long k = 0; k < 3; k++) {
+        lam[k] = multiplier(w, slot + k);
+        w->tau_weight[i] += lam[k] * by[3 * k];
+        w->rate_weight[i][0] += lam[k] * by[3 * k + 1];
+        w->rate_weight[i][2] += lam[k] * by[3 * k + 2];
+    }
+    law->bend(figures, w->sigma + i, v, lam, bend);
+    push(w, bend, v_by);
+}
+
+/* One motor's part of the cost at the point; factor: of the cost in the Lagrangian. */
+static void add_cost(Work *w, long c, real factor)
+{
+    long i = w->of->cost[2 * c];
+    const Law *law = PULLS + w->of->cost[2 * c + 1];
+    real figures[SSM_DRIVE], v[3] = {w->tau[i], w->rate[i][0], w->rate[i][2]}, still[3] = {w->still[i]};
+    real t, by[3], bend[9], t_still, by_still[3], excess_by[Y], one = R(1.0), weight = R(w->of->cost_weights[c]);
+    const real *v_by[3] = {w->tau_by + i * w->ny, w->rate_by[i][0], w->rate_by[i][2]}, *still_by = w->still_by + i * w->ny;
+    for (long k = 0; k < SSM_DRIVE; k++) figures[k] = R(w->of->cost_drives[c * SSM_DRIVE + k]);
+    memset(by, 0, sizeof by);
+    memset(by_still, 0, sizeof by_still);
+    law->by(figures, w->sigma + i, v, &t, by);
+    if (w->of->effort) {
+        law->by(figures, w->sigma + i, still, &t_still, by_still);
+        t -= t_still;
+    }
+    w->cost += weight * t * t;
+    if (w->order == 0) return;
+    for (long k = 0; k < w->ny; k++) {
+        excess_by[k] = by[0] * v_by[0][k] + by[1] * v_by[1][k] + by[2] * v_by[2][k];
+        if (w->of->effort) excess_by[k] -= by_still[0] * still_by[k];
+        w->cost_by[k] += R(2.0) * weight * t * excess_by[k];
+    }
+    if (w->order < 2) return;
+    real outer = R(2.0) * weight * factor, slope = outer * t;
+    for (long k = 0; k < w->ny; k++)
+        for (long l = k; l < w->ny; l++) w->bend[k * w->ny + l] += outer * excess_by[k] * excess_by[l];
+    memset(bend, 0, sizeof bend);
+    law->bend(figures, w->sigma + i, v, &slope, bend);
+    push(w, bend, v_by);
+    w->tau_weight[i] += slope * by[0];
+    w->rate_weight[i][0] += slope * by[1];
+    w->rate_weight[i][2] += slope * by[2];
+    if (!w->of->effort) return;
+    w->still_weight[i] -= slope * by_still[0];
+    memset(bend, 0, sizeof bend);
+    law->bend(figures, w->sigma + i, still, &one, bend);
+    for (long k = 0; k < w->ny; k++)
+        for (long l = k; l < w->ny; l++) w->bend[k * w->ny + l] -= slope * bend[0] * still_by[k] * still_by[l];
+}
+
+/* Efforts of endlessly slow motion in the same place, by its positions. */
+static void efforts_still(Work *w, real *place)
+{
+    long positions = w->of->straight ? 1 : 4;
+    for (long k = 0; k < w->ny; k++) place[k] = k < positions ? w->y[k] : R(0.0);
+    efforts(w, 0, place, w->still, w->still_by);
+    for (long i = 0; i < 4; i++)
+        for (long k = positions; k < w->ny; k++) w->still_by[i * w->ny + k] = R(0.0);
+}
+
+static void add_still_bend(Work *w, const real *place)
+{
+    long positions = w->of->straight ? 1 : 4;
+    real bend[Y * Y];
+    memset(bend, 0, sizeof bend);
+    bend_efforts(w, 0, place, w->still_weight, bend);
+    for (long k = 0; k < positions; k++)
+        for (long l = k; l < positions; l++) w->bend[k * w->ny + l] += bend[k * w->ny + l];
+}
+
+/* Second derivatives by y, and slopes through y, as second derivatives by z. */
+static void add_hessian(Work *w, real factor)
+{
+    long m = w->of->m, size = w->size;
+    for (long k = 0; k < m; k++)
+        for (long l = k; l < m; l++) {
+            real half[EACH * EACH];
+            for (long o = 0; o < w->each; o++)
+                for (long e = 0; e < EACH; e++) {
+                    real sum = R(0.0);
+                    for (long p = 0; p < w->each; p++) {
+                        long a = w->entry[k][o], b = w->entry[l][p];
+                        sum += w->bend[a < b ? a * w->ny + b : b * w->ny + a] * w->by_z[l][p * EACH + e];
+                    }
+                    half[o * EACH + e] = sum;
+                }
+            for (long d = 0; d < EACH; d++)
+                for (long e = 0; e < EACH; e++) {
+                    real sum = R(0.0);
+                    long a = index_of(w, k, d), b = index_of(w, l, e);
+                    for (long o = 0; o < w->each; o++) sum += w->by_z[k][o * EACH + d] * half[o * EACH + e];
+                    w->hessian[a * size + b] += sum;
+                    if (k != l) w->hessian[b * size + a] += sum;
+                }
+        }
+    real share = R(w->of->shares[w->point]), hull = R(w->of->hull && w->of->shares[w->point] == 0.5);
+    for (long k = 0; k < m; k++) {
+        real z[EACH], lam[EACH], bend[EACH * EACH];
+        memset(bend, 0, sizeof bend);
+        for (long e = 0; e < EACH; e++) z[e] = w->z[index_of(w, k, e)];
+        for (long o = 0; o < w->each; o++) lam[o] = w->phi_by[w->entry[k][o]];
+        if (w->of->straight) {
+            line_bend(&share, &hull, z, lam, bend);
+        } else {
+            real unit = w->limits[SSM_FREE_D + w->of->moving[k]];
+            for (long o = 0; o < 3; o++, unit /= w->limits[SSM_FREE_TIME_SCALE]) lam[o] *= unit;
+            state_bend(&share, z, lam, bend);
+        }
+        for (long d = 0; d < EACH; d++)
+            for (long e = d; e < EACH; e++) {
+                long a = index_of(w, k, d), b = index_of(w, k, e);
+                w->hessian[a * size + b] += bend[d * EACH + e];
+                if (d != e) w->hessian[b * size + a] += bend[d * EACH + e];
+            }
+    }
+    if (w->of->costs) {
+        real along[Z];
+        by_z(w, w->cost_by, along);
+        for (long e = 0; e < size; e++) {
+            w->hessian[(size - 1) * size + e] += factor * along[e];
+            w->hessian[e * size + size - 1] += factor * along[e];
+        }
+    }
+}
+
+static void evaluate_point(Work *w)
+{
+    const Elements *of = w->of;
+    int costs = of->costs && w->mode != ROWS && w->mode != JACOBIAN, rows = w->mode <= HESSIAN;
+    real place[Y], factor = R(0.0), h = w->z[w->size - 1];
+    states(w);
+    if (of->straight) rates_on_path(w); else rates_of_joints(w);
+    memset(w->phi_by, 0, sizeof w->phi_by);
+    memset(w->cost_by, 0, sizeof w->cost_by);
+    w->cost = w->speed_weight = R(0.0);
+    if (w->order == 2) {
+        memset(w->bend, 0, sizeof w->bend);
+        memset(w->rate_weight, 0, sizeof w->rate_weight);
+        memset(w->still_weight, 0, sizeof w->still_weight);
+    }
+    if (costs && w->mode == HESSIAN)
+        factor = R(of->weights[w->point]) * gather(w->lam, of->points * of->rows + 1, of->points * of->rows, w);
+    if (rows && of->straight) joint_rows(w);
+    if (rows && !of->straight) posture_rows(w);
+    long slot = of->straight ? STRAIGHT_ACTUATIONS : FREE_ACTUATIONS, first = 0;
+    for (long load = 0; load < of->loads; load++) {
+        long last = first, wanted = costs && load == 0;
+        for (; last < of->actuations && of->actuation[3 * last + 1] == load; last++)
+            wanted |= rows && active(w, slot + 3 * last, 3);
+        if (wanted) {
+            memset(w->tau_weight, 0, sizeof w->tau_weight);
+            efforts(w, load, w->y, w->tau, w->tau_by);
+            for (long a = first; a < last; a++)
+                if (rows && active(w, slot + 3 * a, 3)) actuation_rows(w, a);
+            if (costs && load == 0) {
+                if (of->effort) efforts_still(w, place);
+                for (long c = 0; c < of->costs; c++) add_cost(w, c, factor * h);
+            }
+            if (w->order == 2) bend_efforts(w, load, w->y, w->tau_weight, w->bend);
+        }
+        first = last;
+    }
+    if (w->order < 1 || w->mode == JACOBIAN) {
+        if (costs) w->integral += R(of->weights[w->point]) * h * w->cost;
+        return;
+    }
+    if (w->mode == GRADIENT) {
+        real along[Z], weight = R(of->weights[w->point]);
+        by_z(w, w->cost_by, along);
+        for (long e = 0; e < w->size; e++) w->gradient[e] += weight * h * along[e];
+        w->gradient[w->size - 1] += weight * w->cost;
+        return;
+    }
+    if (costs && of->effort) add_still_bend(w, place);
+    if (of->straight) bend_rates_on_path(w);
+    for (long i = 0; i < w->ny && of->costs; i++) w->phi_by[i] += factor * h * w->cost_by[i];
+    add_hessian(w, factor);
+}
+
+static int evaluate(const void *context, int mode, const double *z, const double *lam, double *out)
+{
+    Work work, *w = &work;
+    const Elements *of = context;
+    memset(w, 0, sizeof *w);
+    w->of = of;
+    w->mode = mode;
+    w->order = mode == HESSIAN ? 2 : mode == JACOBIAN || mode == GRADIENT;
+    w->size = 4 * of->m + 1;
+    w->lam = lam;
+    w->out = out;
+    w->ny = of->straight ? EACH : Y;
+    w->each = of->straight ? EACH : 3;
+    for (long k = 0; k < of->m; k++)
+        for (long o = 0; o < w->each; o++) w->entry[k][o] = of->straight ? o : 4 * o + of->moving[k];
+    for (long k = 0; k < (of->straight ? SSM_STRAIGHT_SIZE : SSM_FREE_SIZE); k++) w->limits[k] = R(of->limits[k]);
+    if (!of->straight) {
+        real mechanism[SSM_MECHANISM], eye[SSM_EYE];
+        for (long k = 0; k < SSM_MECHANISM; k++) mechanism[k] = R(of->mechanism[k]);
+        for (long k = 0; k < SSM_EYE; k++) eye[k] = R(of->eye[k]);
+        prepare(mechanism, eye, w->limits, w->prepared);
+        for (long i = 0; i < 4; i++) w->y[i] = w->first[i] = w->limits[SSM_FREE_Q0 + i] + R(i == 1 ? of->offset : 0.0);
+    }
+    for (w->block = 0; w->block < of->count; w->block += LANES) {
+        for (long e = 0; e < w->size; e++) w->z[e] = gather(z, w->size, e, w);
+        for (long i = 0; i < 4; i++) w->sigma[i] = gather(of->sigma, 4, i, w);
+        memset(w->hessian, 0, sizeof w->hessian);
+        memset(w->gradient, 0, sizeof w->gradient);
+        w->integral = R(0.0);
+        for (w->point = 0; w->point < of->points; w->point++) evaluate_point(w);
+        long size = w->size;
+        for (long e = 0; e < size * size && mode == HESSIAN; e++) scatter(w->hessian[e], out, size * size, e, w);
+        for (long e = 0; e < size && mode == GRADIENT; e++) scatter(w->gradient[e], out, size, e, w);
+        if (mode == COST) scatter(w->integral, out, 1, 0, w);
+    }
+    return 0;
+}
+
+SSM_API int ssm_rows_of(void *context, const double *z, double *g) { return evaluate(context, ROWS, z, 0, g); }
+SSM_API int ssm_jacobian_of(void *context, const double *z, double *j) { return evaluate(context, JACOBIAN, z, 0, j); }
+SSM_API int ssm_hessian_of(void *context, const double *z, const double *lam, double *h)
+{
+    return evaluate(context, HESSIAN, z, lam, h);
+}
+SSM_API int ssm_cost_of(void *context, const double *z, double *l) { return evaluate(context, COST, z, 0, l); }
+SSM_API int ssm_gradient_of(void *context, const double *z, double *g) { return evaluate(context, GRADIENT, z, 0, g); }

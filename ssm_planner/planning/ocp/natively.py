@@ -1,0 +1,255 @@
+"""Rows and costs of the elements of a mesh by native/elements.c: any model of `models`, from a robot's figures alone.
+
+They are those of `ElementFunctions`, of `between` and of `breakaway`, within rounding.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+
+from ssm_planner.codegen.vectorised import Layout, call
+from ssm_planner.dynamics.friction import breakaway_coefficient, friction_of
+from ssm_planner.dynamics.motors import motorised
+from ssm_planner.dynamics.rigid_body import axes_frames, load_figures
+from ssm_planner.interior.problem import ElementGroup
+from ssm_planner.kinematics.eye import lens_limit
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.native.library import load
+from ssm_planner.planning.ocp.constraints import actuations_by_load
+from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, SIMPSON, ElementModel
+from ssm_planner.planning.ocp.models import FreeElement, StraightElement
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.limits import MotorTorque
+from ssm_planner.problem.posterior import LAWS
+from ssm_planner.problem.problem import Eye
+from ssm_planner.typing import Array
+
+MECHANISM = Layout(omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1)
+"""Of kinematics in the frames of `rigid_body.axes_frames`: x and z of the second and third axis; angles of `Mechanism`; the
+offset of θ2."""
+EYE = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
+"""In the base's frame of these; lens_frame: the columns of the lens's frame, each over its semi-axis and the lens's limit."""
+DRIVE = Layout(
+    **dict.fromkeys(("ratio", "gamma", "lead_slope", "wedging", "input_inertia", "output_inertia", "preload"), 1),
+    **dict.fromkeys(("second_nut_mass", "mu", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov"), 1),
+    **dict.fromkeys(("limit", "nominal"), 1),
+)
+"""Of one motor and its drive; limit, nominal: its torques."""
+KINDS = ("worm", "antibacklash_screw")
+"""Of drives, that differ in their law; every other one follows that of a worm."""
+Where = Literal["collocation", "between", "breakaway"]
+SHARES: dict[Where, tuple[float, ...]] = {"collocation": COLLOCATION, "between": DENSE, "breakaway": (0.0,)}
+
+
+class _Context(ctypes.Structure):
+    """`Elements` of elements.c."""
+
+    _fields_ = [
+        *[
+            (name, ctypes.c_long)
+            for name in ("straight", "count", "m", "rows", "points", "loads", "actuations", "costs")
+        ],
+        *[(name, ctypes.c_long) for name in ("effort", "hull")],
+        *[(name, ctypes.c_void_p) for name in ("shares", "weights", "moving", "undriven", "slots", "actuation")],
+        *[(name, ctypes.c_void_p) for name in ("drives", "cost", "cost_drives", "cost_weights", "load", "mechanism")],
+        *[(name, ctypes.c_void_p) for name in ("eye", "limits", "sigma", "fits")],
+        ("offset", ctypes.c_double),
+    ]
+
+
+class NativeElements:
+    """The functions of an element model at n elements with these parameters, called as `Mapped`."""
+
+    def __init__(
+        self, library: ctypes.CDLL, element: ElementModel, parameters: Sequence[Array], count: int, where: Where
+    ) -> None:
+        figures = _figures(element)
+        straight = isinstance(element, StraightElement)
+        sigma, *fits, packed = parameters
+        limits = element.layout.unpack(packed)
+        rows = element.row_places
+        if where == "breakaway":
+            rows = [row for row in element.all_rows if row[0] == MotorTorque.name]
+        slots = np.full(3 * len(figures.actuation) + element.first_actuation, -1)
+        slots[[place for *_, place in rows]] = np.arange(len(rows))
+        actuation, drives = figures.actuation.copy(), figures.drives[int(where == "breakaway")].copy()
+        if where == "breakaway":
+            actuation[:, 2] -= actuation[:, 2] % len(LAWS)
+        drives[:, DRIVE.slices["limit"]] = limits.torque[actuation[:, :1]]
+        costs = figures.cost if element.aim != "time" and where == "collocation" else figures.cost[:0]
+        weights = limits.cooling[costs[:, 0]] if element.aim == "cooling" else np.ones(len(costs))
+        arrays = {
+            "shares": SHARES[where],
+            "weights": SIMPSON,
+            "moving": element.moving if isinstance(element, FreeElement) else [0],
+            "slots": slots,
+            "actuation": actuation,
+            "drives": drives,
+            "cost": costs,
+            "cost_weights": weights,
+            "limits": packed,
+            "sigma": np.broadcast_to(sigma, (count, 4)),
+            "fits": np.broadcast_to(fits[0], (count, fits[0].shape[-1])) if fits else [],
+            **figures.arrays,
+        }
+        self._kept = {
+            name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float)
+            for name, values in arrays.items()
+        }
+        shares = SHARES[where]
+        self.context = _Context(
+            straight=straight,
+            count=count,
+            m=element.coordinates,
+            rows=len(rows),
+            points=len(shares),
+            loads=len(element.robot.loads),
+            actuations=len(actuation),
+            costs=len(costs),
+            effort=element.aim == "effort",
+            hull=where == "collocation",
+            offset=figures.offset,
+            **{name: values.ctypes.data for name, values in self._kept.items()},
+        )
+        self.library, self.count, self.size, self.rows = library, count, element.size, len(shares) * len(rows)
+        sizes: dict[str, tuple[int, ...]] = {
+            "rows": (self.rows,), "jacobian": (self.rows, self.size), "hessian": (self.size, self.size),
+        }  # fmt: skip
+        if len(costs):
+            sizes |= {"cost": (1,), "gradient": (self.size,)}
+        self.group = ElementGroup.of(library, self.context, (self.size, self.rows, count), sizes)
+        """For the structured solver."""
+        self.mapped = {name: _Call(self, name, (count, *shape)) for name, shape in sizes.items()}
+
+
+class _Call:
+    """One of the functions: (z, multipliers if any) → [values], dense, as `Mapped`."""
+
+    def __init__(self, elements: NativeElements, name: str, shape: tuple[int, ...]) -> None:
+        self._elements, self._shape = elements, shape
+        self._function = getattr(elements.library, f"ssm_{name}_of")
+        self._context = ctypes.byref(elements.context)
+
+    def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
+        given = [np.ascontiguousarray(z[:, : self._elements.size], dtype=float)]
+        if multipliers is not None:
+            given.append(np.ascontiguousarray(multipliers, dtype=float))
+        found = np.empty(self._shape)
+        self._function(self._context, *(ctypes.c_void_p(values.ctypes.data) for values in (*given, found)))
+        return [found]
+
+
+def native_elements(
+    element: ElementModel, parameters: Sequence[Array], count: int, where: Where = "collocation"
+) -> NativeElements | None:
+    """None where there is no library.
+
+    parameters: of `element`, (size,) or (count, size). where: at the points COLLOCATION or DENSE, or the rows of
+    `breakaway`, each with derivatives.
+    """
+    library = load()
+    return None if library is None else NativeElements(library, element, parameters, count, where)
+
+
+def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
+    """`ElementModel.between` of elements z (n, size), (n, 9 rows); parameters (size,) or (n, size)."""
+    n = len(z)
+    native = native_elements(element, parameters, n, "between")
+    if native is not None:
+        return native.mapped["rows"](z)[0]
+    given = (values if values.ndim == 2 else np.broadcast_to(values, (n, len(values))) for values in parameters)
+    return call(element.between, z, *given)[0]
+
+
+_INTEGERS = ("moving", "undriven", "slots", "actuation", "cost")
+
+
+@dataclass(frozen=True, eq=False)
+class _Figures:
+    """What is the same for all problems of an element model."""
+
+    actuation: Array
+    """Joint, load and law, by load, (a, 3)."""
+    drives: tuple[Array, Array]
+    """Of each (a, DRIVE), in motion and at breakaway."""
+    cost: Array
+    """Joint and law of every motor, (q, 2)."""
+    arrays: dict[str, Array]
+    """By their names in `_Context`."""
+    offset: float
+
+
+@lru_cache(maxsize=32)
+def _figures(element: ElementModel) -> _Figures:
+    robot = element.robot
+    by_load = actuations_by_load(robot)
+    motors = [(i, drive, motor.nominal_torque) for i, drive, motor in motorised(robot.joints)]
+    arrays = {
+        "undriven": np.array([joint.drive is None for joint in robot.joints]),
+        "cost_drives": np.array([_drive_figures(drive, nominal) for _, drive, nominal in motors]),
+    }
+    offset = 0.0
+    if isinstance(element, FreeElement):
+        offset = axes_frames((robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3))[2]
+        arrays["load"] = np.array([load_figures(each.geometry, each.bodies, each.gravity) for each in robot.loads])
+        arrays["mechanism"], arrays["eye"] = _posture_figures(element.mechanism, element.eye)
+    return _Figures(
+        np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int).reshape(-1, 3),
+        (
+            np.array([_drive_figures(drive) for *_, drive, _ in by_load]).reshape(-1, DRIVE.size),
+            np.array([_drive_figures(drive, breakaway=True) for *_, drive, _ in by_load]).reshape(-1, DRIVE.size),
+        ),
+        np.array([(i, _law(drive)) for i, drive, _ in motors], dtype=int).reshape(-1, 2),
+        arrays,
+        offset,
+    )
+
+
+def _law(drive: Drive) -> int:
+    kind = KINDS[1] if drive.kind == KINDS[1] else KINDS[0]
+    friction = friction_of(drive)
+    law = "coulomb" if friction.stribeck_speed is None else friction.law
+    return len(LAWS) * KINDS.index(kind) + LAWS.index(law)
+
+
+def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
+    """DRIVE; the limit is filled in later."""
+    friction = friction_of(drive)
+    own = {name: getattr(drive, name) for name in DRIVE.slices if hasattr(drive, name)}
+    own |= {name: getattr(friction, name) for name in DRIVE.slices if hasattr(friction, name)}
+    own["stribeck_speed"] = friction.stribeck_speed or 1.0
+    if breakaway:  # the law of a constant coefficient
+        own["mu"] = breakaway_coefficient(friction)
+    return DRIVE.pack(**own, limit=1.0, nominal=nominal)
+
+
+def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
+    frames, angles, offset = axes_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
+    angle = sum(angles)
+    figures = MECHANISM.pack(
+        omega2=[np.sin(angles[0]), np.cos(angles[0])],
+        omega3=[np.sin(angle), np.cos(angle)],
+        **{name: getattr(mechanism, name) for name in ("alpha", "beta", "delta", "side", "spin_offset")},
+        insertion_sign=mechanism.insertion_sign,
+        offset=offset,
+    )
+    if eye is None:
+        return figures, np.ones(EYE.size)
+    lens_centre, lens_frame, base = np.zeros(3), np.eye(3), frames[0].T
+    if eye.lens is not None:
+        lens_centre = eye.lens.centre
+        lens_frame = eye.lens.frame / eye.lens.semi_axes / lens_limit(eye)
+    return figures, EYE.pack(
+        centre=base @ eye.centre,
+        radius=eye.radius,
+        clearance=eye.clearance,
+        port=eye.port,
+        lens_centre=base @ lens_centre,
+        lens_frame=base @ lens_frame,
+    )

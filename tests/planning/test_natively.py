@@ -1,0 +1,191 @@
+"""Elements in C: the numbers of the CasADi functions, for any robot, drive, law, load, eye and aim."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+from typing import Any, get_args
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from ssm_planner.codegen.mapped import Mapped
+from ssm_planner.dynamics.rigid_body import LOAD, RigidBody, axes_frames, efforts_by_figures, load_figures, with_payload
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.native import library
+from ssm_planner.planning.ocp import kernels
+from ssm_planner.planning.ocp.element import Aim, ElementModel, element_functions
+from ssm_planner.planning.ocp.natively import native_elements, rows_between
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.value import unchecked
+from ssm_planner.typing import Array
+from tests.planning.test_element import CASES
+from tests.random_problems import random_problem
+
+WithJerk = Callable[[Robot, float, float], Robot]
+RELATIVE = 1e-11
+COUNT = 6
+"""Elements: one whole block of the vectors, and a part of one."""
+pytestmark = pytest.mark.skipif(library.load() is None, reason="installed without the compiled part")
+
+
+def drives(robot: Robot, rng: np.random.Generator) -> Robot:
+    """Every law of friction, and drives with one nut or two, wherever; a payload and other friction at its corners."""
+    laws = itertools.cycle(["stribeck_exponential", "coulomb", "stribeck_gaussian"])
+
+    def other(drive: Drive) -> Drive:
+        law: Any = next(laws)
+        speed = None if law == "coulomb" else 8.0
+        friction = unchecked(
+            drive.friction, law=law, stribeck_speed=speed, mu_stribeck=0.0 if speed is None else 0.03, mu_static=0.21
+        )
+        two = drive.slides and rng.random() < 0.5
+        kind = "antibacklash_screw" if two else "lead_screw" if drive.slides else "worm"
+        nut = {"preload": 30.0, "second_nut_mass": 0.02} if two else {"preload": 0.0, "second_nut_mass": 0.0}
+        return unchecked(drive, kind=kind, friction=friction, **nut)
+
+    def changed(one: Robot) -> Robot:
+        joints = [j if j.drive is None else unchecked(j, drive=other(j.drive)) for j in one.joints]
+        return unchecked(one, joints=tuple(joints))
+
+    plain = changed(robot)
+    corners = tuple(changed(with_payload(robot, mass)) for mass in (0.0, 0.03))
+    return unchecked(plain, corners=corners, lightest=corners[:1]) if rng.random() < 0.6 else plain
+
+
+def agree(mine: Array, its: Array) -> None:
+    scale = max(float(np.abs(its).max(initial=0.0)), 1e-12)
+    assert float(np.abs(mine.reshape(its.shape) - its).max(initial=0.0)) <= RELATIVE * scale
+
+
+def breakaway_functions(element: ElementModel) -> dict[str, ca.Function]:
+    """Breakaway rows with their derivatives, by CasADi."""
+    function = element.breakaway
+    symbols = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
+    rows = function(*symbols)
+    lam = ca.SX.sym("lam", rows.numel())
+    return {
+        "rows": ca.Function("rows", symbols, [ca.densify(rows)]),
+        "jacobian": ca.Function("jacobian", symbols, [ca.jacobian(rows, symbols[0])]),
+        "hessian": ca.Function("hessian", [*symbols, lam], [ca.hessian(ca.dot(lam, rows), symbols[0])[0]]),
+    }
+
+
+def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
+    """Everything in C against CasADi."""
+    rng = np.random.default_rng(1)
+    symbols = [ca.SX.sym("x", element.state_size), *element.parameter_symbols(ca.SX)]
+    assert element.row_names == [(row.name, row.joint) for row in element._active_rows(*symbols)]
+    native = native_elements(element, parameters, len(z))
+    assert native is not None
+    lam = rng.uniform(-1, 1, (len(z), native.rows))
+    if element.aim != "time":
+        lam = np.column_stack([lam, rng.uniform(0, 3, len(z))])
+    functions = element_functions(element).by_name()
+    assert set(functions) == set(native.mapped)
+    for name, function in functions.items():
+        arguments = (z, lam) if name == "hessian" else (z,)
+        agree(native.mapped[name](*arguments)[0], Mapped(function, parameters, len(z))(*arguments)[-1])
+    agree(rows_between(element, z, parameters), Mapped(element.between, parameters, len(z))(z)[0])
+    starts = native_elements(element, parameters, len(z), "breakaway")
+    assert starts is not None
+    for name, function in breakaway_functions(element).items():
+        arguments = (z, lam[:, :1] * np.ones(starts.rows)) if name == "hessian" else (z,)
+        agree(starts.mapped[name](*arguments)[0], Mapped(function, parameters, len(z))(*arguments)[-1])
+
+
+def elements_of(robot: Robot, kind: str, aim: Aim, rng: np.random.Generator) -> tuple[Any, Array, list[Array]]:
+    """A model with several elements of its kind."""
+    cases = [CASES[kind](robot, aim, rng) for _ in range(COUNT)]
+    z, *each = (np.array(values) for values in zip(*(numbers for _, numbers in cases), strict=True))
+    element, packed = cases[0][0], each[-1][0]
+    fields = vars(element.layout.unpack(packed)) | {"cooling": [0.5, 0.0, 1.0, 2.0], "stop": 0.4}
+    return element, z, [*each[:-1], element.layout.pack(**fields)]
+
+
+@pytest.mark.parametrize("aim", get_args(Aim))
+@pytest.mark.parametrize("kind", CASES)
+def test_numbers_are_those_of_casadi(tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim) -> None:
+    rng = np.random.default_rng(3)
+    element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, aim, rng)
+    check(element, z, parameters)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_robot_has_them(tilt_insert: Problem, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robot = drives(random_problem(tilt_insert, seed).robot, rng)
+    aim = get_args(Aim)[seed]
+    element, z, parameters = elements_of(robot, "free", aim, rng)
+    moving = ((0, 1, 2, 3), (1,), (0, 3), (1, 2, 3))[seed]
+    states = z[:, :16].reshape(COUNT, 4, 4)[:, :, moving].reshape(COUNT, -1)
+    model = dataclasses.replace(element, moving=moving, active=None)
+    check(model, np.column_stack([states, z[:, -1]]), parameters)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robot = drives(with_jerk(random_problem(tilt_insert, seed).robot, 35.0, 1.0), rng)
+    undriven = unchecked(robot.joints[1], drive=None, motor=None)
+    robot = unchecked(robot, joints=(robot.joints[0], undriven, *robot.joints[2:]))
+    element, z, (_, _, packed) = elements_of(robot, "straight", get_args(Aim)[seed], rng)
+    sigma = rng.choice([-1.0, 1.0], (COUNT, 4))
+    fits = rng.normal(size=(COUNT, element.parameters[1].size))
+    fits[:, :2] = 0.42, 0.05
+    check(dataclasses.replace(element, jerk=bool(seed)), z, [sigma, fits, packed])
+
+
+def test_what_stands_is_finite(tilt_insert: Problem) -> None:
+    """Rows without a limit, and what stands, are finite."""
+    element, z, parameters = elements_of(tilt_insert.robot, "free", "time", np.random.default_rng(2))
+    still = z.copy()
+    still[:, 4:16] = 0.0
+    native = native_elements(element, [np.zeros(4), *parameters[1:]], COUNT)
+    assert native is not None
+    for name in ("rows", "jacobian"):
+        assert np.isfinite(native.mapped[name](still)[0]).all()
+
+
+def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
+    """The same bits alone and among others."""
+    element, z, parameters = elements_of(tilt_insert.robot, "free", "heat", np.random.default_rng(2))
+    sigma, packed = parameters
+    together = native_elements(element, parameters, COUNT)
+    assert together is not None
+    lam = np.ones((COUNT, together.rows + 1))
+    whole = together.mapped["hessian"](z, lam)[0]
+    for k in range(COUNT):
+        alone = native_elements(element, [sigma[k], packed], 1)
+        assert alone is not None
+        assert np.array_equal(alone.mapped["hessian"](z[k : k + 1], lam[:1])[0][0], whole[k])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) -> None:
+    robot = random_problem(tilt_insert, seed).robot
+    rng = np.random.default_rng(seed)
+    q, qd, qdd = rng.uniform(-2, 2, (3, 4))
+    figures, symbols = load_figures(robot.geometry, robot.bodies, robot.gravity), [ca.SX.sym(n, 4) for n in "abc"]
+    by_figures = ca.SX.sym("f", LOAD.size)
+    function = ca.Function("tau", [by_figures, *symbols], [efforts_by_figures(by_figures, *symbols)])
+    frames, _, offset = axes_frames((robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3))
+    turned = q + np.array([0.0, offset, 0.0, 0.0])
+    expected = RigidBody.from_robot(robot).inverse_dynamics(q[None], qd[None], qdd[None])[0]
+    assert function(figures, turned, qd, qdd).full().ravel() == pytest.approx(expected, rel=1e-11, abs=1e-15)
+    assert np.allclose(frames[:, :, 2][1:], [robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3])
+    rotation = forward(Mechanism.from_geometry(robot.geometry), q)[0][0]
+    assert np.allclose(rotation.T @ rotation, np.eye(3))
+
+
+def test_the_c_is_what_the_laws_give() -> None:
+    """By the version of CasADi that wrote it: `python -m ssm_planner.planning.ocp.kernels`."""
+    text = kernels.HEADER.read_text(encoding="utf-8")
+    if f"CasADi {ca.CasadiMeta.version()}:" not in text:
+        pytest.skip("written by another CasADi")
+    assert text == kernels.kernels()
