@@ -90,6 +90,15 @@ class PhaseSummary:
     """In which Ipopt confirmed what the structured solver found; None where either solved alone."""
     confirmation_difference: float | None = None
     """Ipopt's duration of the fastest motion over the structured solver's, less 1; the shorter motion is taken."""
+    corner_departure: float | None = None
+    """Of a phase with rounded corners: largest distance of the tip from the lines between these, m."""
+    corner_reach: float | None = None
+    """Largest distance from a corner at which the tip is off these lines, m."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON types; what only some phases have is left out of the others."""
+        found: dict[str, Any] = plain(asdict(self))
+        return {name: value for name, value in found.items() if value is not None or name not in OF_SOME}
 
     @property
     def disagreement(self) -> str | None:
@@ -111,6 +120,8 @@ class PhaseSummary:
         )
 
 
+OF_SOME = ("corner_departure", "corner_reach")
+"""Fields of phases with rounded corners."""
 AGREES_STRAIGHT, AGREES_FREE = 3e-3, 1e-2
 """Share by which a phase's duration may differ from TOPP-RA's along its path, straight and free (docs/planning.md)."""
 
@@ -301,7 +312,7 @@ class Plan:
             "limits": [] if self.certificate is None else [limit.to_dict() for limit in self.certificate.limits],
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
-            "phases": [plain(asdict(phase)) for phase in self.phases],
+            "phases": [phase.to_dict() for phase in self.phases],
         }
 
     def to_dict(self) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from ssm_planner.kinematics.rotations import (
     rotation_matrices,
 )
 from ssm_planner.kinematics.solutions import OF_EACH, Solutions, select
-from ssm_planner.kinematics.task import joints_of_task, task_batch, task_from_joints
+from ssm_planner.kinematics.task import joints_of_task, roll_and_tilt, task_batch, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_magnitudes
 from ssm_planner.typing import Array
 
@@ -236,8 +236,8 @@ def _pointing(
     """Roll and tilt of the tool whose tip is at the given depth, at the RCM those of the reference or of home."""
     u = mech.frame.T @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
     around = np.hypot(u[1], u[2])
-    roll = np.where(around > 0.0, np.arctan2(mech.side * u[1], -mech.side * u[2]), 0.0)
-    tilt = mech.side * np.arctan2(around, u[0])
+    roll, tilt = roll_and_tilt(NUMPY, mech, u, around)
+    roll = np.where(around > 0.0, roll, 0.0)
     kept = np.array([[mech.home_roll, mech.home_tilt, 0.0, 0.0]])
     if reference is not None and at_rcm.any():
         kept = task_from_joints(mech, reference)

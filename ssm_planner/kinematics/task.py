@@ -74,6 +74,12 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
     return roll, tilt, spin, mech.insertion_sign * speed4
 
 
+def roll_and_tilt(xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any) -> tuple[Any, Any]:
+    """Roll and tilt of a tool that points along (x, y, z) of `mechanism.frame`; around: √(y² + z²), which must not be 0."""
+    side, (along, y, z) = mechanism.side, pointing
+    return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, along)
+
+
 def task_batch(name: str, value: ArrayLike) -> Array:
     """Task coordinates (n, 4), checked: tilt is in [−π, π]."""
     task = batch(name, value, 4)
@@ -136,6 +142,22 @@ def joints_from_task_symbolic(
             turns = casadi.floor((reference[i] - joints[i]) / (2.0 * math.pi) + 0.5)
             joints[i] = joints[i] + 2.0 * math.pi * turns
     return casadi.vertcat(*joints)
+
+
+def task_of_tip_symbolic(mechanism: Mechanism, tip: casadi.SX, roll: casadi.SX, spin: casadi.SX) -> casadi.SX:
+    """(roll, tilt, spin, depth) (4, 1) of a tip (3, 1) beyond the remote centre; roll within half a turn of the one given."""
+    import casadi
+
+    along, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
+    y, z = casadi.cos(roll) * y + casadi.sin(roll) * z, casadi.cos(roll) * z - casadi.sin(roll) * y
+    more, tilt = roll_and_tilt(casadi_namespace(), mechanism, (along, y, z), casadi.sqrt(y * y + z * z))
+    return casadi.vertcat(roll + more, tilt, spin, casadi.norm_2(tip))
+
+
+def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
+    """Roll of the tool whose tip is at a point (3,) beyond the remote centre."""
+    pointing = mechanism.insertion_sign * (mechanism.frame.T @ tip)
+    return float(roll_and_tilt(NUMPY, mechanism, pointing, np.hypot(*pointing[1:]))[0])
 
 
 def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:

@@ -9,8 +9,10 @@ from ssm_planner.loading.files import follow
 from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
 
 LONGEST_MOTION = 10_000
-_CURVES = {"spline": ("to", "through"), "line": ("to",), "arc": ("to", "through")}
-PLACES = {"": ("start",), "free": ("to", "through"), "straight": ("to",), "scan": ("at",), **_CURVES}
+_CURVES = {"spline": ("to", "through"), "line": ("to", "through"), "arc": ("to", "through")}
+CORNERED = ("straight", "line")
+"""Motions that may have corners on their way."""
+PLACES = {"": ("start",), "free": ("to", "through"), "straight": ("to", "through"), "scan": ("at",), **_CURVES}
 """Keys that hold points, by what they are keys of."""
 
 
@@ -68,6 +70,27 @@ def _with_points(here: Section, node: Node, points: Mapping[str | int, Node]) ->
     return _replaced(node, children) if children else node
 
 
+def _by_corners(place: Section, entry: Node) -> list[Node]:
+    """A motion with corners on its way as one motion from each to the next, corners rounded. Raises ProblemError."""
+    ((name, node),) = entry.children.items()
+    corners = node.children.get("through")
+    if corners is None or not isinstance(corners.value, list) or not corners.value:
+        return [entry]
+    if "blend" not in node.children:
+        reason = "missing: the distance of the tip from a corner within which it is rounded"
+        raise place.sub(name).error(reason, "blend", allowed="a length such as 0.3 mm")
+    rest: dict[str | int, Node] = {
+        key: child for key, child in node.children.items() if key not in ("through", "to", "blend")
+    }
+    ends = [*corners.children.values(), *([node.children["to"]] if "to" in node.children else [])]
+    found = []
+    for k, end in enumerate(ends):
+        on: dict[str | int, Node] = {"blend": node.children["blend"]} if k < len(corners.value) else {}
+        one = replace(_replaced(node, {**rest, "to": end, **on}), line=end.line)
+        found.append(replace(_replaced(entry, {name: one}), key_lines={name: end.line}))
+    return found
+
+
 class _Motions:
     """The motions of a list one by one."""
 
@@ -83,6 +106,8 @@ class _Motions:
                 found += self._repeated(place.sub("repeat"), entry.children["repeat"])
             elif set(entry.children) == {"include"}:
                 found += self._included(place)
+            elif len(entry.children) == 1 and next(iter(entry.children)) in CORNERED:
+                found += _by_corners(place, entry)
             else:
                 found.append(entry)
             if len(found) > max(LONGEST_MOTION, i + 1):

@@ -210,15 +210,23 @@ class _EntryModel(Model):
         return data
 
 
-def _motion_to(to: Any, description: str, more: Mapping[str, Any] | None = None, timed: bool = True) -> Any:
+def _motion_to(to: Any, description: str, more: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()) -> Any:
     to_key = to, Field(description="Where it ends.")
-    without = (*TASK, "name") if timed else (*TASK, "name", "duration")
+    without = (*TASK, "name", *without)
     model = model_of(Straight, {"to": to_key, **(more or {})}, without=without)
     return optional(_part(model), description)
 
 
 _THROUGH = Annotated[tuple[Annotated[Any, Part(PointModel)], ...], Field(max_length=MOST_POINTS)]
 _PASSED = {"through": (_THROUGH, Field((), description="Points passed without stopping, in order."))}
+_ROUNDED = {"through": (_THROUGH, Field((), description="Corners on its way, rounded as `blend` says."))}
+_BY_TASKS = {
+    "through": (
+        Annotated[tuple[Annotated[Any, Part(TaskModel)], ...], Field(max_length=MOST_POINTS)],
+        _ROUNDED["through"][1],
+    )
+}
+_STOPS = ("blend", "duration")
 _BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
 EntryModel = model_from(
     {
@@ -226,13 +234,11 @@ EntryModel = model_from(
         "roll": _motion_to(reading(Task, "roll"), "To a roll, the other task coordinates held."),
         "spin": _motion_to(reading(Task, "spin"), "To a spin, the other task coordinates held."),
         "insert": _motion_to(reading(Task, "depth"), "To a depth, the other task coordinates held."),
-        "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held."),
-        "free": _motion_to(_part(FreeTargetModel), "On whatever way the planner finds fastest.", _PASSED),
-        "line": _motion_to(
-            _part(PointModel), "The tip on the straight line to a point, spin in proportion.", timed=False
-        ),
-        "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY, timed=False),
-        "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, timed=False),
+        "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held.", _BY_TASKS),
+        "free": _motion_to(_part(FreeTargetModel), "On whatever way the planner finds fastest.", _PASSED, ("blend",)),
+        "line": _motion_to(_part(PointModel), "The tip on the straight line to a point, spin in proportion.", _ROUNDED),
+        "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY),
+        "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, _STOPS),
         "path": optional(Text, "CSV of joints, task coordinates or tip and spin, units in the headings."),
         "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
         "scan": optional(_part(ScanModel), "Spots on the retina."),
@@ -357,6 +363,7 @@ def _places(model: Any) -> dict[str, Place]:
     for i, entry in enumerate(model.motion):
         (name,) = entry.model_fields_set
         here, there = f"motion[{i}]", ("motion", i, name)
+        places |= {f"{here}.{key}": (*there, key) for key in ("blend", "duration")}
         points: dict[str, Place] = {f"{here}.to": (*there, "to")}
         if (along := entry.free or entry.spline) is not None:
             passed = range(len(along.through))
@@ -403,9 +410,10 @@ def _motion(section: Section, entry: Any) -> Motion:
             )
         if name in ("line", "arc"):
             by = () if name == "line" else (_point(here.sub("through"), model.through),)
-            return Follow(_point(here.sub("to"), model.to), by, name, name, line=line)
+            timing = {"duration": model.duration, "blend": model.blend}
+            return Follow(_point(here.sub("to"), model.to), by, name, name, line=line, **timing)
         to = _given(model.to) if entry.straight is not None else {"depth" if name == "insert" else name: model.to}
-        return Straight(**to, duration=model.duration, name=name, line=line)
+        return Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)
 
 
 def _scan(section: Section, model: Any) -> Scan:

@@ -11,13 +11,15 @@ from threading import RLock
 import numpy as np
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.branches import Outcome, on_any_branch
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
-from ssm_planner.planning.planner import PlannedPhase, hopelessly_hot, plan_motion
+from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.blends import BlendedPath
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import JUMPS, TASK, ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.motion import Follow, Free, Joints, Motion, Point, Scan, Straight, Task
@@ -28,6 +30,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
+from ssm_planner.verification.corners import CornerDeparture, corner_departure
 from ssm_planner.verification.limits import JUMP
 
 ATTEMPTS = 4
@@ -41,6 +44,8 @@ ROUNDING = 1e-12
 """Share of the largest rate below which a rate is none."""
 ROOM = 1.1
 """Shares of the shortest braking way that joints get to stop."""
+LOOKS_AT_CORNERS = 2001
+"""Points of each line between two corners."""
 BARELY = 1e-6
 """Share by which a rest is longer than what cools, for rounding."""
 
@@ -211,8 +216,34 @@ def _nominal(problem: Problem, progress: Progress) -> float | None:
     return None if planned.trajectory is None else planned.trajectory.duration
 
 
+def _corners(planned: PlannedPhase) -> CornerDeparture | None:
+    """How far the motion of a phase departs from its corners; None of one without."""
+    path, motion = planned.phase.path, planned.motion
+    if not isinstance(path, BlendedPath):
+        return None
+    s = np.linspace(0.0, 1.0, LOOKS_AT_CORNERS)
+    lines = [tip_position(path.mechanism, piece.sample(s).q) for piece in path.pieces]
+    trajectory = Trajectory(motion.breaks, motion.coefficients, ())
+    return corner_departure(trajectory, path.mechanism, lines, path.distances)
+
+
+def _off_corners(planned: PlannerResult) -> Reason | None:
+    """A phase whose tip leaves its lines farther from a corner than is allowed."""
+    for phase in planned.phases:
+        found = _corners(phase)
+        if found is not None and not found.passed:
+            where = phase.phase.motion.name
+            text = (
+                f"the tip leaves its lines {1e3 * found.reach:.4g} mm from a corner, {1e3 * found.allowed:.4g} mm are "
+                f"allowed ({where}); the motion is not written"
+            )
+            return Reason(None, where, found.reach, found.allowed, text)
+    return None
+
+
 def _summary(planned: PlannedPhase) -> PhaseSummary:
     phase, confirmation = planned.phase, planned.motion.confirmation
+    corners = _corners(planned)
     return PhaseSummary(
         name=phase.motion.name,
         duration=planned.duration,
@@ -225,6 +256,8 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
         solver=planned.motion.solver,
         confirmation_iterations=None if confirmation is None else confirmation.iterations,
         confirmation_difference=None if confirmation is None else confirmation.difference,
+        corner_departure=None if corners is None else corners.departure,
+        corner_reach=None if corners is None else corners.reach,
     )
 
 
@@ -274,6 +307,8 @@ def _tightened(
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
         outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
+        if certificate.passed and (astray := _off_corners(planned)) is not None:
+            return planned, certificate, astray
         if not certificate.passed and any(phase.paced for phase in planned.phases):
             paced = False
             continue

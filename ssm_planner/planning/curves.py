@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -15,34 +15,32 @@ from ssm_planner.kinematics.inverse import inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Flags
 from ssm_planner.kinematics.task import joints_of_task, task_from_joints
-from ssm_planner.planning.retiming.paths import SplinePath
+from ssm_planner.planning.retiming.paths import TipPath
 from ssm_planner.planning.scan_pattern import refuse_tilt
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Follow, Joints, Point, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
-Curve = tuple[Callable[[Array], Array], Callable[[Array], Array]]
-"""Points (n, 3) at shares (n,) of the way, and how far points (n, 3) are off the curve, (n,)."""
+Curve = tuple[Array, float]
+"""Terms and angle of a TipPath."""
 NOWHERE = 1e-9
 """A motion over less than this (rad, m) goes nowhere."""
 FLAT = 1e-6
 """Sine of the angle between two sides of a triangle up to which it is a line."""
-COUNTS = (100, 400, 1600)
-"""Points of a line or an arc: more of them where the spline through the first ones is off it."""
-OFF, LOOKS = 1e-6, 5
-"""m by which the tip may be off a line or an arc, and looks between two of its points."""
+LOOKS = 401
+"""Points of a line or an arc of which the mechanism has to reach every one."""
+NEAR_CENTRE = 1e-5
+"""m from the remote centre, nearer than which a line or an arc has no joints to follow it."""
 AT_START = np.array([1e-4, 1e-4, 1e-4, 1e-5])
 """rad and m within which the first point of a table is where the robot is."""
 
 
 def points_of_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> tuple[Array, int]:
-    """Joints (n, 4) along the curve from where the robot is, task (4,) and q (4,) on; and how many of them lead to it.
+    """Points (n, 4) of a spline or table from where the robot is, task (4,) and q (4,) on; and how many of them lead to it.
 
     None do, but one to a table that begins elsewhere. Raises ProblemError for what is out of reach.
     """
-    if motion.curve in ("line", "arc"):
-        return _in_space(problem, mechanism, motion, task, q), 0
     points = _joints(problem, mechanism, motion, task, q)
     if motion.curve == "spline":
         return points, 0
@@ -105,50 +103,44 @@ def _of_tips(mechanism: Mechanism, tips: Array, spins: ArrayLike, before: Array)
     return np.column_stack([turned, joints[:, 3]]), found.reaches[:, column]
 
 
-def _in_space(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> Array:
-    """Joints (n, 4) along a line or an arc of the tip, its spin in proportion to the way. Raises ProblemError."""
+def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> TipPath | Array:
+    """The joints along a line or an arc of the tip from where the robot is, task (4,) and q (4,) on, spin in proportion.
+
+    Where it goes nowhere q itself; radially from or to the remote centre its end, (4,). Raises ProblemError.
+    """
     given = _joints(problem, mechanism, motion, task, q)
-    tips, spins = tip_position(mechanism, given), [task[2]]
+    tips, spins = tip_position(mechanism, given), [float(task[2])]
     for row in given[1:]:
-        spins.append(task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[0, 2])
-    curve = (_line if motion.curve == "line" else _arc)(tips)
+        spins.append(float(task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[0, 2]))
+    if np.abs(given - q).max() < NOWHERE:
+        return q
+    found = (_line if motion.curve == "line" else _arc)(tips)
     reason, keeps = "the three points of this arc lie on one line", "points that a circle passes"
-    if curve is not None:
-        at, off_curve = curve
-        scale, off = np.array([joint.velocity for joint in problem.robot.joints]), np.inf
-        for count in COUNTS:
-            s = np.linspace(0.0, 1.0, count + 1)[1:]
-            found, reaches = _of_tips(mechanism, at(s), spins[0] + s * (spins[-1] - spins[0]), q)
-            points = without_repeats(np.vstack([q, found]))
-            if not reaches.all() or len(points) == 1:
-                break
-            off = off_curve(
-                tip_position(
-                    mechanism, SplinePath(mechanism, points, scale).sample(np.linspace(0.0, 1.0, LOOKS * count + 1)).q
-                )
-            ).max()
-            if off <= OFF:
-                return points
-        if len(points) == 1:
-            return points
-        reason = f"the joints cannot follow this {motion.curve}: the tip would leave it by {1e3 * off:.3g} mm"
-        if not reaches.all():
-            reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
+    if found is not None:
+        terms, angle = found
+        branch, driven = int(mechanism.branch_of(q)), driven_joints(problem)
+        path = TipPath(mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven)
+        at = path.tips(np.linspace(0.0, 1.0, LOOKS))
+        nearest = np.linalg.norm(at, axis=1).min()
         keeps = "a curve within the workspace, away from the remote centre"
+        reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
+        if inverse_tip(mechanism, at, spins[0]).reaches[:, 0 if branch > 0 else 1].all():
+            if nearest >= NEAR_CENTRE:
+                return path
+            reason = f"the joints cannot follow this {motion.curve}: the tip would pass the remote centre"
+            if motion.curve == "line" and np.abs((given[-1] - q)[:2]).max() < NOWHERE:
+                return np.asarray(given[-1])
     raise ProblemError(reason, file=problem.file, line=motion.line, key=motion.name, allowed=keeps)
+
+
+def driven_joints(problem: Problem) -> tuple[int, ...]:
+    """Those with a drive."""
+    return tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
 
 
 def _line(tips: Array) -> Curve:
     """The straight line between two points."""
-    first, way = tips[0], tips[1] - tips[0]
-    length = np.linalg.norm(way)
-    unit = way / length if length else way
-
-    def off(points: Array) -> Array:
-        ahead = points - first
-        return np.asarray(np.linalg.norm(ahead - (ahead @ unit)[:, None] * unit, axis=1))
-
-    return lambda s: first + s[:, None] * way, off
+    return np.array([tips[0], tips[1] - tips[0], 0 * tips[0], 0 * tips[0]]), 0.0
 
 
 def _arc(tips: Array) -> Curve | None:
@@ -160,13 +152,6 @@ def _arc(tips: Array) -> Curve | None:
         return None
     centre = tips[0] + ((u @ u) * np.cross(v, normal) + (v @ v) * np.cross(normal, u)) / (2 * size)
     first, normal = tips[0] - centre, normal / np.sqrt(size)
-    radius, second = float(np.linalg.norm(first)), np.cross(normal, first)
-    end = tips[2] - centre
+    second, end = np.cross(normal, first), tips[2] - centre
     angle = float(np.arctan2(end @ second, end @ first)) % (2 * np.pi)
-
-    def off(points: Array) -> Array:
-        ahead = points - centre
-        height = ahead @ normal
-        return np.hypot(np.linalg.norm(ahead - height[:, None] * normal, axis=1) - radius, height)
-
-    return lambda s: centre + np.cos(angle * s)[:, None] * first + np.sin(angle * s)[:, None] * second, off
+    return np.array([centre, 0 * centre, first, second]), angle

@@ -23,7 +23,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.eye import eye_limits
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joint_rates, task_from_joints, task_of_joints
+from ssm_planner.kinematics.task import joint_rates, task_from_joints, task_of_joints, task_rates
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase, joint_room, straight_path
 from ssm_planner.planning.reason import Reason
@@ -221,16 +221,18 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
     if phase.stands:
         raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
     if phase.path is not None:
-        _refuse_off_line(problem, phase, key, rate)
+        _refuse_off_line(problem, mechanism, phase, key, rate)
     qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
     qd[np.abs(qd) < TOLERANCE * np.array([joint.velocity for joint in problem.robot.joints])] = 0.0
     reason = _too_fast(problem, mechanism, (phase, key), qd)
     return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
 
 
-def _refuse_off_line(problem: Problem, phase: Phase, key: str, rate: Array) -> None:
-    """ProblemError for task rates (4,) that do not point along a straight motion."""
-    way = phase.end - phase.start
+def _refuse_off_line(problem: Problem, mechanism: Mechanism, phase: Phase, key: str, rate: Array) -> None:
+    """ProblemError for task rates (4,) that do not point along a path at the end where they are asked for."""
+    assert phase.path is not None
+    at = phase.path.sample(np.array([0.0 if key == "start_rate" else 1.0]))
+    way = task_rates(mechanism, at.q, at.dq)[0]
     along = way * (way @ rate) / (way @ way)
     if way @ rate < 0 or np.abs(rate - along).max() > 1e-9 * np.abs(rate).max():
         raise ProblemError(

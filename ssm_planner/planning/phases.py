@@ -14,8 +14,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import theta2_from_tilt
-from ssm_planner.planning.curves import NOWHERE, points_of_curve, without_repeats
-from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath, smooth_runs
+from ssm_planner.planning.curves import NOWHERE, driven_joints, points_of_curve, tip_curve, without_repeats
+from ssm_planner.planning.retiming.blends import BlendedPath, rounded
+from ssm_planner.planning.retiming.paths import ClosedPath, JointPath, SplinePath, StraightPath, smooth_runs
 from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
@@ -52,8 +53,8 @@ class Phase:
 
     @property
     def branch(self) -> int | None:
-        """Branch of the inverse kinematics that a straight motion stays on: +1 or −1."""
-        return self.path.branch if isinstance(self.path, StraightPath) else None
+        """Branch of the inverse kinematics that a straight motion, a line or an arc stays on: +1 or −1."""
+        return self.path.branch if isinstance(self.path, (ClosedPath, BlendedPath)) else None
 
 
 def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
@@ -101,11 +102,45 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
             phase = _free_phase(problem, mechanism, motion, (task, q))
         phases.append(phase)
         task, q = phase.end, phase.points[-1]
+    phases = _without_stops(problem, mechanism, phases)
     if not any(phase.path is not None or phase.motion.duration or not phase.stands for phase in phases):
         nowhere = phases[0].motion
         reason = "this motion goes nowhere: its start and target are the same"
         raise ProblemError(reason, file=problem.file, line=nowhere.line, key=nowhere.name)
     return tuple(phases)
+
+
+def _without_stops(problem: Problem, mechanism: Mechanism, phases: list[Phase]) -> list[Phase]:
+    """The phases, those between rounded corners as one."""
+    merged: list[Phase] = []
+    chain: list[Phase] = []
+    for phase in phases:
+        chain.append(phase)
+        if not isinstance(phase.motion, (Straight, Follow)) or phase.motion.blend is None:
+            merged.append(chain[0] if len(chain) == 1 else _rounded_phase(problem, mechanism, chain))
+            chain = []
+    return merged
+
+
+def _rounded_phase(problem: Problem, mechanism: Mechanism, chain: list[Phase]) -> Phase:
+    """A phase along those of a chain, corners rounded. Raises ProblemError."""
+    distances = [getattr(phase.motion, "blend", 0.0) for phase in chain[:-1]]
+    pieces = [phase.path for phase in chain if isinstance(phase.path, ClosedPath)]
+    stands = next((k for k, phase in enumerate(chain) if not isinstance(phase.path, ClosedPath)), None)
+    try:
+        if stands is not None:
+            keeps = "motions that go somewhere, or no blend"
+            raise ProblemError("a motion that goes nowhere has no corner", key=str(max(stands - 1, 0)), allowed=keeps)
+        path = rounded(mechanism, pieces, distances)
+    except ProblemError as error:
+        k = int(error.key or 0)
+        error.file, error.line, error.key = problem.file, chain[k].motion.line, f"{chain[k].motion.name}.blend"
+        error.value = f"{1e3 * distances[k]:g} mm"
+        raise
+    first, name = chain[0].motion, " + ".join(dict.fromkeys(phase.motion.name for phase in chain))
+    assert not isinstance(first, Scan)
+    points = path.sample(path.directions[0]).q
+    return Phase(replace(first, name=name), chain[0].start, chain[-1].end, points, path)
 
 
 def _straight_phase(problem: Problem, mechanism: Mechanism, motion: Straight, at: tuple[Array, Array]) -> Phase:
@@ -137,6 +172,8 @@ def _curved_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: t
     Through samples: a free motion to the first of them unless the robot is there, and a phase for every smooth run of them.
     """
     start, q = at
+    if motion.curve in ("line", "arc"):
+        return [_tip_phase(problem, mechanism, motion, at)]
     points, leading = points_of_curve(problem, mechanism, motion, start, q)
     phases: list[Phase] = []
     if leading:
@@ -159,6 +196,22 @@ def _curved_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: t
     return phases or [Phase(motion, start, start, np.stack([points[-1], points[-1]]), None)]
 
 
+def _tip_phase(problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]) -> Phase:
+    """A motion along a line or an arc of the tip; at: task coordinates and joints where it starts, (4,) each."""
+    start, q = at
+    path: JointPath | Array = tip_curve(problem, mechanism, motion, start, q)
+    if not isinstance(path, JointPath):
+        last = path
+        if np.abs(last - q).max() < NOWHERE:
+            return Phase(motion, start, start, np.stack([q, q]), None)
+        path = straight_path(problem, mechanism, start, task_from_joints(mechanism, last[None], near=start)[0], q)
+    knots = path.sample(path.directions[0]).q
+    end = start
+    for point in knots[1:]:
+        end = task_from_joints(mechanism, point[None, :], near=end)[0]
+    return Phase(motion, start, end, knots, path)
+
+
 def _as_joints(q: Array) -> Joints:
     a, b, c, d = q.tolist()
     return Joints((a, b, c, d))
@@ -166,8 +219,8 @@ def _as_joints(q: Array) -> Joints:
 
 def straight_path(problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array) -> StraightPath:
     """The path from start to end, straight in task coordinates (4,), from the joints q (4,) on; with the drives' turns."""
-    driven = tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
-    return StraightPath(mechanism, start=start, end=end, branch=int(mechanism.branch_of(q)), first=q, watched=driven)
+    branch, driven = int(mechanism.branch_of(q)), driven_joints(problem)
+    return StraightPath(mechanism, start=start, end=end, branch=branch, first=q, watched=driven)
 
 
 def joint_room(problem: Problem, mechanism: Mechanism, points: Array) -> Array:

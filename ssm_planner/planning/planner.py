@@ -37,7 +37,7 @@ from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylineP
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
 from ssm_planner.planning.turning_points import PAYS, Turns, best_turns, passing_turns
 from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance
-from ssm_planner.problem.motion import Follow, Free, Motion, Scan
+from ssm_planner.problem.motion import Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
@@ -222,7 +222,7 @@ class _PhasePlanner:
             return PlannedPhase(phase, rest, toppra_duration=duration, lower_bound=duration)
         if phase.path is None:
             return self._free(phase)
-        if self.problem.planner != "toppra" and isinstance(phase.path, StraightPath):
+        if self.problem.planner != "toppra" and not isinstance(phase.path, SplinePath):
             return self._straight(phase, phase.path)
         return self._retimed(phase, phase.path)
 
@@ -251,7 +251,7 @@ class _PhasePlanner:
 
     def _as_fast_as_toppra(self, planned: PlannedPhase) -> PlannedPhase:
         """The same path at TOPP-RA's pace, where the optimal control stopped at a slower one."""
-        if isinstance(planned.phase.path, StraightPath):
+        if planned.phase.path is not None:
             timed = self._retimed(planned.phase, planned.phase.path)
             if isinstance(timed, Reason) or timed.duration >= planned.duration:
                 return planned
@@ -298,15 +298,15 @@ class _PhasePlanner:
     def _retimed(self, phase: Phase, path: JointPath) -> PlannedPhase | Reason:
         """A straight or curved motion timed by TOPP-RA alone."""
         speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
-        points = path.intervals if isinstance(path, SplinePath) else POINTS
-        retiming = retime(path, with_margin(self.strict, BETWEEN), points, self.problem.task_limits, speeds)
+        robot = with_margin(self.strict, BETWEEN)
+        retiming = retime(path, robot, path.intervals, self.problem.task_limits, speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
         motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver=TOPPRA)
         return PlannedPhase(phase, motion, retiming.duration, self._lower_bound(phase))
 
-    def _straight(self, phase: Phase, path: StraightPath) -> PlannedPhase | Reason:
-        """A straight motion by optimal control, with TOPP-RA's as guess."""
+    def _straight(self, phase: Phase, path: JointPath) -> PlannedPhase | Reason:
+        """A motion along a path by optimal control, with TOPP-RA's as guess."""
         problem, asked = self.problem, phase.motion.duration
         speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
         retiming = self._retime(path, problem.robot, speeds)
@@ -491,7 +491,7 @@ class _PhasePlanner:
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:
-        return retime(path, robot, limits=self.problem.task_limits, speeds=speeds, static=static)
+        return retime(path, robot, path.intervals, self.problem.task_limits, speeds, static=static)
 
     def _planned(
         self,
@@ -528,4 +528,4 @@ def least_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> floa
 
 
 def _lasting(motion: Motion, duration: float) -> Motion:
-    return motion if isinstance(motion, (Follow, Scan)) else replace(motion, duration=duration)
+    return motion if isinstance(motion, Scan) else replace(motion, duration=duration)

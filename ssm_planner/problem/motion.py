@@ -74,6 +74,8 @@ class Straight(Value):
     name: str = ""
     """By default the coordinate that moves (insert: depth), or straight."""
     line: Line | None = field(default=None, compare=False)
+    blend: Annotated[Positive, Quantity("length")] | None = None
+    """Distance of the tip from the end within which the corner to the next motion is rounded, without a stop."""
 
     def _check(self) -> None:
         if not self.to.given:
@@ -112,7 +114,7 @@ class Free(Value):
 
 @dataclass(frozen=True, eq=False)
 class Follow(Value):
-    """Along a given curve, from where the motion is to a point, timed by TOPP-RA."""
+    """Along a given curve, from where the motion is to a point."""
 
     kind: ClassVar[str] = "path"
     to: Task | Joints | Tip
@@ -121,18 +123,31 @@ class Follow(Value):
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc"] = "spline"
     """A natural cubic spline in joint space, over the distance from point to point in joint velocities; the same through
-    samples, at rest where these turn by more than 30°; or a line or an arc of the tip, spin in proportion to the way."""
+    samples, at rest where these turn by more than 30°: both timed by TOPP-RA; or a line or an arc of the tip, spin in
+    proportion to the way."""
     file: str | None = field(default=None, compare=False)
     """Table that the points come from, whose lines are theirs."""
     line: Line | None = field(default=None, compare=False)
-    duration: ClassVar[None] = None
+    duration: Positive | None = None
+    """Of a line or an arc, asked for, s."""
+    blend: Positive | None = None
+    """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
 
     def _check(self) -> None:
+        if self.duration is not None and self.curve not in ("line", "arc"):
+            raise self._wrong("duration", f"not for a curve of this kind ({self.curve}), which TOPP-RA times", "None")
+        if self.blend is not None and not self.blends:
+            raise self._wrong("blend", f"not for a curve of this kind ({self.curve})", "None")
         counts = {"line": 0, "arc": 1}
         wanted = counts.get(self.curve, len(self.through))
         if len(self.through) != wanted:
             raise self._wrong("through", f"not for a curve of this kind ({self.curve})", f"{wanted} points")
         _check_given(self)
+
+    @property
+    def blends(self) -> bool:
+        """Corners at its ends may be rounded."""
+        return self.curve in ("line", "arc")
 
 
 def _check_given(motion: Free | Follow) -> None:

@@ -253,10 +253,13 @@ class Problem(Value, Limited):
                 self._check_scan(entry, f"motion[{i}]")
         for place, point in self._points():
             self._check_point(place, point)
+        self._check_blends()
         self._check_durations()
         self._check_range()
         self._check_stops()
-        if self.planner == "toppra" or any(isinstance(entry, Follow) for entry in self.motion):
+        if self.planner == "toppra" or any(
+            isinstance(entry, Follow) and entry.curve in ("spline", "samples") for entry in self.motion
+        ):
             self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
@@ -325,6 +328,24 @@ class Problem(Value, Limited):
             if diameter >= eye.radius:
                 reason = "larger than the eye's radius"
                 raise self._wrong(f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
+
+    def _check_blends(self) -> None:
+        """Corners are rounded between motions along given lines and arcs alone, of which none has a duration of its own."""
+        for i, entry in enumerate(self.motion):
+            if not isinstance(entry, (Straight, Follow)) or entry.blend is None:
+                continue
+            behind = self.motion[i + 1] if i + 1 < len(self.motion) else None
+            allowed = "straight motions, lines and arcs one after the other; or no blend"
+            if behind is None:
+                raise self._wrong(f"motion[{i}].blend", "no motion follows, so the robot stops", allowed)
+            if not isinstance(behind, Straight) and not (isinstance(behind, Follow) and behind.blends):
+                reason = f"the robot stops before the next motion, a {behind.kind} ({behind.name})"
+                raise self._wrong(f"motion[{i}].blend", reason, allowed, _mm(entry.blend))
+            for k, each in ((i, entry), (i + 1, behind)):
+                if each.duration is not None:
+                    reason = "a motion that goes on into another one has no duration of its own"
+                    allowed = "a duration of the whole problem, or no blend"
+                    raise self._wrong(f"motion[{k}].duration", reason, allowed, each.duration)
 
     def _check_durations(self) -> None:
         """The objective has the durations that it needs."""

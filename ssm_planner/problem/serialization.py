@@ -111,6 +111,8 @@ def _motion(motion: Motion) -> dict[str, Any]:
     }
     if isinstance(motion, Free) and motion.spin_free:
         entry["spin_free"] = True
+    if isinstance(motion, (Straight, Follow)) and motion.blend is not None:
+        entry["blend"] = motion.blend
     return {**entry, "curve": motion.curve, "file": motion.file} if isinstance(motion, Follow) else entry
 
 
@@ -133,14 +135,14 @@ def _point_from(data: Any, where: str) -> Point:
 
 
 def _motion_from(data: Any, where: str) -> Motion:
-    more = {Follow.kind: ("curve", "file"), Free.kind: ("spin_free",)}
+    more = {Follow.kind: ("curve", "file", "blend"), Free.kind: ("spin_free",), Straight.kind: ("blend",)}
     of_kind = more.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
     check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where)
     cls: Any = _KINDS.get(data.get("kind"))
     if cls is None:
         raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
     values = {"name": data.get("name", ""), "line": data.get("line"), "duration": data.get("duration")}
-    if cls in (Scan, Follow):
+    if cls is Scan:
         del values["duration"]
     if cls is Scan:
         check_mapping(data.get("scan"), (*_SCAN, "order"), f"{where}.scan")

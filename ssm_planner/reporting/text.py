@@ -236,12 +236,23 @@ def range_lines(plan: Plan) -> list[str]:
     return lines
 
 
+def path_lines(plan: Plan) -> list[str]:
+    """How phases keep to their paths, where that is asked for."""
+    return [
+        f"corners      {phase.name}: the tip is up to {1e3 * phase.corner_departure:.4g} mm off its lines, within "
+        f"{1e3 * (phase.corner_reach or 0.0):.4g} mm of a corner"
+        for phase in plan.phases
+        if phase.corner_departure is not None
+    ]
+
+
 def verdicts(plan: Plan) -> list[str]:
     """One line per question: planned, checked, motors."""
     lines = []
     if plan.duration is not None and plan.toppra_duration:
         more = percent(plan.duration / plan.toppra_duration - 1, 3)
         lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
+    lines += path_lines(plan)
     if plan.problem.planner == "fast" and plan.phases:
         lines.append(f"solver       {solvers(plan)}")
     iterations, agreement = confirmation(plan)

@@ -43,6 +43,29 @@ def test_points_on_the_way(files: Any) -> None:
     assert free.to.given == pytest.approx({"tilt": D(-135)})
 
 
+def test_corners_on_the_way_are_motions_of_their_own(files: Any) -> None:
+    motion = """
+  - straight:
+      through: [{roll: 5 deg}, {tilt: -100 deg, depth: 5 mm}]
+      to: {tilt: -110 deg}
+      blend: 0.3 mm
+  - line: {to: {tip: [2 mm, 0 mm, -12 mm], spin: 0 deg}, duration: 2 s}"""
+    files.edit(NAME, TILT, motion)
+    first, second, third, line, _ = files.load(NAME).motion
+    assert [each.to.given for each in (first, second, third)] == [
+        pytest.approx({"roll": D(5)}), pytest.approx({"tilt": D(-100), "depth": 0.005}), pytest.approx({"tilt": D(-110)})
+    ]  # fmt: skip
+    assert [each.blend for each in (first, second, third, line)] == [
+        pytest.approx(3e-4),
+        pytest.approx(3e-4),
+        None,
+        None,
+    ]
+    lines = (files.root / NAME).read_text().splitlines()
+    assert "through: [{roll" in lines[first.to.line - 1]
+    assert line.duration == 2
+
+
 @pytest.mark.parametrize("entry", ["tilt: {to: -135 deg, duration: 2 s}", "insert: {to: 5 mm, duration: 2000 ms}",
                                    "straight: {to: {roll: 5 deg}, duration: 2 s}", "free: {to: {roll: 5 deg}, duration: 2 s}",
                                    "roll: {to: 5 deg, duration: 2 s}", "spin: {to: 5 deg, duration: 2 s}"])  # fmt: skip
@@ -136,6 +159,15 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
         ("free.through[0].joints[3] = 1 mm", "-30 mm to 0 mm"),
     ),
     (TILT, "  - free: {through: [{tilt: -90 deg}]}", ("motion[0].free.to", "missing")),
+    # corners
+    (TILT, "  - tilt: {to: -135 deg, blend: 0 mm}", ("motion[0].tilt.blend = 0 mm", "not greater than zero")),
+    (TILT, "  - free: {to: {tilt: -135 deg}, blend: 1 mm}", ("free.blend", "unknown key")),
+    (TILT, "  - straight: {to: {tilt: -135 deg}, through: [{roll: 5 deg}]}", ("straight.blend", "missing", "0.3 mm")),
+    (
+        TILT,
+        "  - tilt: {to: -135 deg, blend: 1 mm, duration: 2 s}",
+        ("motion[0].tilt.duration = 2 s", "has no duration of its own", "no blend"),
+    ),
     # objective and durations
     (OBJECTIVE, "objective: heat", ("objective = heat", "'time', 'time then heat' or 'effort'")),
     (OBJECTIVE, "objective: effort", ("objective = effort", "no duration of its own", "one for every motion")),

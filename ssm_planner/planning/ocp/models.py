@@ -46,7 +46,7 @@ from ssm_planner.planning.ocp.constraints import (
     torque_rows,
 )
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
-from ssm_planner.planning.retiming.paths import StraightPath
+from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
 from ssm_planner.typing import Array
@@ -151,13 +151,16 @@ def path_derivatives(parameters: ca.SX, s: ca.SX, loads: int, jerk: bool) -> tup
     return curves.unpack(_horner(coefficients, xi)), second, third
 
 
-def fit(path: StraightPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
+def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
     """Fits (n, size of `fit_of`) of elements that cover [low, high] (n,) in s.
 
-    They reach beyond the element by half its width, but stay on the path.
+    They reach beyond the element by half its width, but stay on the piece of the path that is smooth.
     """
-    half_width = np.maximum(high - low, NARROWEST)
-    centre = np.clip((low + high) / 2, half_width, 1 - half_width)
+    middle, breaks = (low + high) / 2, path.breaks
+    piece = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
+    first, last = breaks[piece], breaks[piece + 1]
+    half_width = np.minimum(np.maximum(high - low, NARROWEST), (last - first) / 2)
+    centre = np.clip(middle, first + half_width, last - half_width)
     chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
     load = zip(*(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True)

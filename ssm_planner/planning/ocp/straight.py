@@ -1,4 +1,4 @@
-"""The optimal control problem of one straight phase: when to be where along a given path, s(t) in cubic elements.
+"""The optimal control problem of one phase along a given path: when to be where, s(t) in cubic elements.
 
 The guess is TOPP-RA's motion along the same path, and the mesh is aligned with its switching points. Between turning points
 every joint keeps its direction, so the friction law enters exactly. `joint_pieces` makes joint polynomials of s(t).
@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import (
     UNLIMITED,
@@ -37,13 +38,16 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array
 
 ELEMENTS = 72
+"""Of a smooth path; of one whose corners are rounded half as many for every end of a rounding too."""
 SUBDIVISION = 4
 """Quintic pieces per element: the path between their ends is then followed to about 1e-9 rad."""
+LOOKS = 101
+"""Points between two knots at which rates of task coordinates are looked at."""
 
 
 def solve_straight(
     robot: Robot,
-    path: StraightPath,
+    path: JointPath,
     guess: Retiming,
     *,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
@@ -52,17 +56,18 @@ def solve_straight(
     objective: Objective = "time",
     duration: float | None = None,
     speeds: tuple[float, float] = (0.0, 0.0),
-    count: int = ELEMENTS,
+    count: int | None = None,
     method: Method = "Ipopt",
 ) -> PhaseSolution:
     """Motion along the path, from TOPP-RA's motion as guess.
 
     strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
     cooling: as in constraints.LIMITS, (4,).
-    duration: asked for, s; speeds: ṡ at both ends, 1/s. method: by which solver.
+    duration: asked for, s; speeds: ṡ at both ends, 1/s. count: of elements. method: by which solver.
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
+    count = count or len(path.breaks) * ELEMENTS // 2
     mesh = Mesh.along(guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None)
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     sizes = mesh.interval_sizes
@@ -73,7 +78,7 @@ def solve_straight(
             segment_sizes=sizes,
             block_sizes=sizes,
             smooth=jerk,
-            velocity_limits=fastest < UNLIMITED,
+            velocity_limits=bool(fastest.min() < UNLIMITED),
             joints=False,
         ),
         fractions=mesh.fractions,
@@ -122,10 +127,10 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _StraightProblem(OcpProblem):
     robot: Robot
-    path: StraightPath
+    path: JointPath
     limited: tuple[ToolLimit, ...]
-    fastest: float
-    """Largest ṡ that the rates of the task coordinates allow, in scaled time."""
+    fastest: Array
+    """Largest ṡ that the rates of the task coordinates allow between the knots, in scaled time, (k,)."""
     speeds: Array
     """ṡ at both ends, in scaled time, (2,)."""
 
@@ -136,7 +141,7 @@ class _StraightProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        return np.array([self.fastest]), np.array([np.inf]), np.array([np.inf])
+        return self.fastest[self.structure.segment][:, None], np.array([np.inf]), np.array([np.inf])
 
     @cached_property
     def complete_element(self) -> StraightElement:
@@ -178,15 +183,23 @@ class _StraightProblem(OcpProblem):
         return self._fits
 
 
-def rate_ceiling(path: StraightPath, rates: Mapping[str, float]) -> float:
-    """Largest ṡ at which every task coordinate keeps its rate, 1/s."""
-    way = np.abs(path.end - path.start)
-    return min(
-        (rate / way[TASK.index(name)] for name, rate in rates.items() if way[TASK.index(name)] > 0), default=UNLIMITED
-    )
+def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
+    """Largest ṡ at which every task coordinate keeps its rate between two knots of the path, (k,), 1/s."""
+    knots = path.directions[0]
+    if isinstance(path, StraightPath) or not rates:
+        ways = np.abs(path.end - path.start)[None, None] if isinstance(path, StraightPath) else np.zeros((1, 1, 4))
+    else:
+        s = knots[:-1, None] + np.linspace(0.0, 1.0, LOOKS) * np.diff(knots)[:, None]
+        samples = path.sample(s.ravel())
+        ways = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
+    fastest = [np.full((len(ways), 1), UNLIMITED)]
+    with np.errstate(divide="ignore"):
+        fastest += [rate / ways[:, :, TASK.index(name)] for name, rate in rates.items()]
+    ceiling = np.minimum(np.hstack(fastest).min(axis=1), UNLIMITED)
+    return np.asarray(np.broadcast_to(ceiling, (len(knots) - 1,)))
 
 
-def _path_jerk(robot: Robot, path: StraightPath, s: Array) -> Array:
+def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
     """Largest s⃛ that the jerk limits of the joints allow at low speed, (n,)."""
     with np.errstate(divide="ignore"):
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))

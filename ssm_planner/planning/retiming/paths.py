@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -13,15 +14,17 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import call
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joints_from_task_symbolic
+from ssm_planner.kinematics.task import joints_from_task_symbolic, roll_of_tip, task_of_tip_symbolic
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
 if TYPE_CHECKING:  # it loads slowly, and few paths are splines
     from scipy.interpolate import CubicSpline
 
-PER_POINT, INTERVALS = 8, (1000, 20_000)
-"""Grid intervals of TOPP-RA for each point of a spline, and how few and many in all."""
+FEW, MANY = 1000, 20_000
+"""Grid intervals of TOPP-RA, at least and at most."""
+PER_POINT = 8
+"""Of these, for each point of a spline."""
 CORNER = np.radians(30)
 """Turn of a polyline, in joints by their velocities, beyond which it is no sample of a smooth curve."""
 STILL = 1e-9
@@ -31,6 +34,8 @@ LOOKS = 401
 """Points among which turning points of a straight path are looked for."""
 PARTS, DIGITS = 200, 5
 """Into so many parts the interval of a turning point is cut, so often: to 1e-14."""
+APART = 1e-6
+"""Least distance in s of two knots."""
 BESIDE = 1e-4
 """Distance of a grid point from the break beside it, as a share of the piece."""
 
@@ -67,6 +72,16 @@ class JointPath(ABC):
         """At OVERVIEW even places from end to end."""
         return self.sample(np.linspace(0.0, 1.0, OVERVIEW))
 
+    @property
+    def breaks(self) -> Array:
+        """s between which the path is smooth, (k + 1,), all of them knots of `directions`."""
+        return np.array([0.0, 1.0])
+
+    @property
+    def intervals(self) -> int:
+        """Grid intervals that it asks of TOPP-RA."""
+        return FEW
+
     def speed_at(self, s: float, qd: Array) -> float:
         """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
         if not qd.any():
@@ -79,22 +94,21 @@ class JointPath(ABC):
         return np.tile((samples.s == 0.0)[:, None], 4)
 
 
-@dataclass(frozen=True, eq=False)
-class StraightPath(JointPath):
-    """The joints along task(s) = start + s (end − start) on one branch of the closed-form inverse kinematics.
+class ClosedPath(JointPath):
+    """Joints in closed form, by CasADi: smooth, on one branch of the inverse kinematics.
 
     Differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
     """
 
-    mechanism: Mechanism
-    start: Array
-    """Task coordinates (roll, tilt, spin, depth), (4,)."""
-    end: Array
     branch: int
     first: Array
     """Joints at s = 0, (4,): they fix the whole turns of the revolute joints."""
-    watched: tuple[int, ...] = (0, 1, 2, 3)
+    watched: tuple[int, ...]
     """Joints whose turning points matter: those with a drive."""
+
+    @abstractmethod
+    def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
+        """The joints at s (n,), up to whole turns, and their derivatives by s up to an order, (n, 4) each."""
 
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)
@@ -111,8 +125,8 @@ class StraightPath(JointPath):
         dq = self.sample(s).dq
         moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.watched)
         turns = np.signbit(dq[1:]) != np.signbit(dq[:-1])
-        found = {round(self._turning_point(int(i), s[k], s[k + 1]), 12) for k, i in np.argwhere(turns & moving)}
-        knots = np.array([0.0, *sorted(k for k in found if 1e-6 < k < 1 - 1e-6), 1.0])
+        found = (round(self._turning_point(int(i), s[k], s[k + 1]), 12) for k, i in np.argwhere(turns & moving))
+        knots = with_knots(np.array([0.0, 1.0]), found)
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq) * moving
 
     def _turning_point(self, joint: int, low: float, high: float) -> float:
@@ -134,8 +148,20 @@ class StraightPath(JointPath):
         turns[:, 3] = 0.0
         return turns
 
+
+@dataclass(frozen=True, eq=False)
+class StraightPath(ClosedPath):
+    """The joints along task(s) = start + s (end − start) on one branch of the closed-form inverse kinematics."""
+
+    mechanism: Mechanism
+    start: Array
+    """Task coordinates (roll, tilt, spin, depth), (4,)."""
+    end: Array
+    branch: int
+    first: Array
+    watched: tuple[int, ...] = (0, 1, 2, 3)
+
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
-        """The joints at s (n,), up to whole turns, and their derivatives by s up to an order, (n, 4) each."""
         function = _line(self.mechanism, self.branch, order)
         ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
         return call(function, s[:, None], *ends)
@@ -145,10 +171,78 @@ class StraightPath(JointPath):
 def _line(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
     """(s, start, way): the joints and their derivatives by s along a line in task coordinates."""
     s, start, way = ca.SX.sym("s"), ca.SX.sym("start", 4), ca.SX.sym("way", 4)
-    values: Any = [joints_from_task_symbolic(mechanism, start + s * way, branch)]
+    joints = joints_from_task_symbolic(mechanism, start + s * way, branch)
+    return ca.Function("path", [s, start, way], _with_derivatives(joints, s, order))
+
+
+def _with_derivatives(joints: ca.SX, s: ca.SX, order: int) -> Any:
+    values: Any = [joints]
     for _ in range(order):
         values.append(ca.jacobian(values[-1], s))
-    return ca.Function("path", [s, start, way], ca.cse(values))
+    return ca.cse(values)
+
+
+@dataclass(frozen=True, eq=False)
+class TipPath(ClosedPath):
+    """The joints with which the tip follows p(s) = fixed + s way + cos(s angle) u + sin(s angle) v, at even speed in s.
+
+    A line (u = v = 0) or an arc (way = 0) away from the remote centre and from the axis of joint 1, spin in proportion to s.
+    """
+
+    mechanism: Mechanism
+    terms: Array
+    """fixed, way, u, v, (4, 3), m."""
+    angle: float
+    spins: tuple[float, float]
+    """At both ends."""
+    branch: int
+    first: Array
+    watched: tuple[int, ...] = (0, 1, 2, 3)
+
+    @property
+    def length(self) -> float:
+        """Of the tip's way, m: its speed is this times ṡ."""
+        return float(np.linalg.norm(self.terms[1]) + abs(self.angle) * np.linalg.norm(self.terms[2]))
+
+    def tips(self, s: Array) -> Array:
+        """The tip at s (n,), (n, 3)."""
+        turn = self.angle * s
+        return np.asarray(np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms)
+
+    def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
+        function = _tip_curve(self.mechanism, self.branch, order)
+        given = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
+        return call(function, s[:, None], np.tile(given, (len(s), 1)))
+
+    @cached_property
+    def _middle_roll(self) -> float:
+        """Roll in the middle of the path, from which rolls are counted so that none jumps by a turn."""
+        return roll_of_tip(self.mechanism, self.tips(np.array([0.5]))[0])
+
+
+@lru_cache(maxsize=16)
+def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
+    """(s, terms by rows, angle, spins, roll from which rolls are counted): the joints of a TipPath, and derivatives by s."""
+    s, given = ca.SX.sym("s"), ca.SX.sym("given", 16)
+    terms, angle, spin, roll = (
+        ca.reshape(given[:12], 3, 4),
+        given[12],
+        given[13] + s * (given[14] - given[13]),
+        given[15],
+    )
+    tip = terms @ ca.vertcat(1, s, ca.cos(s * angle), ca.sin(s * angle))
+    task = task_of_tip_symbolic(mechanism, tip, roll, spin)
+    return ca.Function(
+        "tip_path", [s, given], _with_derivatives(joints_from_task_symbolic(mechanism, task, branch), s, order)
+    )
+
+
+def with_knots(knots: Array, more: Iterable[float]) -> Array:
+    """Knots (k,), with those of more that are APART from all others, (m,): joints that turn together do so once."""
+    for knot in sorted(more):
+        if np.abs(knots - knot).min() > APART:
+            knots = np.append(knots, knot)
+    return np.sort(knots)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,13 +284,18 @@ class MotionPath(JointPath):
 
     def starts(self, samples: PathSamples) -> Mask:
         """Where the motion starts a joint: at s = 0, and behind a knot at which it turns back."""
-        found = np.zeros((len(samples.s), 4), dtype=bool)
-        before, (knots, directions) = np.zeros(4), self.directions
-        for knot, signs in zip(knots[:-1], directions, strict=True):
-            k = int(np.searchsorted(samples.s, knot))
-            found[k] = (signs != before) & ((knot > 0) | (samples.dq[k] == 0.0))
-            before = signs
-        return found
+        return begun(samples, *self.directions, fixed=True)
+
+
+def begun(samples: PathSamples, knots: Array, directions: Array, *, fixed: bool = False) -> Mask:
+    """At which of the samples (n,) joints begin to move at a knot, (n, 4); fixed: ṡ is not zero at s = 0 for that."""
+    found = np.zeros((len(samples.s), 4), dtype=bool)
+    before = np.zeros(4)
+    for knot, signs in zip(knots[:-1], directions, strict=True):
+        k = min(int(np.searchsorted(samples.s, knot)), len(samples.s) - 1)
+        found[k] = (signs != before) & (not fixed or knot > 0 or samples.dq[k] == 0.0)
+        before = signs
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +360,7 @@ class SplinePath(JointPath):
 
     @property
     def intervals(self) -> int:
-        """Grid intervals that its points ask for."""
-        return int(np.clip(PER_POINT * len(self.points), *INTERVALS))
+        return int(np.clip(PER_POINT * len(self.points), FEW, MANY))
 
     def sample(self, s: Array) -> PathSamples:
         s = np.asarray(s, dtype=float)

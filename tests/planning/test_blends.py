@@ -1,0 +1,147 @@
+"""Rounded corners: smooth, within their distance of the corner, faster than stopping, and of two planners alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.phases import Phase, phases_from, start_configurations
+from ssm_planner.planning.retiming.blends import BlendedPath
+from ssm_planner.plans import Plan
+from ssm_planner.problem.motion import Dwell, Follow, Straight, Task, Tip
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.verification.corners import corner_departure
+
+START = Task(0.0, np.radians(-95), 0.0, 0.005)
+ONWARD = Follow(Tip((0.004, -0.003, -0.014), 0.1), curve="line", name="line")
+
+
+def cornered(problem: Problem, blend: float | None, **changes: Any) -> Problem:
+    tilt, insert = Straight(tilt=np.radians(-120), blend=blend), Straight(depth=0.015, blend=blend)
+    return replace(problem, start=START, motion=(tilt, insert, ONWARD), objective="time", **changes)
+
+
+def phases(problem: Problem) -> tuple[Phase, ...]:
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    return phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+
+
+@pytest.mark.parametrize("blend", [1e-4, 1e-3])
+def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(tilt_insert: Problem, blend: float) -> None:
+    (phase,) = phases(cornered(tilt_insert, blend))
+    path, h = phase.path, 1e-7
+    assert isinstance(path, BlendedPath)
+    s = np.linspace(0.001, 0.999, 3001)
+    s = s[np.abs(s[:, None] - path.breaks).min(axis=1) > 2 * h]
+    before, here, behind = (path.sample(s + shift) for shift in (-h, 0.0, h))
+    assert (behind.q - before.q) / (2 * h) == pytest.approx(here.dq, abs=1e-5 * np.abs(here.dq).max())
+    assert (behind.dq - before.dq) / (2 * h) == pytest.approx(here.ddq, abs=1e-4 * np.abs(here.ddq).max())
+    inner = path.breaks[1:-1]
+    left, right = path.sample(inner - 1e-12), path.sample(inner + 1e-12)
+    for one, other in ((left.q, right.q), (left.dq, right.dq), (left.ddq, right.ddq)):
+        assert one == pytest.approx(other, abs=1e-6 * np.abs(here.ddq).max())
+    # on a short rounding, where lines are nearly straight in the joints too, no joint overshoots
+    joints = path.sample(np.linspace(*inner[:2], 101)).q
+    low, high = np.sort(joints[[0, -1]], axis=0)
+    assert blend > 1e-4 or np.all((joints >= low - 1e-9) & (joints <= high + 1e-9))
+    # a rounding begins and ends at the distance from the corner
+    tips, corner = (
+        tip_position(path.mechanism, path.sample(inner[:2]).q),
+        tip_position(path.mechanism, path.pieces[1].first[None]),
+    )
+    assert np.linalg.norm(tips - corner, axis=1) == pytest.approx(blend, rel=1e-6)
+
+
+def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: Problem) -> None:
+    durations = [plan(cornered(tilt_insert, None, planner="toppra")).duration]
+    for blend in (0.2e-3, 0.8e-3):
+        found = plan(cornered(tilt_insert, blend))
+        assert found.passed, found.reason
+        (phase,) = found.phases
+        assert phase.name == "tilt + insert + line"
+        # at right angles the tip cuts (3/16) √2 of the distance; it is never off its lines farther from the corner
+        assert 0.1 * blend < phase.corner_departure < 0.3 * blend  # type: ignore[operator]
+        assert phase.corner_reach <= blend + 1e-9  # type: ignore[operator]
+        assert phase.corner_reach == pytest.approx(blend, rel=0.2)
+        assert not found.disagreements
+        durations.append(found.duration)
+        speed = np.abs(found.motion.sample(found.duration * np.linspace(0.05, 0.95, 500)).qd).max(axis=1)
+        assert speed.min() > 0
+    assert durations == sorted(durations, reverse=True)  # type: ignore[type-var]
+    again = Plan.from_json(found.to_json().encode(), Path("plan.json"))
+    assert again.problem.motion[0].blend == pytest.approx(0.8e-3)  # type: ignore[union-attr]
+    assert again.phases == found.phases
+
+
+def test_where_jerk_is_limited_it_is_kept_in_the_corners_too(tilt_insert: Problem, with_jerk: Any) -> None:
+    robot = with_jerk(tilt_insert.robot, 100.0, 2.0)
+    tilt = Straight(tilt=np.radians(-105), blend=0.3e-3)
+    problem = replace(tilt_insert, robot=robot, start=START, motion=(tilt, Straight(depth=0.01)), objective="time")
+    found = plan(problem)
+    assert found.passed, found.reason
+    assert 0 < found.phases[0].corner_departure < 0.1e-3  # type: ignore[operator]
+
+
+def test_a_line_of_the_tip_takes_durations_and_jerk_limits(tilt_insert: Problem, with_jerk: Any) -> None:
+    robot = with_jerk(tilt_insert.robot, 100.0, 2.0)
+    problem = replace(tilt_insert, robot=robot, start=START, motion=(replace(ONWARD, duration=4.0),))
+    found = plan(problem)
+    assert found.passed, found.reason
+    assert found.duration == pytest.approx(4.0, rel=1e-6)
+    tips = tip_position(Mechanism.from_geometry(robot.geometry), found.motion.sample(np.linspace(0, 4, 3000)).q)
+    way = tips[-1] - tips[0]
+    off = np.cross(tips - tips[0], way / np.linalg.norm(way))
+    assert np.abs(off).max() < 1e-7
+
+
+def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> None:
+    """A motion straight on, held against lines that turn off it at 60° in its middle, 2 mm before its end."""
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    q = np.array([[0.0, 0.6, 0.0, -0.010], [0.0, 0.6, 0.0, -0.014]])
+    breaks, rest = np.array([0.0, 1.0]), np.zeros((1, 4))
+    motion = Trajectory(breaks, hermite(breaks, (q[:1], rest, rest), (q[1:], rest, rest)), ())
+    first, last = tip_position(mechanism, q)
+    middle, along = (first + last) / 2, (last - first) / 0.004
+    on = corner_departure(motion, mechanism, [np.stack([first, middle]), np.stack([middle, last])], [1e-4])
+    assert (on.departure, on.reach) == (pytest.approx(0.0, abs=1e-12), 0.0)
+    across = np.cross(along, np.array([0.0, 1.0, 0.0]))
+    aside = middle + 0.004 * (0.5 * along + np.sqrt(0.75) * across / np.linalg.norm(across))
+    off = corner_departure(motion, mechanism, [np.stack([first, middle]), np.stack([middle, aside])], [1e-4])
+    assert (off.departure, off.reach) == pytest.approx((0.002 * np.sqrt(0.75), 0.002), rel=1e-6)
+    assert not off.passed
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ((Straight(tilt=-1.8, blend=5e-3), Straight(depth=0.006)), r"blend = 5 mm: the corner .* up to 0\.3547 mm here"),
+        ((Straight(tilt=-1.8, blend=1e-3), Straight(spin=0.3)), "motions that move the tip"),
+        ((Straight(tilt=-1.8, blend=1e-4), Straight(tilt=-1.7)), "goes back the way of the first"),
+        ((Straight(tilt=-1.8, blend=1e-4), Straight(tilt=-1.8)), "no corner"),
+    ],
+)  # fmt: skip
+def test_corners_that_cannot_be_rounded(tilt_insert: Problem, motion: Any, message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        phases(replace(tilt_insert, start=START, motion=motion))
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ((Straight(tilt=-1.8, blend=1e-3),), "no motion follows"),
+        ((Straight(tilt=-1.8, blend=1e-3), Dwell(1.0), Straight(depth=0.01)), r"stops before the next motion, a dwell"),
+        ((Straight(tilt=-1.8, blend=1e-3), Straight(depth=0.01, duration=2.0)), "has no duration of its own"),
+    ],
+)  # fmt: skip
+def test_blends_that_are_none(tilt_insert: Problem, motion: Any, message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        replace(tilt_insert, start=START, motion=motion)
