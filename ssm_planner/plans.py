@@ -94,6 +94,13 @@ class PhaseSummary:
     """Of a phase with rounded corners: largest distance of the tip from the lines between these, m."""
     corner_reach: float | None = None
     """Largest distance from a corner at which the tip is off these lines, m."""
+    constant_speed: float | None = None
+    """That the tip keeps but for ramps at both ends, m/s."""
+    constant_from: float | None = None
+    constant_to: float | None = None
+    """Ends of that stretch, s from the start of the phase."""
+    constant_error: float | None = None
+    """Largest share by which the speed is off between them."""
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types; what only some phases have is left out of the others."""
@@ -120,8 +127,15 @@ class PhaseSummary:
         )
 
 
-OF_SOME = ("corner_departure", "corner_reach")
-"""Fields of phases with rounded corners."""
+OF_SOME = (
+    "corner_departure",
+    "corner_reach",
+    "constant_speed",
+    "constant_from",
+    "constant_to",
+    "constant_error",
+)
+"""Fields of phases with rounded corners, or at constant speed."""
 AGREES_STRAIGHT, AGREES_FREE = 3e-3, 1e-2
 """Share by which a phase's duration may differ from TOPP-RA's along its path, straight and free (docs/planning.md)."""
 

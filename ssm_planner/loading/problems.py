@@ -226,6 +226,7 @@ _BY_TASKS = {
         _ROUNDED["through"][1],
     )
 }
+_CONSTANT = {"constant_speed": optional(reading(Follow, "constant_speed"), "Of the tip all along, but for the ramps.")}
 _STOPS = ("blend", "duration")
 _BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
 EntryModel = model_from(
@@ -236,8 +237,10 @@ EntryModel = model_from(
         "insert": _motion_to(reading(Task, "depth"), "To a depth, the other task coordinates held."),
         "straight": _motion_to(_part(TaskModel), "Straight in task coordinates; those left out are held.", _BY_TASKS),
         "free": _motion_to(_part(FreeTargetModel), "On whatever way the planner finds fastest.", _PASSED, ("blend",)),
-        "line": _motion_to(_part(PointModel), "The tip on the straight line to a point, spin in proportion.", _ROUNDED),
-        "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY),
+        "line": _motion_to(
+            _part(PointModel), "The tip on the straight line to a point, spin in proportion.", _ROUNDED | _CONSTANT
+        ),
+        "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY | _CONSTANT),
         "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, _STOPS),
         "path": optional(Text, "CSV of joints, task coordinates or tip and spin, units in the headings."),
         "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
@@ -363,7 +366,7 @@ def _places(model: Any) -> dict[str, Place]:
     for i, entry in enumerate(model.motion):
         (name,) = entry.model_fields_set
         here, there = f"motion[{i}]", ("motion", i, name)
-        places |= {f"{here}.{key}": (*there, key) for key in ("blend", "duration")}
+        places |= {f"{here}.{key}": (*there, key) for key in ("blend", "duration", "constant_speed")}
         points: dict[str, Place] = {f"{here}.to": (*there, "to")}
         if (along := entry.free or entry.spline) is not None:
             passed = range(len(along.through))
@@ -410,7 +413,7 @@ def _motion(section: Section, entry: Any) -> Motion:
             )
         if name in ("line", "arc"):
             by = () if name == "line" else (_point(here.sub("through"), model.through),)
-            timing = {"duration": model.duration, "blend": model.blend}
+            timing = {"duration": model.duration, "blend": model.blend, "constant_speed": model.constant_speed}
             return Follow(_point(here.sub("to"), model.to), by, name, name, line=line, **timing)
         to = _given(model.to) if entry.straight is not None else {"depth" if name == "insert" else name: model.to}
         return Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)

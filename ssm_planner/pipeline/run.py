@@ -21,7 +21,7 @@ from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.blends import BlendedPath
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import JUMPS, TASK, ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.limits import JUMPS, TASK, ConstantSpeed, ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.motion import Follow, Free, Joints, Motion, Point, Scan, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
@@ -30,7 +30,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
-from ssm_planner.verification.corners import CornerDeparture, corner_departure
+from ssm_planner.verification.corners import ConstantStretch, CornerDeparture, constant_stretch, corner_departure
 from ssm_planner.verification.limits import JUMP
 
 ATTEMPTS = 4
@@ -227,9 +227,23 @@ def _corners(planned: PlannedPhase) -> CornerDeparture | None:
     return corner_departure(trajectory, path.mechanism, lines, path.distances)
 
 
-def _off_corners(planned: PlannerResult) -> Reason | None:
-    """A phase whose tip leaves its lines farther from a corner than is allowed."""
+def _constant(planned: PlannedPhase) -> tuple[float, ConstantStretch] | None:
+    """The constant speed that is asked of a phase, and where it has it; None where none is."""
+    motion, path = planned.phase.motion, planned.phase.path
+    if path is None or not isinstance(motion, Follow) or motion.constant_speed is None:
+        return None
+    trajectory = Trajectory(planned.motion.breaks, planned.motion.coefficients, ())
+    return motion.constant_speed, constant_stretch(trajectory, path.mechanism, motion.constant_speed)
+
+
+def _off_path(planned: PlannerResult) -> Reason | None:
+    """A phase whose tip leaves its lines farther from a corner than is allowed, or whose speed is not constant."""
     for phase in planned.phases:
+        constant = _constant(phase)
+        if constant is not None and not constant[1].passed:
+            where, (speed, stretch) = phase.phase.motion.name, constant
+            text = f"the speed of the tip is off {1e3 * speed:.4g} mm/s by {100 * stretch.error:.2g} % ({where}); not written"
+            return Reason(ConstantSpeed(speed), where, speed, None, text)
         found = _corners(phase)
         if found is not None and not found.passed:
             where = phase.phase.motion.name
@@ -243,7 +257,7 @@ def _off_corners(planned: PlannerResult) -> Reason | None:
 
 def _summary(planned: PlannedPhase) -> PhaseSummary:
     phase, confirmation = planned.phase, planned.motion.confirmation
-    corners = _corners(planned)
+    corners, (speed, stretch) = _corners(planned), _constant(planned) or (None, None)
     return PhaseSummary(
         name=phase.motion.name,
         duration=planned.duration,
@@ -258,6 +272,10 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
         confirmation_difference=None if confirmation is None else confirmation.difference,
         corner_departure=None if corners is None else corners.departure,
         corner_reach=None if corners is None else corners.reach,
+        constant_speed=speed,
+        constant_from=None if stretch is None else stretch.start,
+        constant_to=None if stretch is None else stretch.end,
+        constant_error=None if stretch is None else stretch.error,
     )
 
 
@@ -307,7 +325,7 @@ def _tightened(
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
         outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
-        if certificate.passed and (astray := _off_corners(planned)) is not None:
+        if certificate.passed and (astray := _off_path(planned)) is not None:
             return planned, certificate, astray
         if not certificate.passed and any(phase.paced for phase in planned.phases):
             paced = False

@@ -32,6 +32,7 @@ from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
+    ConstantSpeed,
     ContinuousTorque,
     Duration,
     JointAcceleration,
@@ -490,6 +491,13 @@ def duration_too_short(name: str, asked: float, needed: float) -> Reason:
     """A duration asked for that is shorter than the fastest motion."""
     text = f"{name} takes at least {needed:.6g} s within the limits; {asked:.6g} s were asked for"
     return Reason(Duration(asked, name), name, needed, asked, text)
+
+
+def not_constant(name: str, asked: float, largest: float) -> Reason:
+    """A constant speed of the tip, m/s, that other limits do not allow all along a curve; largest: one that they do."""
+    able = f"up to {1e3 * largest:.4g} mm/s it can" if largest else "nor slower"
+    text = f"the tip cannot keep {1e3 * asked:.4g} mm/s between getting up to speed and slowing down ({name}): {able}"
+    return Reason(ConstantSpeed(largest or asked), name, asked, largest, text)
 
 
 def durations_disagree(asked: float, fixed: float) -> Reason:

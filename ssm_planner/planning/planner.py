@@ -21,6 +21,7 @@ from ssm_planner.planning.feasibility import (
     motor_too_weak_to_brake,
     nearest_to_eye,
     no_motion,
+    not_constant,
     straight_instead,
     with_boundary_rates,
 )
@@ -34,10 +35,10 @@ from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
-from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion
+from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion, stays_at
 from ssm_planner.planning.turning_points import PAYS, Turns, best_turns, passing_turns
-from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance
-from ssm_planner.problem.motion import Free, Motion, Scan
+from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance, TipSpeed
+from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
@@ -65,6 +66,8 @@ ROOM = 1.1
 """Shares of the shortest braking way that joints get to stop, where nothing else is found."""
 SAME = 1e-5
 """Share by which durations may differ that are meant to be the same."""
+PACES = 2e-4
+"""Share of the constant speed asked for to which the largest is found that can be had."""
 LONGER = 1e-6
 """Share by which a motion may take longer than the duration asked for."""
 BETWEEN = 2e-5
@@ -222,6 +225,8 @@ class _PhasePlanner:
             return PlannedPhase(phase, rest, toppra_duration=duration, lower_bound=duration)
         if phase.path is None:
             return self._free(phase)
+        if isinstance(phase.motion, Follow) and phase.motion.constant_speed is not None:
+            return self._at_constant_speed(phase, phase.path, phase.motion.constant_speed)
         if self.problem.planner != "toppra" and not isinstance(phase.path, SplinePath):
             return self._straight(phase, phase.path)
         return self._retimed(phase, phase.path)
@@ -304,6 +309,29 @@ class _PhasePlanner:
             return no_motion(self.problem, phase, path, retiming.message)
         motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver=TOPPRA)
         return PlannedPhase(phase, motion, retiming.duration, self._lower_bound(phase))
+
+    def _at_constant_speed(self, phase: Phase, path: JointPath, speed: float) -> PlannedPhase | Reason:
+        """Along a line or an arc at a constant speed of the tip, m/s, that TOPP-RA gets to and leaves as fast as it can."""
+
+        def paced(pace: float) -> _PhasePlanner:
+            own = (limit.largest for limit in self.problem.limits if isinstance(limit, TipSpeed))
+            others = (limit for limit in self.problem.limits if not isinstance(limit, TipSpeed))
+            limits = (*others, TipSpeed(min(pace, *own, pace)))
+            return replace(self, problem=unchecked(self.problem, limits=limits))
+
+        def keeps(pace: float) -> bool:
+            planner = paced(pace)
+            robot = with_margin(self.strict, BETWEEN)
+            found = retime(path, robot, path.intervals, planner.problem.task_limits, (0.0, 0.0))
+            return found.solved and stays_at(found, path, pace)
+
+        if keeps(speed):
+            return paced(speed)._retimed(phase, path)
+        slow, fast = 0.0, speed
+        while fast - slow > PACES * speed:
+            middle = (slow + fast) / 2
+            slow, fast = (middle, fast) if keeps(middle) else (slow, middle)
+        return not_constant(phase.motion.name, speed, slow)
 
     def _straight(self, phase: Phase, path: JointPath) -> PlannedPhase | Reason:
         """A motion along a path by optimal control, with TOPP-RA's as guess."""

@@ -476,6 +476,20 @@ class Duration(Limit):
         return replaced(problem, motion=tuple(timed))
 
 
+@dataclass(frozen=True)
+class ConstantSpeed(Limit):
+    """Of the tip all along a curve, but for ramps at its ends, with no other limit in the way."""
+
+    name = "constant speed"
+    largest: Positive
+    """m/s, that can be had."""
+    unit = "m/s"
+
+    @property
+    def high(self) -> float:
+        return self.largest
+
+
 ENDS = ("start velocity", "end velocity")
 JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)), *ENDS)
 """Names of the limits on jumps, also from and to rest, which tables leave out while they are kept."""

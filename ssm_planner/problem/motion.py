@@ -132,8 +132,12 @@ class Follow(Value):
     """Of a line or an arc, asked for, s."""
     blend: Positive | None = None
     """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
+    constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
+    """Speed that the tip keeps all along a line or an arc, but for the ramps at its ends."""
 
     def _check(self) -> None:
+        if self.constant_speed is not None:
+            self._check_constant()
         if self.duration is not None and self.curve not in ("line", "arc"):
             raise self._wrong("duration", f"not for a curve of this kind ({self.curve}), which TOPP-RA times", "None")
         if self.blend is not None and not self.blends:
@@ -144,10 +148,24 @@ class Follow(Value):
             raise self._wrong("through", f"not for a curve of this kind ({self.curve})", f"{wanted} points")
         _check_given(self)
 
+    def _check_constant(self) -> None:
+        speed = self.constant_speed
+        if self.curve not in ("line", "arc"):
+            reason = f"not for a curve of this kind ({self.curve})"
+            raise self._wrong("constant_speed", reason, "a line or an arc", speed)
+        if self.duration is not None or self.blend is not None:
+            reason = "a duration or a rounded corner leaves no constant speed"
+            raise self._wrong("constant_speed", reason, "none of these, or no constant_speed", speed)
+
+    @property
+    def timed_by_toppra(self) -> bool:
+        """TOPP-RA alone times it."""
+        return self.curve in ("spline", "samples") or self.constant_speed is not None
+
     @property
     def blends(self) -> bool:
         """Corners at its ends may be rounded."""
-        return self.curve in ("line", "arc")
+        return self.curve in ("line", "arc") and self.constant_speed is None
 
 
 def _check_given(motion: Free | Follow) -> None:

@@ -258,7 +258,7 @@ class Problem(Value, Limited):
         self._check_range()
         self._check_stops()
         if self.planner == "toppra" or any(
-            isinstance(entry, Follow) and entry.curve in ("spline", "samples") for entry in self.motion
+            isinstance(entry, Follow) and entry.timed_by_toppra for entry in self.motion
         ):
             self._check_for_toppra()
 

@@ -113,7 +113,10 @@ def _motion(motion: Motion) -> dict[str, Any]:
         entry["spin_free"] = True
     if isinstance(motion, (Straight, Follow)) and motion.blend is not None:
         entry["blend"] = motion.blend
-    return {**entry, "curve": motion.curve, "file": motion.file} if isinstance(motion, Follow) else entry
+    if not isinstance(motion, Follow):
+        return entry
+    more = {"constant_speed": motion.constant_speed}
+    return {**entry, "curve": motion.curve, "file": motion.file, **{k: v for k, v in more.items() if v is not None}}
 
 
 _SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
@@ -135,7 +138,11 @@ def _point_from(data: Any, where: str) -> Point:
 
 
 def _motion_from(data: Any, where: str) -> Motion:
-    more = {Follow.kind: ("curve", "file", "blend"), Free.kind: ("spin_free",), Straight.kind: ("blend",)}
+    more = {
+        Follow.kind: ("curve", "file", "blend", "constant_speed"),
+        Free.kind: ("spin_free",),
+        Straight.kind: ("blend",),
+    }
     of_kind = more.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
     check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where)
     cls: Any = _KINDS.get(data.get("kind"))

@@ -238,12 +238,19 @@ def range_lines(plan: Plan) -> list[str]:
 
 def path_lines(plan: Plan) -> list[str]:
     """How phases keep to their paths, where that is asked for."""
-    return [
+    corners = [
         f"corners      {phase.name}: the tip is up to {1e3 * phase.corner_departure:.4g} mm off its lines, within "
         f"{1e3 * (phase.corner_reach or 0.0):.4g} mm of a corner"
         for phase in plan.phases
         if phase.corner_departure is not None
     ]
+    constant = [
+        f"tip speed    {phase.name}: {1e3 * phase.constant_speed:.4g} mm/s from {phase.constant_from:.4f} s to "
+        f"{phase.constant_to:.4f} s of its {phase.duration:.4f} s, within {phase.constant_error:.0e}"
+        for phase in plan.phases
+        if phase.constant_speed is not None
+    ]
+    return corners + constant
 
 
 def verdicts(plan: Plan) -> list[str]:

@@ -168,6 +168,12 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
         "  - tilt: {to: -135 deg, blend: 1 mm, duration: 2 s}",
         ("motion[0].tilt.duration = 2 s", "has no duration of its own", "no blend"),
     ),
+    (
+        TILT,
+        "  - line: {to: {depth: 5 mm}, constant_speed: 2 mm/s, duration: 2 s}",
+        ("motion[0].line.constant_speed = 2 mm/s", "leaves no constant speed"),
+    ),
+    (TILT, "  - line: {to: {depth: 5 mm}, constant_speed: 2 deg/s}", ("line.constant_speed = 2 deg/s", "20 mm/s")),
     # objective and durations
     (OBJECTIVE, "objective: heat", ("objective = heat", "'time', 'time then heat' or 'effort'")),
     (OBJECTIVE, "objective: effort", ("objective = effort", "no duration of its own", "one for every motion")),

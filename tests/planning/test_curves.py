@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import PlannerResult, plan_motion
+from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Follow, Joints, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
@@ -100,6 +103,57 @@ def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
     assert found.phases[-1].phase.end == pytest.approx([0, np.radians(-102), 0, 0.007])
     speeds = found.trajectory.sample(np.cumsum([each.duration for each in found.phases])).qd  # type: ignore[union-attr]
     assert np.abs(speeds).max() < 1e-9
+
+
+@pytest.mark.parametrize("curve", ["line", "arc"])
+def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -> None:
+    through = (Tip((0.002, -0.001, -0.009), 0.0),) if curve == "arc" else ()
+    motion = Follow(Tip((0.004, -0.004, -0.012), 0.2), through, curve=curve, name=curve, constant_speed=4e-3)
+    outcome = plan(replace(base, motion=(motion,)))
+    assert outcome.passed, outcome.reason
+    (phase,) = outcome.phases
+    assert phase.constant_speed == 4e-3
+    # by another measure than the check's: differences of positions of the tip
+    start, end = phase.constant_from, phase.constant_to
+    t, h = np.linspace(start + 1e-3, end - 1e-3, 500), 1e-5  # type: ignore[operator]
+    mechanism = Mechanism.from_geometry(base.robot.geometry)
+    before, behind = (tip_position(mechanism, outcome.motion.sample(t + side).q) for side in (-h, h))
+    assert np.linalg.norm(behind - before, axis=1) / (2 * h) == pytest.approx(4e-3, rel=1e-6)
+    assert phase.constant_error < 1e-6  # type: ignore[operator]
+    # the ramps are short, and as fast as a joint allows
+    assert 0 < start < 0.2 < phase.duration - 0.2 < end < phase.duration  # type: ignore[operator]
+    ramp = np.abs(outcome.motion.sample(np.linspace(0.0, 0.8 * start, 50)).qdd)  # type: ignore[operator]
+    assert (ramp / [joint.acceleration for joint in base.robot.joints]).max() == pytest.approx(1.0, abs=1e-3)
+    again = Plan.from_json(outcome.to_json().encode(), Path("plan.json"))
+    assert (again.phases, again.problem.motion[0].constant_speed) == (outcome.phases, 4e-3)  # type: ignore[union-attr]
+
+
+def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Problem) -> None:
+    motion = Follow(Tip((0.004, -0.004, -0.012), 0.2), curve="line", name="line", constant_speed=0.2)
+    found = plan_motion(replace(base, motion=(motion,)))
+    assert found.reason is not None
+    assert found.reason.available is not None
+    assert (
+        "the tip cannot keep 200 mm/s between getting up to speed and slowing down (line): up to"
+        in found.reason.message
+    )
+    able = float(f"{1e3 * found.reason.available:.4g}") / 1e3
+    assert plan_motion(replace(base, motion=(replace(motion, constant_speed=0.999 * able),))).status == "solved"
+    assert plan_motion(replace(base, motion=(replace(motion, constant_speed=1.01 * able),))).status == "infeasible"
+    slow = replace(base, motion=(replace(motion, constant_speed=0.01),), limits=(*base.limits, TipSpeed(0.008)))
+    reason = plan_motion(slow).reason
+    assert reason is not None
+    assert reason.available == pytest.approx(0.008, rel=1e-3)
+
+
+def test_a_constant_speed_goes_with_no_other_timing(base: Problem) -> None:
+    line = Follow(Task(depth=0.015), curve="line", constant_speed=0.002)
+    with pytest.raises(ProblemError, match="leaves no constant speed"):
+        replace(line, duration=2.0)
+    with pytest.raises(ProblemError, match="not for a curve of this kind"):
+        replace(line, curve="spline")
+    with pytest.raises(ProblemError, match="TOPP-RA cannot take a duration"):
+        replace(base, motion=(line,), duration=20.0)
 
 
 @pytest.mark.parametrize(

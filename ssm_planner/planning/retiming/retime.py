@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ssm_planner.kinematics.forward import tool_speed
 from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
 from ssm_planner.planning.retiming.paths import Chain, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest
+from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
@@ -32,6 +34,8 @@ PASSES, TRIES = 40, 12
 """Most passes in all, and most until the first motion."""
 CONVERGED = 1e-5
 """Relative change of the duration at which the tangents have settled: a further pass would change about its square."""
+STEADY = 1e-9
+"""Share by which a constant speed may be off at a grid point."""
 FASTER = 10.0
 """Times the speed of a motion that its re-timing may have."""
 SLOWER = 1 / 16
@@ -86,6 +90,14 @@ def retime(
         path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
     )
     return _retimed(grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0)
+
+
+def stays_at(found: Retiming, path: JointPath, speed: float) -> bool:
+    """Whether a motion along a path gets to a speed of the tip, m/s, and keeps it until it slows down at the end."""
+    samples = path.sample(found.s)
+    tip = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) * np.sqrt(found.speed_squared)
+    at_speed = np.flatnonzero(tip >= (1 - STEADY) * speed)
+    return len(at_speed) > 2 and len(at_speed) == at_speed[-1] - at_speed[0] + 1
 
 
 def retime_motion(
