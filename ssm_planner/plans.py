@@ -354,7 +354,7 @@ class Plan:
 
     def to_json(self) -> str:
         """The text of plan.json."""
-        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
+        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:

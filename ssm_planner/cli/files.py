@@ -83,12 +83,12 @@ def schema(kind: str) -> dict[str, Any]:
 
 def file_keys(kind: str) -> tuple[Key, ...]:
     """Every key of a kind of file; drive: of worm gears, screw: of lead screws."""
-    from ssm_planner.loading.drives import DRIVES
+    from ssm_planner.loading.drives import drive_model
     from ssm_planner.loading.load import file_keys
     from ssm_planner.loading.schema import keys
     from ssm_planner.studies.study_file import StudyModel
 
-    models = {"drive": DRIVES["worm"], "screw": DRIVES["lead_screw"], "study": StudyModel}
+    models = {"drive": drive_model("worm"), "screw": drive_model("lead_screw"), "study": StudyModel}
     return tuple(keys(models[kind])) if kind in models else file_keys(kind)  # type: ignore[arg-type]
 
 

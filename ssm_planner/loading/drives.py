@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -319,18 +320,23 @@ def _may_be_identified(schema: dict[str, Any]) -> None:
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
 
-DRIVES = {kind: _drive(kind) for kind in get_args(ThreadKind)}
-DRIVES |= {kind: _efficient(kind) for kind in get_args(EfficientKind)}
-"""The model of a drive file by its kind."""
+KINDS: tuple[str, ...] = (*get_args(ThreadKind), *get_args(EfficientKind))
+"""Of drives that a file may describe."""
+
+
+@cache
+def drive_model(kind: str) -> Any:
+    """The model of a drive file of one of KINDS: made when it is asked for, which takes a while."""
+    return _drive(kind) if kind in get_args(ThreadKind) else _efficient(kind)
 
 
 def drive_from(section: Section) -> Drive:
     """The drive that a section describes. Raises ProblemError."""
     kind = section.value.get("kind")
-    if not isinstance(kind, str) or kind not in DRIVES:
+    if not isinstance(kind, str) or kind not in KINDS:
         reason = "missing: this key is required" if kind is None else "not a kind of drive known here"
-        raise section.error(reason, "kind", allowed=", ".join(DRIVES))
-    model: Any = validated(section, DRIVES[kind])
+        raise section.error(reason, "kind", allowed=", ".join(KINDS))
+    model: Any = validated(section, drive_model(kind))
     if kind in get_args(EfficientKind):
         return _with_efficiencies(section, model)
     dimensions = _dimensions(section, model)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Union
 
 from pydantic import Field, TypeAdapter
 
-from ssm_planner.loading.drives import DRIVES, drive_from
+from ssm_planner.loading.drives import KINDS, drive_from, drive_model
 from ssm_planner.loading.files import find, follow, of_data, of_text, read
 from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.problems import JointValues, ProblemModel, problem_from
@@ -151,7 +151,7 @@ def _models(kind: Kind) -> tuple[Any, ...]:
         "motorisation": MotorisationModel,
         "controller": ControllerModel,
     }
-    return tuple(DRIVES.values()) if kind == "drive" else (models[kind],)
+    return tuple(map(drive_model, KINDS)) if kind == "drive" else (models[kind],)
 
 
 def json_schema(kind: Kind) -> dict[str, Any]:

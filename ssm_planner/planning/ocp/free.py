@@ -51,9 +51,9 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask
 
-ELEMENTS, ONE_TIME_ELEMENTS = 40, 64
+ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
 """Of a motion; of one with one time for all elements, for they cannot move to where they are needed."""
-PASSING_ELEMENTS, JERK_FINER = 48, 1.25
+PASSING_ELEMENTS, JERK_FINER = 56, 1.35
 """Of one with a time for each way between two points; times as many where jerk is limited."""
 STRETCHED = 1.2
 """Times of such a guess, which then is off its bounds."""
