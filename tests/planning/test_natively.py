@@ -18,7 +18,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.native import library
 from ssm_planner.planning.ocp import kernels
 from ssm_planner.planning.ocp.element import Aim, ElementModel, element_functions
-from ssm_planner.planning.ocp.natively import native_elements, rows_between
+from ssm_planner.planning.ocp.natively import mapped_elements, native_elements, rows_between
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -139,6 +139,40 @@ def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk,
     fits = rng.normal(size=(COUNT, element.parameters[1].size))
     fits[:, :2] = 0.42, 0.05
     check(dataclasses.replace(element, jerk=bool(seed)), z, [sigma, fits, packed])
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_ipopt_is_given_the_same(tilt_insert: Problem, kind: str) -> None:
+    rng = np.random.default_rng(5)
+    element, z, parameters = elements_of(tilt_insert.robot, kind, "heat", rng)
+    native = mapped_elements(element, COUNT)
+    assert native is not None
+    alike = [i + 1 for i, values in enumerate(parameters) if values.ndim == 1]
+    for name, function in element_functions(element).by_name().items():
+        given = [values.T for values in (z, *parameters)]
+        if name == "hessian":
+            given.append(rng.uniform(0, 1, (function.size1_in(len(given)), COUNT)))
+        theirs = function.map(name, "serial", COUNT, alike, []).call(given)
+        for mine, its in zip(native.function(function).call(given), theirs, strict=True):
+            assert mine.sparsity() == its.sparsity()
+            agree(mine.full(), its.full())
+        native.check()
+
+
+def test_an_interruption_within_is_raised(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    element, z, parameters = elements_of(tilt_insert.robot, "free", "time", np.random.default_rng(5))
+    native = mapped_elements(element, COUNT)
+    assert native is not None
+
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(native, "elements", interrupted)
+    with pytest.raises(RuntimeError):
+        native.function(element_functions(element).rows).call([values.T for values in (z, *parameters)])
+    with pytest.raises(KeyboardInterrupt):
+        native.check()
+    native.check()
 
 
 def test_what_stands_is_finite(tilt_insert: Problem) -> None:

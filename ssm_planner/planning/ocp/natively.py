@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
+import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout, call
@@ -155,6 +156,94 @@ def native_elements(
     """
     library = load()
     return None if library is None else NativeElements(library, element, parameters, count, where)
+
+
+class Evaluated(ca.Callback):
+    """One of the functions of `ElementFunctions` mapped over n elements, for CasADi; its results keep their sparsity."""
+
+    def __init__(self, parent: MappedElements, name: str, function: ca.Function) -> None:
+        ca.Callback.__init__(self)
+        self._parent, self._name = parent, name
+        self._in = [parent.element.size, *(parameter.size for parameter in parent.element.parameters)]
+        self._repeated = [True, *(parameter.per_element for parameter in parent.element.parameters)]
+        if name == "hessian":
+            self._in.append(function.size1_in(len(self._in)))
+            self._repeated.append(True)
+        self._out = [function.sparsity_out(i) for i in range(function.n_out())]
+        row, column = function.sparsity_out(function.n_out() - 1).get_triplet()
+        self._places = np.array(row, dtype=int) * self._out[-1].size2() + np.array(column, dtype=int)
+        self.construct(f"{name}_of_elements", {"enable_fd": False})
+
+    def get_n_in(self) -> int:
+        return len(self._in)
+
+    def get_n_out(self) -> int:
+        return len(self._out)
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._in[i], self._parent.count if self._repeated[i] else 1)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.repmat(self._out[i], 1, self._parent.count)
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, given: Sequence[memoryview], found: Sequence[memoryview]) -> int:
+        """0, or 1 where the user interrupted it; that is raised by `MappedElements.check`."""
+        parent = self._parent
+        try:
+            z, *others = (np.frombuffer(values) for values in given)
+            multipliers = [others.pop().reshape(parent.count, -1)] if self._name == "hessian" else []
+            native = parent.elements(others)
+            values = native.mapped[self._name](z.reshape(parent.count, -1), *multipliers)[0]
+            if len(found) > 1:
+                np.frombuffer(found[0])[:] = native.mapped["cost"](z.reshape(parent.count, -1))[0].ravel()
+            np.frombuffer(found[-1])[:] = values.reshape(parent.count, -1)[:, self._places].ravel()
+        except BaseException as error:  # noqa: BLE001
+            parent.failures.append(error)
+        return len(parent.failures)
+
+
+class MappedElements:
+    """The functions of an element model at n elements for CasADi, with parameters as inputs."""
+
+    def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
+        self.element, self.count = element, count
+        self._functions: list[Evaluated] = []
+        self.failures: list[BaseException] = []
+        """What the functions raised, for CasADi passes no exceptions on."""
+        self._library = library
+        self._last: tuple[list[Array], NativeElements] | None = None
+
+    def elements(self, parameters: list[Array]) -> NativeElements:
+        """At these parameters; those of the last call are kept."""
+        last = self._last
+        if last is None or not all(map(np.array_equal, last[0], parameters)):
+            kept = [values.copy() for values in parameters]
+            shaped = [
+                values.reshape(self.count, -1) if parameter.per_element else values
+                for values, parameter in zip(kept, self.element.parameters, strict=True)
+            ]
+            self._last = last = kept, NativeElements(self._library, self.element, shaped, self.count, "collocation")
+        return last[1]
+
+    def function(self, function: ca.Function) -> ca.Function:
+        """In place of one of `ElementFunctions` mapped over the elements."""
+        self._functions.append(Evaluated(self, function.name(), function))
+        return self._functions[-1]
+
+    def check(self) -> None:
+        """Raise what a function raised."""
+        failures, self.failures = self.failures, []
+        if failures:
+            raise failures[0]
+
+
+def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
+    """None where there is no library."""
+    library = load()
+    return None if library is None else MappedElements(library, element, count)
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
 from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
+from ssm_planner.planning.ocp.natively import MappedElements, mapped_elements
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
@@ -75,6 +76,8 @@ class Transcription:
     element: ElementModel
     solver: Callable[[Start], ca.Function] = field(compare=False)
     """For a start from a guess, from an earlier solution with its multipliers, or from the structured solver's."""
+    native: MappedElements | None = field(compare=False)
+    """What it evaluates in C; None: nothing."""
     parameters: Layout = field(compare=False)
     """Fields of NlpData that are parameters, after those of the element model."""
     sizes: dict[str, int] = field(compare=False)
@@ -152,6 +155,7 @@ class Transcription:
             "breakaway": ca.vertcat(*breakaway),
             "duration": duration,
         }
+        native = mapped_elements(element, n)
         solver = _solvers(
             x=ca.vertcat(ca.vec(x), times),
             p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
@@ -161,13 +165,14 @@ class Transcription:
             z=z,
             element_parameters=element_parameters,
             functions=element_functions(element),
+            native=native,
             first={} if structure.joints and structure.smooth else FROM_BARRIER,
             iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
                 element.aim, max(ITERATIONS, 2 * n)
             ),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
-        return cls(structure, element, solver=solver, parameters=layout, sizes=sizes)
+        return cls(structure, element, solver=solver, native=native, parameters=layout, sizes=sizes)
 
     def solve(self, data: NlpData, start: InitialPoint, *, confirming: bool = False) -> NlpSolution:
         """Ipopt's solution from a guess, warm from an earlier solution's point, or confirming the structured solver's."""
@@ -219,6 +224,7 @@ def _solvers(
     z: ca.MX,
     element_parameters: list[ca.MX],
     functions: ElementFunctions,
+    native: MappedElements | None,
     first: dict[str, Any],
     iterations: int,
 ) -> Callable[[Start], ca.Function]:
@@ -226,8 +232,8 @@ def _solvers(
 
         min f(x) = objective + w Σ L(z_k)  subject to bounds on  g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant
 
-    One Jacobian and one Hessian of the element, as expanded expressions, serve every element: this is several times faster
-    than differentiating the mapped element, and gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k):
+    One Jacobian and one Hessian of the element, in C or as expanded expressions, serve every element: this is several times
+    faster than differentiating the mapped element, and gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k):
 
         ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k
         ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S
@@ -237,7 +243,9 @@ def _solvers(
 
     def of_elements(function: ca.Function, *more: ca.MX) -> Any:
         """The function's values at all elements side by side."""
-        mapped = function.map(function.name(), "serial", n, for_all, [])
+        mapped = (
+            function.map(function.name(), "serial", n, for_all, []) if native is None else native.function(function)
+        )
         return mapped(z, *element_parameters, *more)
 
     jacobians = _block_diagonal(of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n)
@@ -292,6 +300,8 @@ def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solve
         return kept[asked]
     arguments = {name: np.frombuffer(values) for name, values in inputs}
     result, stats = ipopt(transcription.solver(start), **arguments)
+    if transcription.native is not None:
+        transcription.native.check()
     x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
     if len(kept) == KEPT_SOLUTIONS:
         del kept[next(iter(kept))]
