@@ -170,18 +170,28 @@ class OcpProblem(ABC):
         """Of all r rows."""
         return self.complete_element.row_names
 
+    @cached_property
+    def _looked(self) -> list[tuple[Array, Array]]:
+        """Elements last looked at by `row_maxima`, and what was found."""
+        return []
+
     def row_maxima(self, elements: Array) -> Array:
         """Largest value of every row in every element, (n, r), on the true path."""
         n = len(elements)
         if not self.row_names:
             return np.zeros((n, 0))
+        if self._looked and np.array_equal(self._looked[0][0], elements):
+            return self._looked[0][1]
         parts = LOOKS_AT_PORT if self.at_port else 1
         counts = np.full(n, parts)
         looked = split(elements, counts) if parts > 1 else elements
         parameters = [np.repeat(p, counts, axis=0) if p.ndim == 2 else p for p in self.element_parameters(elements)]
         rows = rows_between(self.complete_element, looked, parameters)
         found = parabolic_peak(rows.reshape(n * parts, len(DENSE), -1).transpose(0, 2, 1))
-        return np.asarray(found.reshape(n, parts, -1).max(axis=1))
+        worst = np.asarray(found.reshape(n, parts, -1).max(axis=1))
+        worst.setflags(write=False)
+        self._looked[:] = [(elements.copy(), worst)]
+        return worst
 
     def _breakaway_bound(self) -> Array:
         """Upper bounds of the breakaway rows, (sets, rows): 1 for joints that start or turn back there, else inf."""
