@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP
 from ssm_planner.verification.pieces import Pieces
+
+_jump, _end_velocity = lru_cache(maxsize=256)(Jump), lru_cache(maxsize=256)(EndVelocity)
+"""The same ones are asked for in every check of a robot."""
 
 
 class Jumps:
@@ -42,11 +46,11 @@ class Jumps:
         checks = []
         for i, joint in enumerate(self.robot.joints):
             slides = joint.kind == "prismatic"
-            limits = [Jump(joint.name, JUMP, slides)]
+            limits = [_jump(joint.name, JUMP, slides)]
             if not straight:
-                limits.append(Jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
+                limits.append(_jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
             if not straight and joint.jerk is not None:
-                limits.append(Jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
+                limits.append(_jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
             for limit in limits:
                 worst, time = (float(values[limit.derivative, i]) for values in (self.worst, self.time))
                 checks.append(LimitCheck.of(limit, worst, time))
@@ -81,7 +85,7 @@ def end_checks(trajectory: Trajectory, robot: Robot, limits: TaskLimits, straigh
             continue
         for i, joint in enumerate(robot.joints):
             largest = JUMP * joint.velocity
-            limit = EndVelocity(joint.name, largest, joint.kind == "prismatic", at_end=bool(end))
+            limit = _end_velocity(joint.name, largest, joint.kind == "prismatic", at_end=bool(end))
             worst = abs(float(velocity[i] - wanted[i]))
             time = float(trajectory.breaks[-end])
             checks.append(LimitCheck.of(limit, worst, time))
