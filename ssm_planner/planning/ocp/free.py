@@ -137,6 +137,8 @@ def solve_free(
     turning = not bool(given.all())
     hard = turning or bool(pull.any())
     structured = structured and (alone or not hard)
+    # with a jerk limit it begins at q̈ = 0 alone, and turns later than it need
+    by_ipopt = not structured or (hard and limits_jerk(robot) and method != "sketched")
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -161,7 +163,7 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
-            method=method if method == "sketched" or (structured and not hard) else "Ipopt",
+            method="Ipopt" if by_ipopt else method,
             directions=directions,
             problem=problem,
             mechanism=mechanism,
