@@ -16,6 +16,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
+from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
 from ssm_planner.planning.planner import (
     PlannedPhase,
@@ -45,6 +46,8 @@ SHARES, HALVINGS = 4, 2
 """Parts of the room of a free spin between which motions are planned, and how often the step is halved about the best."""
 FLAT = 1e-3
 """Share by which durations that do not depend on the spin may differ, on the meshes of sketches."""
+SEARCH = 2.5
+"""Effort beyond which nothing faster is looked for where there is a motion."""
 MOST = 8
 """Targets of a problem up to which other joints are tried: every change of one is another way of all that follows."""
 
@@ -55,21 +58,23 @@ def on_any_branch(problem: Problem, attempt: Callable[[Problem], Outcome]) -> tu
     attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion.
     """
     best, settled = attempt(problem), problem
+    begin = EFFORT.spent
     open_targets = targets(problem)
     phases = _phases(settled) if open_targets else ()
     for entry, place in open_targets:
         tried = 0
         for bound, other in _others(settled, phases, (entry, place), best):
             longest = _duration(best) * (1 - SHORTER)
-            if bound >= longest or (best[2] is not None and tried >= RESCUES):
+            enough = tried >= RESCUES if best[2] is not None else EFFORT.beyond(begin, SEARCH)
+            if bound >= longest or enough:
                 break
             tried += 1
-            if _sketched(other) >= longest:
+            if _sketched(other, longest) >= longest:
                 continue
             found = attempt(other)
             if found[2] is None and _duration(found) < longest:
                 best, settled = found, other
-        if best[2] is None and _frees_spin(problem, entry, place):
+        if best[2] is None and _frees_spin(problem, entry, place) and not EFFORT.beyond(begin, SEARCH):
             best, settled = _with_best_spin(settled, entry, best, attempt)
         if settled.motion[entry] is not problem.motion[entry]:
             phases = _phases(settled)
@@ -94,10 +99,10 @@ def _duration(outcome: Outcome) -> float:
     return np.inf if outcome[2] is not None or trajectory is None else trajectory.duration
 
 
-def _sketched(problem: Problem) -> float:
-    """About the duration of a motion, s, by the structured solver alone; infinite where that finds none."""
+def _sketched(problem: Problem, longest: float) -> float:
+    """About the duration of a motion, s, by the structured solver alone; infinite where that finds none that is shorter."""
     nominal = unchecked(problem, objective="time", friction=None, payload=None)
-    trajectory = plan_motion(nominal, sketch=True).trajectory
+    trajectory = plan_motion(nominal, sketch=longest).trajectory
     return np.inf if trajectory is None else trajectory.duration
 
 
@@ -207,13 +212,15 @@ def _with_best_spin(
     room = turned[bounds < longest * (1 - LEAST_GAIN), 2]
     settled, centre, step = problem, float(q[2]), (room.max() - room.min()) / SHARES
     offsets = np.arange(1, SHARES) * step + room.min() - centre
+    begin = EFFORT.spent
     for _ in range(HALVINGS + 1):
         flat, before = False, _duration(best)
         for value in centre + offsets:
-            if not room.min() <= value <= room.max():
+            if not room.min() <= value <= room.max() or EFFORT.beyond(begin, SEARCH):
                 continue
             other = _with_target(problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]]))
-            expected, longest = _sketched(other), _duration(best) * (1 - SHORTER)
+            longest = _duration(best) * (1 - SHORTER)
+            expected = _sketched(other, (1 + FLAT) * longest)
             flat |= abs(expected - before) < FLAT * before
             if expected >= longest:
                 continue

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import (
     ContinuousTorque,
@@ -31,8 +31,8 @@ SHARES = (0.1, 1.0)
 """By how much limits are relaxed one by one where it is not known which one stands in the way."""
 TOGETHER = 4
 """Most limits that are relaxed together, where one after the other stands in the way."""
-PATIENCE = 4.0
-"""Process time after which no other relaxation is tried, s."""
+PATIENCE, TRIAL = 4.0, 0.1
+"""Effort after which no other relaxation is tried, and that of a trial beside what it takes to solve it."""
 PACES = (2.5, 5.0)
 """Times the duration in which a motion that runs too warm is tried."""
 PAUSES = (1.0, 1.5, 3.0)
@@ -159,17 +159,18 @@ def search(
     """The smallest change of one limit, or of several together, with which a motion was found, and other cures.
 
     Where none is found, why that of the limit in the reason is not enough; None where nothing that was tried gave a motion.
-    Every value is tried as it is printed. duration: of the motion in which a limit was found exceeded, s. patience: process
-    time after which no other attempt is begun, s.
+    Every value is tried as it is printed. duration: of the motion in which a limit was found exceeded, s. patience:
+    effort after which no other attempt is begun.
     """
     # the fastest motion is found soonest, but runs warmer than the one asked for
     quick = problem.objective == "time then heat" and not isinstance(reason.limit, ContinuousTorque)
-    begin = time.process_time()
+    begin = EFFORT.spent
 
     def patient() -> bool:
-        return time.process_time() - begin < patience
+        return EFFORT.spent - begin < patience
 
     def tried(changed: Problem) -> float | Reason:
+        EFFORT.spent += TRIAL
         outcome = attempt(replace(changed, objective="time")) if quick else attempt(changed)
         return attempt(changed) if quick and isinstance(outcome, float) else outcome
 

@@ -119,22 +119,22 @@ def plan_motion(
     warm: bool = True,
     turning: bool = True,
     paced: bool = True,
-    sketch: bool = False,
+    sketch: float | None = None,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
     spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
     turning: joints may turn back between points. paced: where TOPP-RA is faster along its path, a motion takes that pace.
-    sketch: no motion to be run, but about its duration, and quickly: by the structured solver or not at all, and neither
-    turning nor paced.
+    sketch: no motion to be run, but about its duration where that is less than this, s, and quickly: by the structured solver
+    or not at all, and neither turning nor paced.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     stated, problem = problem, unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
-    allowed = {"turning": turning and not sketch, "paced": paced and not sketch}
+    allowed = {"turning": turning and sketch is None, "paced": paced and sketch is None}
     planner = _PhasePlanner(problem, mechanism, strict, cooling, **allowed, sketch=sketch)
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and not warm:
@@ -144,11 +144,18 @@ def plan_motion(
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
     planned: list[PlannedPhase] = []
+    # of a sketch: what every phase takes at least
+    least = [] if sketch is None else [each.motion.duration or planner._lower_bound(each) for each in phases]
     for k, phase in enumerate(phases, 1):
+        if sketch is not None:
+            planner = replace(planner, sketch=sketch - sum(each.duration for each in planned) - sum(least[k:]))
         progress(phase.motion.name if len(phases) == 1 else f"{phase.motion.name} ({k} of {len(phases)})")
         found = planner.plan(phase)
         if isinstance(found, Reason):
             return PlannerResult("not converged" if found.limit is None else "infeasible", None, tuple(planned), found)
+        if planner.sketch is not None and found.duration >= planner.sketch:
+            longer = Reason(None, None, None, None, "longer than what is known")
+            return PlannerResult("not converged", None, tuple(planned), longer)
         planned.append(planner.cross_checked(found))
     trajectory = join([(each.phase.motion.name, each.motion.breaks, each.motion.coefficients) for each in planned])
     return PlannerResult("solved", trajectory, tuple(planned), None)
@@ -214,7 +221,8 @@ class _PhasePlanner:
     cooling: Array | None = None
     turning: bool = True
     paced: bool = True
-    sketch: bool = False
+    sketch: float | None = None
+    """A duration from which on a sketch is of no use, s; None: no sketch."""
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -362,9 +370,9 @@ class _PhasePlanner:
 
     def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
-        method: Method = "sketched" if self.sketch else METHODS[self.problem.planner]
+        method: Method = "sketched" if self.sketch is not None else METHODS[self.problem.planner]
         found = solve(method=method if available() else "Ipopt")
-        given_up = not found.solved and found.solver == "structured" and not self.sketch
+        given_up = not found.solved and found.solver == "structured" and self.sketch is None
         return solve(method="Ipopt") if given_up else found
 
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
@@ -372,7 +380,7 @@ class _PhasePlanner:
         reason = motor_too_weak_to_brake(self.problem, phase)
         if reason is not None:
             return reason
-        free = self._free_by_optimal_control(phase)
+        free = self._free_by_optimal_control(phase, useless=np.inf if self.sketch is None else self.sketch)
         if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
             free = self._stopped_first(phase) or free
         if not isinstance(free, Reason) and (
@@ -534,7 +542,7 @@ class _PhasePlanner:
         bound: the lower bound where it is known.
         """
         if not motion.solved:
-            if self.sketch:
+            if self.sketch is not None:
                 return Reason(None, None, None, None, motion.message)
             return no_motion(self.problem, phase, path, motion.message)
         asked = phase.motion.duration

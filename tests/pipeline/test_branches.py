@@ -14,6 +14,7 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.planner import plan_motion
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
@@ -42,6 +43,20 @@ def weaker(robot: Robot, strength: float) -> Robot:
 
 def ends(made: Plan) -> np.ndarray:
     return np.degrees(made.motion.sample(np.array([0.0, made.motion.duration])).q)
+
+
+def test_a_sketch_that_is_too_long_is_given_up(tilt_insert: Problem) -> None:
+    """After the phase that makes it so, by the bounds of those that follow."""
+    target = Free(Task(tilt=np.radians(-120.0), depth=0.01))
+    problem = replace(tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time")
+    whole = plan_motion(problem, sketch=np.inf)
+    assert whole.trajectory is not None
+    longest = whole.trajectory.duration
+    assert plan_motion(problem, sketch=1.001 * longest).trajectory is not None
+    rest = sum(each.duration for each in whole.phases[1:])
+    cut = plan_motion(problem, sketch=0.9 * whole.phases[0].duration + rest)
+    assert cut.trajectory is None
+    assert len(cut.phases) == 0
 
 
 def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> None:

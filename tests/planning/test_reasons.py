@@ -17,6 +17,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.relaxation import Cure, search
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
@@ -270,6 +271,20 @@ def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(t
     assert found.reason is not None
     assert found.reason.limit == next(each for each in tilt_insert.limits if each.name == TaskRange.name_of("roll"))
     assert found.reason.message.startswith("roll would have to be -343.3 deg, its range ends at -30 deg")
+
+
+def test_the_clock_does_not_bound_what_is_searched(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same reason is found however long it takes: what counts is what was solved, not the time that it took."""
+    asked: list[Problem] = []
+
+    def never(problem: Problem) -> Reason:
+        asked.append(problem)
+        EFFORT.spent += 1.0
+        return Reason(None, None, None, None, "no")
+
+    monkeypatch.setattr("time.process_time", lambda: 1e3 * len(asked))
+    assert search(tilt_insert, Reason(None, "insert", None, None, "no motion found"), never, patience=10.0) is None
+    assert 9 <= len(asked) <= 10
 
 
 def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:

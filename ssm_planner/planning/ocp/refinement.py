@@ -77,6 +77,10 @@ OF_EYE = {RetinaClearance.name, LensClearance.name}
 """Rows beside which the structured solver takes longer than Ipopt, or does not converge; the retina's only at the port."""
 SAME, SAME_COST = 1e-6, 1e-5
 """Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
+SOLVE = 0.02
+PRICES = {("structured", False): 6e-6, ("structured", True): 8e-6, ("Ipopt", False): 1e-4, ("Ipopt", True): 3e-4}
+"""Effort of a solve, and of each of its iterations for every element, by solver and whether heat or effort counts: about the
+seconds that it takes."""
 LONGER = 1e-3
 """By how much the motion of least heat may be longer than the fastest."""
 
@@ -248,6 +252,20 @@ def optimise(
     return replace(best.solution, iterations=iterations, confirmation=confirmation)
 
 
+@dataclass
+class Effort:
+    """What has been spent on solving, about in seconds; unlike seconds it is the same whenever the same is asked."""
+
+    spent: float = 0.0
+
+    def beyond(self, before: float, allowed: float) -> bool:
+        """Whether more than so much has been spent since it stood at `before`."""
+        return self.spent - before > allowed
+
+
+EFFORT = Effort()
+"""Of this process. Searches are bounded by it, so that neither load nor what is kept from earlier plans changes a result."""
+
 NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 
@@ -351,6 +369,7 @@ def _refine(
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
+        EFFORT.spent += SOLVE + PRICES[solution.solver, aim != "time"] * solution.iterations * len(solution.elements)
         state = replace(state, elements=solution.elements)
         if not solution.solved or solution.times.sum() > hopeless:
             break
@@ -380,6 +399,7 @@ def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
         return found
     structure, element, data = found.program
     ipopts = Transcription.of(structure, element).solve(data, InitialPoint(own.point.x), confirming=True)
+    EFFORT.spent += PRICES["Ipopt", aim != "time"] * ipopts.iterations * len(ipopts.elements)
     if not ipopts.solved:
         return None
     before, after = (float(each.times.sum()) if aim == "time" else each.objective for each in (own, ipopts))
