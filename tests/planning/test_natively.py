@@ -83,20 +83,20 @@ def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
     assert element.row_names == [(row.name, row.joint) for row in element._active_rows(*symbols)]
     native = native_elements(element, parameters, len(z))
     assert native is not None
-    lam = rng.uniform(-1, 1, (len(z), native.rows))
+    lam = rng.uniform(-1, 1, (len(z), native.shapes["rows"][1]))
     if element.aim != "time":
         lam = np.column_stack([lam, rng.uniform(0, 3, len(z))])
     functions = element_functions(element).by_name()
-    assert set(functions) == set(native.mapped)
+    assert set(functions) == set(native.shapes)
     for name, function in functions.items():
         arguments = (z, lam) if name == "hessian" else (z,)
-        agree(native.mapped[name](*arguments)[0], Mapped(function, parameters, len(z))(*arguments)[-1])
+        agree(native.call(name, *arguments), Mapped(function, parameters, len(z))(*arguments)[-1])
     agree(rows_between(element, z, parameters), Mapped(element.between, parameters, len(z))(z)[0])
     starts = native_elements(element, parameters, len(z), "breakaway")
     assert starts is not None
     for name, function in breakaway_functions(element).items():
-        arguments = (z, lam[:, :1] * np.ones(starts.rows)) if name == "hessian" else (z,)
-        agree(starts.mapped[name](*arguments)[0], Mapped(function, parameters, len(z))(*arguments)[-1])
+        arguments = (z, lam[:, :1] * np.ones(starts.shapes["rows"][1])) if name == "hessian" else (z,)
+        agree(starts.call(name, *arguments), Mapped(function, parameters, len(z))(*arguments)[-1])
 
 
 def elements_of(robot: Robot, kind: str, aim: Aim, rng: np.random.Generator) -> tuple[Any, Array, list[Array]]:
@@ -167,7 +167,7 @@ def test_an_interruption_within_is_raised(tilt_insert: Problem, monkeypatch: pyt
     def interrupted(_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(native, "elements", interrupted)
+    monkeypatch.setattr(native._elements, "at", interrupted)
     with pytest.raises(RuntimeError):
         native.function(element_functions(element).rows).call([values.T for values in (z, *parameters)])
     with pytest.raises(KeyboardInterrupt):
@@ -183,7 +183,7 @@ def test_what_stands_is_finite(tilt_insert: Problem) -> None:
     native = native_elements(element, [np.zeros(4), *parameters[1:]], COUNT)
     assert native is not None
     for name in ("rows", "jacobian"):
-        assert np.isfinite(native.mapped[name](still)[0]).all()
+        assert np.isfinite(native.call(name, still)).all()
 
 
 def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
@@ -192,12 +192,12 @@ def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
     sigma, packed = parameters
     together = native_elements(element, parameters, COUNT)
     assert together is not None
-    lam = np.ones((COUNT, together.rows + 1))
-    whole = together.mapped["hessian"](z, lam)[0]
+    lam = np.ones((COUNT, together.shapes["rows"][1] + 1))
+    whole = together.call("hessian", z, lam)
     for k in range(COUNT):
         alone = native_elements(element, [sigma[k], packed], 1)
         assert alone is not None
-        assert np.array_equal(alone.mapped["hessian"](z[k : k + 1], lam[:1])[0][0], whole[k])
+        assert np.array_equal(alone.call("hessian", z[k : k + 1], lam[:1])[0], whole[k])
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -222,4 +222,4 @@ def test_the_c_is_what_the_laws_give() -> None:
     text = kernels.HEADER.read_text(encoding="utf-8")
     if f"CasADi {ca.CasadiMeta.version()}:" not in text:
         pytest.skip("written by another CasADi")
-    assert text == kernels.kernels()
+    assert text == kernels.kernels(), "run `python -m ssm_planner.planning.ocp.kernels`"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal
 
@@ -65,7 +65,7 @@ class _Context(ctypes.Structure):
 
 
 class NativeElements:
-    """The functions of an element model at n elements with these parameters, called as `Mapped`."""
+    """The functions of an element model at n elements with these parameters, by the names of `ElementFunctions`."""
 
     def __init__(
         self, library: ctypes.CDLL, element: ElementModel, parameters: Sequence[Array], count: int, where: Where
@@ -118,32 +118,26 @@ class NativeElements:
             offset=figures.offset,
             **{name: values.ctypes.data for name, values in self._kept.items()},
         )
-        self.library, self.count, self.size, self.rows = library, count, element.size, len(shares) * len(rows)
-        sizes: dict[str, tuple[int, ...]] = {
-            "rows": (self.rows,), "jacobian": (self.rows, self.size), "hessian": (self.size, self.size),
-        }  # fmt: skip
+        size, all_rows = element.size, len(shares) * len(rows)
+        self.shapes: dict[str, tuple[int, ...]] = {
+            "rows": (count, all_rows),
+            "jacobian": (count, all_rows, size),
+            "hessian": (count, size, size),
+        }
+        """Of the functions' results, by their names."""
         if len(costs):
-            sizes |= {"cost": (1,), "gradient": (self.size,)}
-        self.group = ElementGroup.of(library, self.context, (self.size, self.rows, count), sizes)
+            self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
+        self._library = library
+        self.group = ElementGroup.of(library, self.context, (size, all_rows, count), self.shapes)
         """For the structured solver."""
-        self.mapped = {name: _Call(self, name, (count, *shape)) for name, shape in sizes.items()}
 
-
-class _Call:
-    """One of the functions: (z, multipliers if any) → [values], dense, as `Mapped`."""
-
-    def __init__(self, elements: NativeElements, name: str, shape: tuple[int, ...]) -> None:
-        self._elements, self._shape = elements, shape
-        self._function = getattr(elements.library, f"ssm_{name}_of")
-        self._context = ctypes.byref(elements.context)
-
-    def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
-        given = [np.ascontiguousarray(z[:, : self._elements.size], dtype=float)]
-        if multipliers is not None:
-            given.append(np.ascontiguousarray(multipliers, dtype=float))
-        found = np.empty(self._shape)
-        self._function(self._context, *(ctypes.c_void_p(values.ctypes.data) for values in (*given, found)))
-        return [found]
+    def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
+        """One of the functions, dense; z (n, size), multipliers of the Hessian (n, rows, and 1 where there is a cost)."""
+        values = [np.ascontiguousarray(each, dtype=float) for each in (z, multipliers) if each is not None]
+        values.append(np.empty(self.shapes[name]))
+        addresses = (ctypes.c_void_p(each.ctypes.data) for each in values)
+        getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
+        return values[-1]
 
 
 def native_elements(
@@ -158,19 +152,19 @@ def native_elements(
     return None if library is None else NativeElements(library, element, parameters, count, where)
 
 
-class Evaluated(ca.Callback):
+class _Evaluated(ca.Callback):
     """One of the functions of `ElementFunctions` mapped over n elements, for CasADi; its results keep their sparsity."""
 
-    def __init__(self, parent: MappedElements, name: str, function: ca.Function) -> None:
+    def __init__(self, elements: _AtParameters, name: str, function: ca.Function) -> None:
         ca.Callback.__init__(self)
-        self._parent, self._name = parent, name
-        self._in = [parent.element.size, *(parameter.size for parameter in parent.element.parameters)]
-        self._repeated = [True, *(parameter.per_element for parameter in parent.element.parameters)]
+        self._elements, self._name = elements, name
+        self._in = [elements.element.size, *(parameter.size for parameter in elements.element.parameters)]
+        self._repeated = [True, *(parameter.per_element for parameter in elements.element.parameters)]
         if name == "hessian":
             self._in.append(function.size1_in(len(self._in)))
             self._repeated.append(True)
         self._out = [function.sparsity_out(i) for i in range(function.n_out())]
-        row, column = function.sparsity_out(function.n_out() - 1).get_triplet()
+        row, column = self._out[-1].get_triplet()
         self._places = np.array(row, dtype=int) * self._out[-1].size2() + np.array(column, dtype=int)
         self.construct(f"{name}_of_elements", {"enable_fd": False})
 
@@ -181,42 +175,43 @@ class Evaluated(ca.Callback):
         return len(self._out)
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._in[i], self._parent.count if self._repeated[i] else 1)
+        return ca.Sparsity.dense(self._in[i], self._elements.count if self._repeated[i] else 1)
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.repmat(self._out[i], 1, self._parent.count)
+        return ca.repmat(self._out[i], 1, self._elements.count)
 
     def has_eval_buffer(self) -> bool:
         return True
 
     def eval_buffer(self, given: Sequence[memoryview], found: Sequence[memoryview]) -> int:
-        """0, or 1 where the user interrupted it; that is raised by `MappedElements.check`."""
-        parent = self._parent
+        """0, or not where something was raised, by the user who interrupted it for instance: `MappedElements.check`."""
+        elements = self._elements
         try:
             z, *others = (np.frombuffer(values) for values in given)
-            multipliers = [others.pop().reshape(parent.count, -1)] if self._name == "hessian" else []
-            native = parent.elements(others)
-            values = native.mapped[self._name](z.reshape(parent.count, -1), *multipliers)[0]
+            z = z.reshape(elements.count, -1)
+            multipliers = others.pop().reshape(elements.count, -1) if self._name == "hessian" else None
+            native = elements.at(others)
             if len(found) > 1:
-                np.frombuffer(found[0])[:] = native.mapped["cost"](z.reshape(parent.count, -1))[0].ravel()
-            np.frombuffer(found[-1])[:] = values.reshape(parent.count, -1)[:, self._places].ravel()
+                np.frombuffer(found[0])[:] = native.call("cost", z).ravel()
+            values = native.call(self._name, z, multipliers).reshape(elements.count, -1)
+            np.frombuffer(found[-1])[:] = values[:, self._places].ravel()
         except BaseException as error:  # noqa: BLE001
-            parent.failures.append(error)
-        return len(parent.failures)
+            elements.failures.append(error)
+        return len(elements.failures)
 
 
-class MappedElements:
-    """The functions of an element model at n elements for CasADi, with parameters as inputs."""
+@dataclass(eq=False)
+class _AtParameters:
+    """An element model at n elements, with parameters that seldom change."""
 
-    def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
-        self.element, self.count = element, count
-        self._functions: list[Evaluated] = []
-        self.failures: list[BaseException] = []
-        """What the functions raised, for CasADi passes no exceptions on."""
-        self._library = library
-        self._last: tuple[list[Array], NativeElements] | None = None
+    library: ctypes.CDLL
+    element: ElementModel
+    count: int
+    failures: list[BaseException] = field(default_factory=list)
+    """What functions raised, for CasADi passes no exceptions on."""
+    _last: tuple[list[Array], NativeElements] | None = None
 
-    def elements(self, parameters: list[Array]) -> NativeElements:
+    def at(self, parameters: list[Array]) -> NativeElements:
         """At these parameters; those of the last call are kept."""
         last = self._last
         if last is None or not all(map(np.array_equal, last[0], parameters)):
@@ -225,17 +220,26 @@ class MappedElements:
                 values.reshape(self.count, -1) if parameter.per_element else values
                 for values, parameter in zip(kept, self.element.parameters, strict=True)
             ]
-            self._last = last = kept, NativeElements(self._library, self.element, shaped, self.count, "collocation")
+            self._last = last = kept, NativeElements(self.library, self.element, shaped, self.count, "collocation")
         return last[1]
 
+
+class MappedElements:
+    """The functions of an element model at n elements for CasADi, with parameters as inputs."""
+
+    def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
+        self._elements = _AtParameters(library, element, count)
+        self._functions: list[_Evaluated] = []
+
     def function(self, function: ca.Function) -> ca.Function:
-        """In place of one of `ElementFunctions` mapped over the elements."""
-        self._functions.append(Evaluated(self, function.name(), function))
+        """In place of one of `ElementFunctions` mapped over the elements; lives as long as this."""
+        self._functions.append(_Evaluated(self._elements, function.name(), function))
         return self._functions[-1]
 
     def check(self) -> None:
         """Raise what a function raised."""
-        failures, self.failures = self.failures, []
+        failures = self._elements.failures[:]
+        self._elements.failures.clear()
         if failures:
             raise failures[0]
 
@@ -251,7 +255,7 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
     n = len(z)
     native = native_elements(element, parameters, n, "between")
     if native is not None:
-        return native.mapped["rows"](z)[0]
+        return native.call("rows", z)
     given = (values if values.ndim == 2 else np.broadcast_to(values, (n, len(values))) for values in parameters)
     return call(element.between, z, *given)[0]
 
