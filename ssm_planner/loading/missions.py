@@ -9,7 +9,7 @@ from ssm_planner.loading.files import follow
 from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
 
 LONGEST_MOTION = 10_000
-_CURVES = {"spline": ("to", "through"), "line": ("to", "through"), "arc": ("to", "through")}
+_CURVES = {"spline": ("to", "through"), "line": ("to", "through"), "arc": ("to", "through"), "retina": ("to",)}
 CORNERED = ("straight", "line")
 """Motions that may have corners on their way."""
 PLACES = {"": ("start",), "free": ("to", "through"), "straight": ("to", "through"), "scan": ("at",), **_CURVES}

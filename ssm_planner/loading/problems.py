@@ -227,6 +227,7 @@ _BY_TASKS = {
     )
 }
 _CONSTANT = {"constant_speed": optional(reading(Follow, "constant_speed"), "Of the tip all along, but for the ramps.")}
+_OVER = _CONSTANT | {"distance": (Annotated[Any, quantity("length", Bound(above=0.0))], ...)}
 _STOPS = ("blend", "duration")
 _BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
 EntryModel = model_from(
@@ -241,6 +242,7 @@ EntryModel = model_from(
             _part(PointModel), "The tip on the straight line to a point, spin in proportion.", _ROUNDED | _CONSTANT
         ),
         "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY | _CONSTANT),
+        "retina": _motion_to(_part(TaskModel), "Along the retina, the tip at a distance from it.", _OVER, ("blend",)),
         "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, _STOPS),
         "path": optional(Text, "CSV of joints, task coordinates or tip and spin, units in the headings."),
         "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
@@ -366,7 +368,7 @@ def _places(model: Any) -> dict[str, Place]:
     for i, entry in enumerate(model.motion):
         (name,) = entry.model_fields_set
         here, there = f"motion[{i}]", ("motion", i, name)
-        places |= {f"{here}.{key}": (*there, key) for key in ("blend", "duration", "constant_speed")}
+        places |= {f"{here}.{key}": (*there, key) for key in ("blend", "duration", "constant_speed", "distance")}
         points: dict[str, Place] = {f"{here}.to": (*there, "to")}
         if (along := entry.free or entry.spline) is not None:
             passed = range(len(along.through))
@@ -411,6 +413,14 @@ def _motion(section: Section, entry: Any) -> Motion:
                 if name == "spline"
                 else Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
             )
+        if entry.retina is not None:
+            end = Task(**_given(model.to), line=here.line("to"))
+            own = {"duration": model.duration, "constant_speed": model.constant_speed, "distance": model.distance}
+            if model.to.depth is not None:
+                raise here.error(
+                    "how deep the tip goes is what distance says", "to", "depth", allowed="roll, tilt, spin"
+                )
+            return Follow(end, (), name, name, line=line, **own)
         if name in ("line", "arc"):
             by = () if name == "line" else (_point(here.sub("through"), model.through),)
             timing = {"duration": model.duration, "blend": model.blend, "constant_speed": model.constant_speed}

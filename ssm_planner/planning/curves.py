@@ -14,9 +14,9 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Flags
-from ssm_planner.kinematics.task import joints_of_task, task_from_joints
+from ssm_planner.kinematics.task import joints_of_task, pose_from_task, task_from_joints
 from ssm_planner.planning.retiming.paths import TipPath
-from ssm_planner.planning.scan_pattern import refuse_tilt
+from ssm_planner.planning.scan_pattern import refuse_tilt, tips_over_retina
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Follow, Joints, Point, Task, Tip
 from ssm_planner.problem.problem import Problem
@@ -108,16 +108,31 @@ def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Arra
 
     Where it goes nowhere q itself; radially from or to the remote centre its end, (4,). Raises ProblemError.
     """
-    given = _joints(problem, mechanism, motion, task, q)
-    tips, spins = tip_position(mechanism, given), [float(task[2])]
-    for row in given[1:]:
-        spins.append(float(task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[0, 2]))
-    if np.abs(given - q).max() < NOWHERE:
+    if motion.distance is None:
+        given = _joints(problem, mechanism, motion, task, q)
+        tips, spins = tip_position(mechanism, given), [float(task[2])]
+        for row in given[1:]:
+            spins.append(float(task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[0, 2]))
+    else:
+        (end,) = _filled(problem, mechanism, motion, [motion.to], task)[1:]
+        tips = np.vstack([tip_position(mechanism, q[None]), _over_retina(problem, mechanism, motion, end)])
+        given, spins = np.vstack([q, q]), [float(task[2]), float(end[2])]
+    if np.abs(given - q).max() < NOWHERE and np.abs(tips - tips[0]).max() < NOWHERE and np.ptp(spins) < NOWHERE:
         return q
-    found = (_line if motion.curve == "line" else _arc)(tips)
+    found = _arc(tips) if motion.curve == "arc" else _line(tips)
+    if motion.curve == "retina" and problem.eye is not None:
+        found = _great_circle(tips, problem.eye.centre)
     reason, keeps = "the three points of this arc lie on one line", "points that a circle passes"
     if found is not None:
         terms, angle = found
+        if motion.constant_speed is not None and np.abs(tips - tips[0]).max() < NOWHERE:
+            reason, keeps = (
+                "the tip does not move, so it has no speed to keep",
+                "a motion of the tip, or no constant_speed",
+            )
+            raise ProblemError(
+                reason, file=problem.file, line=motion.line, key=f"{motion.name}.constant_speed", allowed=keeps
+            )
         branch, driven = int(mechanism.branch_of(q)), driven_joints(problem)
         path = TipPath(mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven)
         at = path.tips(np.linspace(0.0, 1.0, LOOKS))
@@ -133,6 +148,21 @@ def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Arra
     raise ProblemError(reason, file=problem.file, line=motion.line, key=motion.name, allowed=keeps)
 
 
+def _over_retina(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array) -> Array:
+    """The tip (1, 3) of a tool that points as task coordinates (4,) say, at its distance from the retina."""
+    axis = pose_from_task(mechanism, [[*task[:3], 1.0]])[1]  # the tip at a depth of 1 m
+    return tips_over_retina(problem, motion, axis, motion.distance or 0.0)
+
+
+def at_distance(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> Array:
+    """The joints q (4,), of task coordinates (4,), with the tool as deep as a distance from the retina asks."""
+    tip = tip_position(mechanism, q[None])
+    wanted = _over_retina(problem, mechanism, motion, task)
+    if np.linalg.norm(wanted - tip) <= AT_START[3]:
+        return q
+    return np.append(q[:3], mechanism.insertion_sign * np.linalg.norm(wanted))
+
+
 def driven_joints(problem: Problem) -> tuple[int, ...]:
     """Those with a drive."""
     return tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
@@ -141,6 +171,16 @@ def driven_joints(problem: Problem) -> tuple[int, ...]:
 def _line(tips: Array) -> Curve:
     """The straight line between two points."""
     return np.array([tips[0], tips[1] - tips[0], 0 * tips[0], 0 * tips[0]]), 0.0
+
+
+def _great_circle(tips: Array, centre: Array) -> Curve:
+    """From the first to the second of two points that are as far from a centre (3,), the shorter way about it."""
+    first, last = tips - centre
+    along = last - first * (last @ first) / (first @ first)
+    size = float(np.linalg.norm(along))
+    angle = float(np.arctan2(size, last @ first / np.linalg.norm(first)))
+    second = along * np.linalg.norm(first) / size if size else along
+    return np.array([centre, 0 * centre, first, second]), angle
 
 
 def _arc(tips: Array) -> Curve | None:

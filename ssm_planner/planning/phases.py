@@ -14,12 +14,12 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import theta2_from_tilt
-from ssm_planner.planning.curves import NOWHERE, driven_joints, points_of_curve, tip_curve, without_repeats
+from ssm_planner.planning.curves import NOWHERE, at_distance, driven_joints, points_of_curve, tip_curve, without_repeats
 from ssm_planner.planning.retiming.blends import BlendedPath, rounded
 from ssm_planner.planning.retiming.paths import ClosedPath, JointPath, SplinePath, StraightPath, smooth_runs
 from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import OF_TIP, Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
@@ -172,7 +172,9 @@ def _curved_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: t
     Through samples: a free motion to the first of them unless the robot is there, and a phase for every smooth run of them.
     """
     start, q = at
-    if motion.curve in ("line", "arc"):
+    if motion.distance is not None:
+        return _retina_phases(problem, mechanism, motion, at)
+    if motion.curve in OF_TIP:
         return [_tip_phase(problem, mechanism, motion, at)]
     points, leading = points_of_curve(problem, mechanism, motion, start, q)
     phases: list[Phase] = []
@@ -194,6 +196,17 @@ def _curved_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: t
         phases.append(Phase(named, start, end, knots, path))
         start = end
     return phases or [Phase(motion, start, start, np.stack([points[-1], points[-1]]), None)]
+
+
+def _retina_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]) -> list[Phase]:
+    """Along the retina, after a free motion to the distance from it unless the tip is there; at: as for `_tip_phase`."""
+    start, q = at
+    first = at_distance(problem, mechanism, motion, start, q)
+    if first is q:
+        return [_tip_phase(problem, mechanism, motion, at)]
+    lead = Free(_as_joints(first), name=f"{motion.name}, approach", line=motion.line)
+    end = task_from_joints(mechanism, first[None], near=start)[0]
+    return [Phase(lead, start, end, np.stack([q, first]), None), _tip_phase(problem, mechanism, motion, (end, first))]
 
 
 def _tip_phase(problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]) -> Phase:

@@ -235,7 +235,9 @@ class _PhasePlanner:
             return self._free(phase)
         if isinstance(phase.motion, Follow) and phase.motion.constant_speed is not None:
             return self._at_constant_speed(phase, phase.path, phase.motion.constant_speed)
-        if self.problem.planner != "toppra" and not isinstance(phase.path, SplinePath):
+        # along a curve the rates of task coordinates limit the speed from place to place, which optimal control does roughly
+        rated = bool(self.problem.rates) and self._may_be_retimed(phase)
+        if self.problem.planner != "toppra" and not isinstance(phase.path, SplinePath) and not rated:
             return self._straight(phase, phase.path)
         return self._retimed(phase, phase.path)
 
@@ -366,7 +368,13 @@ class _PhasePlanner:
             speeds=speeds,
         )
         motion = self._solved(solve)
-        return self._planned(phase, path, motion, None if asked else retiming.duration, bound)
+        found = self._planned(phase, path, motion, None if asked else retiming.duration, bound)
+        return self._retimed(phase, path) if isinstance(found, Reason) and self._may_be_retimed(phase) else found
+
+    def _may_be_retimed(self, phase: Phase) -> bool:
+        """TOPP-RA alone may time it: along a curve or with rounded corners, neither in a duration nor with jerk limits."""
+        curved = phase.path is not None and not isinstance(phase.path, StraightPath)
+        return curved and phase.motion.duration is None and not limits_jerk(self.problem.robot)
 
     def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""

@@ -32,7 +32,8 @@ def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> l
     eye, task = problem.eye, _middle(problem, mechanism, scan)
     assert eye is not None  # a Problem sees to that
     axis, side = _axis(mechanism, task)
-    runs = [_tips(problem, scan, spots_on_retina(eye, axis, side, plane), scan.distance) for plane in pattern(scan)]
+    planes = (spots_on_retina(eye, axis, side, plane) for plane in pattern(scan))
+    runs = [tips_over_retina(problem, scan, spots, scan.distance) for spots in planes]
     names = [scan.name] if len(runs) == 1 else [f"{scan.name} {k}" for k in range(1, len(runs) + 1)]
     if scan.order == "fastest":
         tips = np.concatenate(runs)
@@ -105,17 +106,18 @@ def refuse_tilt(
         )
 
 
-def _tips(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:
-    """Tip positions (n, 3) from which the tool points at spots (n, 3) on the retina, `distance` away from it."""
-    assert problem.eye is not None
+def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:
+    """Tips (n, 3) from which the tool points at spots (n, 3) of the retina, or along directions, `distance` m from it."""
+    assert problem.eye is not None  # a Problem sees to that
     direction = spots / np.linalg.norm(spots, axis=1, keepdims=True)
     depth = _reach(problem.eye, direction, problem.eye.radius - distance)
     if not np.all(depth > 0):
+        name = motion.kind if isinstance(motion, Scan) else motion.name
         raise ProblemError(
-            "from the port no spot of this scan can be reached at that distance from the retina",
+            f"from the port no spot of this {name} can be reached at that distance from the retina",
             file=problem.file,
             line=motion.line,
-            key="scan",
+            key=name,
             allowed="a direction in which the tool's axis meets the retina deeper in the eye",
         )
     return np.asarray(direction * depth[:, None])

@@ -12,6 +12,8 @@ from ssm_planner.problem.value import Bound, Count, NotNegative, Positive, Quant
 LARGEST_GRID = 50
 """Rows or columns of a scan."""
 Line = Annotated[int, Bound(above=0)]
+OF_TIP = ("line", "arc", "retina")
+"""Curves that the tip follows in space."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,10 +123,10 @@ class Follow(Value):
     through: tuple[Task | Joints | Tip, ...] = ()
     """Points of the curve in order; of an arc the one that it passes, of a line none."""
     name: str = "path"
-    curve: Literal["spline", "samples", "line", "arc"] = "spline"
+    curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
     """A natural cubic spline in joint space, over the distance from point to point in joint velocities; the same through
-    samples, at rest where these turn by more than 30°: both timed by TOPP-RA; or a line or an arc of the tip, spin in
-    proportion to the way."""
+    samples, at rest where these turn by more than 30°: both timed by TOPP-RA; a line or an arc of the tip, spin in
+    proportion to the way; or along the retina on a great circle, the tip at a distance from it."""
     file: str | None = field(default=None, compare=False)
     """Table that the points come from, whose lines are theirs."""
     line: Line | None = field(default=None, compare=False)
@@ -134,15 +136,22 @@ class Follow(Value):
     """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
     constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
     """Speed that the tip keeps all along a line or an arc, but for the ramps at its ends."""
+    distance: Annotated[Positive, Quantity("length")] | None = None
+    """Of the tip from the retina, along which it goes; `to` says where the tool then points."""
 
     def _check(self) -> None:
         if self.constant_speed is not None:
             self._check_constant()
-        if self.duration is not None and self.curve not in ("line", "arc"):
+        if (self.distance is None) == (self.curve == "retina"):
+            raise self._wrong("distance", "of a curve along the retina, and of none but that", "a length, or none")
+        if self.distance is not None and not (isinstance(self.to, Task) and self.to.depth is None):
+            reason = "how deep the tip goes is what distance says"
+            raise self._wrong("to", reason, "roll, tilt, spin", type(self.to).__name__)
+        if self.duration is not None and self.curve not in OF_TIP:
             raise self._wrong("duration", f"not for a curve of this kind ({self.curve}), which TOPP-RA times", "None")
         if self.blend is not None and not self.blends:
             raise self._wrong("blend", f"not for a curve of this kind ({self.curve})", "None")
-        counts = {"line": 0, "arc": 1}
+        counts = {"line": 0, "arc": 1, "retina": 0}
         wanted = counts.get(self.curve, len(self.through))
         if len(self.through) != wanted:
             raise self._wrong("through", f"not for a curve of this kind ({self.curve})", f"{wanted} points")
@@ -150,7 +159,7 @@ class Follow(Value):
 
     def _check_constant(self) -> None:
         speed = self.constant_speed
-        if self.curve not in ("line", "arc"):
+        if self.curve not in OF_TIP:
             reason = f"not for a curve of this kind ({self.curve})"
             raise self._wrong("constant_speed", reason, "a line or an arc", speed)
         if self.duration is not None or self.blend is not None:

@@ -249,8 +249,8 @@ class Problem(Value, Limited):
         if not self.motion:
             raise self._wrong("motion", "no entries", "at least one motion", "()")
         for i, entry in enumerate(self.motion):
-            if isinstance(entry, Scan):
-                self._check_scan(entry, f"motion[{i}]")
+            if isinstance(entry, Scan) or (isinstance(entry, Follow) and entry.distance is not None):
+                self._check_over_retina(entry, f"motion[{i}]")
         for place, point in self._points():
             self._check_point(place, point)
         self._check_blends()
@@ -316,15 +316,17 @@ class Problem(Value, Limited):
                 place, reason or f"outside the limits of {name}", _range(name, (low, high)), _text(name, value)
             )
 
-    def _check_scan(self, scan: Scan, place: str) -> None:
+    def _check_over_retina(self, scan: Scan | Follow, place: str) -> None:
         eye = self.eye
         if eye is None:
-            reason = "a scan is of spots on a retina, and no eye is given"
+            reason = f"a {scan.name} is over a retina, and no eye is given"
+            if isinstance(scan, Scan):
+                reason = "a scan is of spots on a retina, and no eye is given"
             raise self._wrong(place, reason, "a problem with an eye", scan.name)
-        if scan.distance < eye.clearance:
+        if scan.distance is not None and scan.distance < eye.clearance:
             allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
             raise self._wrong(f"{place}.distance", "nearer to the retina than the clearance", allowed, scan.distance)
-        for diameter in scan.diameters:
+        for diameter in scan.diameters if isinstance(scan, Scan) else ():
             if diameter >= eye.radius:
                 reason = "larger than the eye's radius"
                 raise self._wrong(f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter)

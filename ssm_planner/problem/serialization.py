@@ -115,7 +115,7 @@ def _motion(motion: Motion) -> dict[str, Any]:
         entry["blend"] = motion.blend
     if not isinstance(motion, Follow):
         return entry
-    more = {"constant_speed": motion.constant_speed}
+    more = {"constant_speed": motion.constant_speed, "distance": motion.distance}
     return {**entry, "curve": motion.curve, "file": motion.file, **{k: v for k, v in more.items() if v is not None}}
 
 
@@ -139,7 +139,7 @@ def _point_from(data: Any, where: str) -> Point:
 
 def _motion_from(data: Any, where: str) -> Motion:
     more = {
-        Follow.kind: ("curve", "file", "blend", "constant_speed"),
+        Follow.kind: ("curve", "file", "blend", "constant_speed", "distance"),
         Free.kind: ("spin_free",),
         Straight.kind: ("blend",),
     }

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from ssm_planner.cli import main
+from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import json_schema
 
 NAME = "tilt_insert.yaml"
@@ -198,6 +199,26 @@ def test_a_mistake_is_one_message_with_its_place(files: Any, old: str, new: str,
         assert part in message
     assert "\n" not in message
     assert "pydantic" not in message
+
+
+def test_along_the_retina(files: Any) -> None:
+    path = files.root / SCAN
+    text = "  - retina: {to: {roll: 4 deg, tilt: -118 deg}, distance: 1.5 mm, constant_speed: 2 mm/s}"
+    files.edit(SCAN, "  - insert: {to: 12 mm}", text)
+    motion = files.load(SCAN).motion[1]
+    assert (motion.curve, motion.distance, motion.constant_speed) == ("retina", 0.0015, 0.002)
+    assert motion.to.given == pytest.approx({"roll": D(4), "tilt": D(-118)})
+    for old, new, parts in (
+        ("distance: 1.5 mm, const", "distance: 0.5 mm, const", ("retina.distance = 0.5 mm", "nearer to the retina")),
+        ("distance: 0.5 mm, const", "const", ("motion[1].retina.distance", "missing")),
+        ("const", "distance: 1.5 mm, const", ()),
+        ("tilt: -118 deg}", "depth: 5 mm}", ("retina.to.depth = 5 mm", "what distance says")),
+    ):  # fmt: skip
+        path.write_text(path.read_text().replace(old, new, 1))
+        if parts:
+            with pytest.raises(ProblemError) as caught:
+                files.load(SCAN)
+            assert all(part in str(caught.value) for part in parts), caught.value
 
 
 SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [

@@ -82,6 +82,13 @@ def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: P
     assert again.phases == found.phases
 
 
+def test_a_corner_rounded_by_next_to_nothing_is_planned_too(tilt_insert: Problem) -> None:
+    tilt = Straight(tilt=np.radians(-110), blend=1e-6)
+    found = plan(replace(tilt_insert, start=START, motion=(tilt, Straight(depth=0.009)), objective="time"))
+    assert found.passed, found.reason
+    assert found.phases[0].corner_departure < 1e-6  # type: ignore[operator]
+
+
 def test_where_jerk_is_limited_it_is_kept_in_the_corners_too(tilt_insert: Problem, with_jerk: Any) -> None:
     robot = with_jerk(tilt_insert.robot, 100.0, 2.0)
     tilt = Straight(tilt=np.radians(-105), blend=0.3e-3)

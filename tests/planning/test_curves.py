@@ -163,6 +163,7 @@ def test_a_constant_speed_goes_with_no_other_timing(base: Problem) -> None:
         (Follow(Task(depth=0.015), (Task(depth=0.010),), curve="arc"), "lie on one line"),
         (Follow(Task(tilt=np.radians(-178)), (Task(depth=0.010),)), "cannot reach this tilt"),
         (Follow(Tip((0.01, 0.0, 0.0), 0.0), (Task(depth=0.010),)), "cannot bring the tip there"),
+        (Follow(Task(spin=0.3), curve="line", constant_speed=1e-3), "the tip does not move"),
     ],
 )  # fmt: skip
 def test_what_no_joint_can_follow(base: Problem, motion: Follow, message: str) -> None:
@@ -178,3 +179,38 @@ def test_a_curve_out_of_the_tilt_range_is_refused_before_it_is_timed(base: Probl
     assert found.status == "infeasible"
     assert found.reason is not None
     assert "tilt would have to be" in found.reason.message
+
+
+def test_along_the_retina_the_tip_keeps_its_distance(laser_scan: Problem) -> None:
+    eye = laser_scan.eye
+    assert eye is not None
+    to = Task(roll=np.radians(6), tilt=np.radians(-119))
+    motion = Follow(to, curve="retina", name="retina", distance=1.5e-3, constant_speed=2e-3)
+    outcome = plan(replace(laser_scan, motion=(motion,)))
+    assert outcome.passed, outcome.reason
+    assert [phase.name for phase in outcome.phases] == ["retina, approach", "retina"]
+    assert outcome.phases[1].task_end[:3] == pytest.approx((to.roll, to.tilt, 0.0), abs=1e-9)
+    begin = outcome.phases[0].duration
+    t = np.linspace(begin, begin + outcome.phases[1].duration, 3000)
+    tips = tip_position(Mechanism.from_geometry(laser_scan.robot.geometry), outcome.motion.sample(t).q)
+    assert eye.radius - np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(1.5e-3, abs=1e-9)
+    # the shortest way on the sphere
+    first, last = tips[[0, -1]] - eye.centre
+    length = np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()
+    arc = (eye.radius - 1.5e-3) * np.arccos(first @ last / np.linalg.norm(first) / np.linalg.norm(last))
+    assert length == pytest.approx(arc, rel=1e-6)
+    assert outcome.phases[1].constant_error < 1e-6  # type: ignore[operator]
+    again = Plan.from_json(outcome.to_json().encode(), Path("plan.json"))
+    assert again.problem.motion[0].distance == 1.5e-3  # type: ignore[union-attr]
+
+
+def test_a_curve_along_the_retina_needs_one(base: Problem, laser_scan: Problem) -> None:
+    motion = Follow(Task(tilt=-2.0), curve="retina", name="retina", distance=1.5e-3)
+    with pytest.raises(ProblemError, match="no eye is given"):
+        replace(base, motion=(motion,))
+    with pytest.raises(ProblemError, match="nearer to the retina than the clearance"):
+        replace(laser_scan, motion=(replace(motion, distance=0.5e-3),))
+    with pytest.raises(ProblemError, match="what distance says"):
+        replace(motion, to=Task(depth=0.01))
+    with pytest.raises(ProblemError, match="of a curve along the retina"):
+        Follow(Task(tilt=-2.0), distance=1e-3)
