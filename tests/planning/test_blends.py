@@ -16,6 +16,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.retiming.blends import BlendedPath
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRate
 from ssm_planner.problem.motion import Dwell, Follow, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory, hermite
@@ -82,11 +83,16 @@ def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: P
     assert again.phases == found.phases
 
 
-def test_a_corner_rounded_by_next_to_nothing_is_planned_too(tilt_insert: Problem) -> None:
-    tilt = Straight(tilt=np.radians(-110), blend=1e-6)
-    found = plan(replace(tilt_insert, start=START, motion=(tilt, Straight(depth=0.009)), objective="time"))
+def test_rates_of_task_coordinates_are_kept_in_the_corners_too(tilt_insert: Problem) -> None:
+    rates = (TaskRate("tilt", np.radians(10)), TaskRate("depth", 4e-3))
+    tilt = Straight(tilt=np.radians(-110), blend=0.3e-3)
+    problem = replace(tilt_insert, start=START, motion=(tilt, Straight(depth=0.009)))
+    found = plan(replace(problem, limits=(*problem.limits, *rates)))
     assert found.passed, found.reason
-    assert found.phases[0].corner_departure < 1e-6  # type: ignore[operator]
+    assert not found.disagreements
+    assert found.phases[0].solver == "TOPP-RA"
+    # both rates bind all along their own motion, and nowhere are both motions waited for
+    assert found.duration == pytest.approx(np.radians(15) / rates[0].largest + 4e-3 / rates[1].largest, rel=0.12)
 
 
 def test_where_jerk_is_limited_it_is_kept_in_the_corners_too(tilt_insert: Problem, with_jerk: Any) -> None:
