@@ -462,11 +462,11 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     monkeypatch.setattr("ssm_planner.studies.evaluation.quickly", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", math.inf)
     ((kept,), _) = evaluated(pickled, asked)
-    assert Transcription.build.cache_info().currsize > 0
+    assert Transcription.of.cache_info().currsize > 0
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", 0)
     monkeypatch.setattr("ssm_planner.studies.evaluation.GROWTH", -math.inf)
     ((forgotten,), _) = evaluated(pickled, asked)
-    assert Transcription.build.cache_info().currsize == 0
+    assert Transcription.of.cache_info().currsize == 0
     assert kept == forgotten
 
 

@@ -1,6 +1,6 @@
 """The nonlinear program behind every optimised motion: direct transcription on a mesh of cubic elements.
 
-A straight motion has one coordinate, the path parameter s; a free one its moving joints. `Transcription.build` states the
+A straight motion has one coordinate, the path parameter s; a free one its moving joints. `Transcription.of` states the
 program from top to bottom; only the element model differs between the two.
 """
 
