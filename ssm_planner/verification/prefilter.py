@@ -33,9 +33,7 @@ def sensitivity(trajectory: Trajectory, robot: Robot, evaluate: Evaluate) -> Arr
     Taken where, in each part of each block of pieces, a joint is farthest, fastest or hardest accelerated either way: a short
     move among many pieces at rest is so found.
     """
-    found = [_slopes(states, robot, evaluate) for states in _extremes(trajectory)]
-    largest: Array = np.max(found, axis=0)
-    return largest
+    return _slopes(np.concatenate(list(_extremes(trajectory)), axis=1), robot, evaluate)
 
 
 def _extremes(trajectory: Trajectory) -> Iterator[Array]:

@@ -71,11 +71,11 @@ class _Path:
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
         near = np.minimum(np.abs(breaks[behind] - instants), np.abs(breaks[behind - 1] - instants)) < NEAR
         nodes = np.union1d(breaks, instants[~near])
-        spread = [
-            np.linspace(a, b, int(np.clip(np.ceil((b - a) / STEP - 1e-9), 1, MOST_STEPS)), endpoint=False)
-            for a, b in pairwise(nodes)
-        ]
-        s = np.concatenate([*spread, nodes[-1:]])
+        ways = np.diff(nodes)
+        steps = np.clip(np.ceil(ways / STEP - 1e-9), 1, MOST_STEPS).astype(int)
+        of = np.repeat(np.arange(len(ways)), steps)
+        part = np.arange(len(of)) - (np.cumsum(steps) - steps)[of]
+        s = np.append(part * (ways / steps)[of] + nodes[of], nodes[-1])
         ends = [motion.sample(motion.breaks[0] + s[:-1], "right"), motion.sample(motion.breaks[0] + s[1:], "left")]
         q, dq, ddq = (np.stack([getattr(end, name) for end in ends]) for name in ("q", "qd", "qdd"))
         body = RigidBody.from_robot(robot)
