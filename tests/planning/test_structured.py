@@ -112,6 +112,14 @@ def test_ipopt_solves_where_it_does_not_converge(tilt_insert: Problem, monkeypat
     assert any(line.split() == ["solver", "Ipopt"] for line in verdicts(found))
 
 
+def test_joints_that_turn_back_at_points_need_no_ipopt(monkeypatch: pytest.MonkeyPatch, solves: list[Solve]) -> None:
+    monkeypatch.delattr(Transcription, "solve")
+    planned = plan_motion(fast(dataclasses.replace(load_problem("problems/waypoints.yaml"), objective="time")))
+    assert planned.status == "solved"
+    assert any(structure.coordinates > 1 and len(structure.moves) > 4 for structure, *_ in solves)
+    assert all(own.solved for *_, own in solves)
+
+
 @pytest.mark.parametrize("planner", ["fast", "optimal"])
 def test_ipopt_solves_alone_without_the_compiled_part(
     planner: Planner, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
