@@ -27,7 +27,7 @@ from ssm_planner.planning.feasibility import (
 )
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
-from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.planning.ocp.free import FINER_ELEMENTS, solve_free
 from ssm_planner.planning.ocp.nlp import Method, PhaseSolution
 from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
 from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
@@ -389,6 +389,8 @@ class _PhasePlanner:
         if reason is not None:
             return reason
         free = self._free_by_optimal_control(phase, useless=np.inf if self.sketch is None else self.sketch)
+        if isinstance(free, Reason) and free.limit is None and self.sketch is None:
+            free = self._free_by_optimal_control(phase, count=FINER_ELEMENTS)
         if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
             free = self._stopped_first(phase) or free
         if not isinstance(free, Reason) and (
@@ -508,9 +510,12 @@ class _PhasePlanner:
         return None
 
     def _free_by_optimal_control(
-        self, phase: Phase, turns: Turns | None = None, *, useless: float = np.inf
+        self, phase: Phase, turns: Turns | None = None, *, useless: float = np.inf, count: int | None = None
     ) -> PlannedPhase | Reason:
-        """Its path is the solver's. useless: a duration from which on a motion is not worked out to the last digit, s."""
+        """Its path is the solver's. useless: a duration from which on a motion is not worked out to the last digit, s.
+
+        count: of elements.
+        """
         direct = PolylinePath(self.mechanism, phase.points)
         moving = bool(phase.qd_start.any() or phase.qd_end.any())
         # joints that move already need not break away, and may come from the other side
@@ -530,6 +535,7 @@ class _PhasePlanner:
             loose=() if turns is None else turns.loose,
             passing=None if turns is None else turns.passing,
             useless=useless,
+            count=count,
         )
         motion = self._solved(solve)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)

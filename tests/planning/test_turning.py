@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from ssm_planner.cli import main
 from ssm_planner.dynamics.motors import directions, motor_motion
@@ -17,6 +18,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
+from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.folder import load_plan
 from ssm_planner.pipeline.run import Replanner, begun_at, plan
 from ssm_planner.planning import planner
@@ -27,6 +29,7 @@ from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.text import verdicts
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
@@ -255,3 +258,58 @@ def test_a_joint_that_stands_but_for_rounding_begins_at_rest(shipped: Plan, to_a
     there = begun_at(to_anywhere, dataclasses.replace(shipped.motion, coefficients=drift), 1.0)
     (phase,), _ = planner.feasible_phases(there, Mechanism.from_geometry(there.robot.geometry))
     assert phase.qd_start[2] == 0.0
+
+
+def reaches(duration: float, way: float, begin: tuple[float, float], limits: Array, count: int = 160) -> bool:
+    """Whether one joint alone comes to rest a way away from q̇, q̈ in this time; limits (3,): jerk constant on intervals."""
+    speed, pull = begin
+    velocity, acceleration, jerk = limits
+    h = duration / count
+    steps = np.arange(1, count + 1)[:, None] - np.arange(count)
+    a, v, q = (
+        np.where(steps > 0, part, 0.0) for part in (h, h**2 * (steps - 1 / 2), h**3 * (steps * (steps - 1) / 2 + 1 / 6))
+    )
+    t = h * np.arange(1, count + 1)
+    start_a, start_v = np.full(count, pull), speed + pull * t
+    found = linprog(
+        np.zeros(count),
+        A_ub=jerk * np.vstack([a / acceleration, -a / acceleration, v / velocity, -v / velocity]),
+        b_ub=1
+        + np.concatenate([-start_a / acceleration, start_a / acceleration, -start_v / velocity, start_v / velocity]),
+        A_eq=jerk * np.vstack([a[-1] / acceleration, v[-1] / velocity, q[-1] / abs(way)]),
+        b_eq=[
+            -pull / acceleration,
+            -start_v[-1] / velocity,
+            (way - speed * duration - pull * duration**2 / 2) / abs(way),
+        ],
+        bounds=(-1, 1),
+    )
+    return bool(found.status == 0)
+
+
+def test_under_a_jerk_limit_it_is_as_fast_as_the_slowest_joint() -> None:
+    """Three joints overshoot, and their accelerations end within a hundredth of the time."""
+    base = load_problem(ROOT / "problems/direct_reach.yaml")
+    joints = [unchecked(joint, jerk=100 * joint.acceleration) for joint in base.robot.joints]
+    robot = unchecked(base.robot, joints=tuple(joints))
+    speed, pull = (2.735333, -3.141592, 4.195394, 0.02533739), (-11.73423, 0.0, -8.723335, -0.03827418)
+    start, to = (0.882121, -0.079921, 0.40618, -0.011803), (0.063436, 0.586358, -0.26295, -0.004234)
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    rates = task_rates(mechanism, np.array([start]), np.array([speed]))[0]
+    problem = dataclasses.replace(
+        base,
+        robot=robot,
+        start=Joints(start),
+        start_rate=dict(zip(TASK, rates.tolist(), strict=True)),
+        start_acceleration=pull,
+        motion=(Free(Joints(to)),),
+        objective="time",
+    )
+    result = plan(problem)
+    assert result.passed
+    assert [phase.name for phase in result.phases] == ["free"]
+    first = robot.joints[0]
+    limits = np.array([first.velocity, first.acceleration, 100 * first.acceleration])
+    way, begin = to[0] - start[0], (speed[0], pull[0])
+    assert reaches(1.001 * result.duration, way, begin, limits)
+    assert not reaches(0.995 * result.duration, way, begin, limits)

@@ -55,6 +55,9 @@ ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
 """Of a motion; of one with one time for all elements, for they cannot move to where they are needed."""
 PASSING_ELEMENTS, JERK_FINER = 56, 1.35
 """Of one with a time for each way between two points; times as many where jerk is limited."""
+MOVING_ELEMENTS, FINER_ELEMENTS = 80, 160
+"""Of a motion that begins or ends at speed where jerk is limited, for the first acceleration has to end within an element;
+and of one for which nothing is found on fewer."""
 STRETCHED = 1.2
 """Times of such a guess, which then is off its bounds."""
 SHORTEST_TURNING, SHORTEST_PASSING = 0.02, 0.01
@@ -116,6 +119,8 @@ def solve_free(
     structured = alone or (method == "confirmed" and not (at_port or jerk_on_way))
     one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
     finer = structured and not alone and at_rest and not loose
+    if count is None and limits_jerk(robot) and not at_rest:
+        count = MOVING_ELEMENTS
     count = count or _count(len(way), finer=finer, one_time=one_time, jerk=limits_jerk(robot))
     # elements between two points, and between two switching points there
     each = max(2 * count // len(way), 8) if len(way) > 1 else count
