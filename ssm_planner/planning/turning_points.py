@@ -41,6 +41,8 @@ GAIN = 5e-5
 """Share of TOPP-RA's time by which the first displacement has to shorten it: it says more of the sign than of the size."""
 PART = 0.75
 """Share of the way between two points, from its start or to its end, on which a joint that moves is displaced."""
+THIRD = float(np.arctan(2**0.5) / np.pi)
+"""Share of a displacement to both sides where it is largest."""
 BESIDE = 0.01
 """Share of the way between two points that displacements leave out at either end, where the pace is given."""
 EDGE = 1e-9
@@ -110,10 +112,11 @@ def _promising(
         chosen, gain = screen.farthest(displaced, 1 - time / own, own)
         if not gain:
             continue
-        k = int(np.clip(np.searchsorted(path.knots, chosen.peak), first + 1, last))
-        at = np.insert(path.knots, k, chosen.peak)
+        at, moved = path.knots, list(loose)
+        for place, peak in enumerate(chosen.peaks):
+            k = int(np.clip(np.searchsorted(at, peak), first + 1, last + place))
+            at, moved = np.insert(at, k, peak), [*(i + (i >= k) for i in moved), k]
         points = chosen.sample(at).q
-        moved = *(i + (i >= k) for i in loose), k
         points[[i for i in range(len(at)) if i not in moved]] = phase.points
         found.append(Turns(points, tuple(sorted(moved)), gain))
     found.sort(key=lambda each: -each.gain)
@@ -226,17 +229,23 @@ class _Passing:
 
 @dataclass(frozen=True, eq=False)
 class _Displaced(MotionPath):
-    """The path of a motion with A b(s) added to one joint, b(s) = sin² over an interval of s."""
+    """The path of a motion with A b(s) added to one joint.
+
+    With θ from 0 to π over an interval of s, b is sin² θ, or, to one side and the other, 3 √3/2 sin² θ cos θ.
+    """
 
     joint: int = 0
     far: float = 0.0
     """A, rad or m."""
     interval: tuple[float, float] = (0.0, 1.0)
+    both: bool = False
+    """To one side, then to the other."""
 
     @property
-    def peak(self) -> float:
-        """s where b is 1."""
-        return sum(self.interval) / 2
+    def peaks(self) -> tuple[float, ...]:
+        """s where b is 1 or −1."""
+        start, end = self.interval
+        return tuple(start + share * (end - start) for share in ((THIRD, 1 - THIRD) if self.both else (0.5,)))
 
     def sample(self, s: Array) -> PathSamples:
         found, (start, end) = super().sample(s), self.interval
@@ -244,9 +253,13 @@ class _Displaced(MotionPath):
         angle = rate * (np.clip(s, start, end) - start)
         sine, cosine = np.sin(angle), np.cos(angle)
         inside = (s > start) & (s < end)
-        found.q[:, self.joint] += self.far * sine**2
-        found.dq[:, self.joint] += self.far * rate * 2 * sine * cosine
-        found.ddq[:, self.joint] += self.far * rate**2 * 2 * (cosine**2 - sine**2) * inside
+        if self.both:
+            far = 3**1.5 / 2 * self.far
+            wave = sine**2 * cosine, (3 * cosine**2 - 1) * sine, (9 * cosine**3 - 7 * cosine) * inside
+        else:
+            far, wave = self.far, (sine**2, 2 * sine * cosine, 2 * (cosine**2 - sine**2) * inside)
+        for order, (values, part) in enumerate(zip((found.q, found.dq, found.ddq), wave, strict=True)):
+            values[:, self.joint] += far * rate**order * part
         return found
 
     @cached_property
@@ -275,7 +288,7 @@ class _Screen:
         return cls(problem, phase, path, joint_room(problem, mechanism, phase.points))
 
     def displacements(self, first: int, last: int) -> Iterator[_Displaced]:
-        """Small ones between two borders that turn a joint back that does not turn back yet."""
+        """Small ones between two borders that turn a joint back that does not turn back yet; one that stands, twice too."""
         path, (start, end) = self.path, self.path.knots[[first, last]].tolist()
         beside = BESIDE * (end - start)
         start, end = start + beside, end - beside
@@ -285,8 +298,9 @@ class _Screen:
             for side in (-1, 1) if len(signs) < 2 else ():
                 interval = (start, end) if not signs else (end - part, end) if side in signs else (start, start + part)
                 far = side * STEP * limits.velocity
-                moved = {"joint": joint, "far": far, "interval": interval}
-                yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, **moved)  # type: ignore[arg-type]
+                for both in (False, True) if not signs else (False,):
+                    moved = {"joint": joint, "far": far, "interval": interval, "both": both}
+                    yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, **moved)  # type: ignore[arg-type]
 
     def has_room(self, displaced: _Displaced) -> bool:
         """Whether the joints stay in their room."""

@@ -51,9 +51,14 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
     assert result.lower_bound == pytest.approx(chord, rel=1e-9)
     assert without(problem) > arc
     assert result.duration < 0.935 * without(problem)
-    depth = -result.trajectory.uniform(200.0).q[:, 3]
+    q = result.trajectory.uniform(200.0).q
+    depth = -q[:, 3]
     assert depth.min() < 0.026
     assert depth[[0, -1]] == pytest.approx(0.028, abs=1e-12)
+    # tilt swings to one side, on to the other and back: 1.4817 s is what a program that knows no directions finds
+    assert q[:, 1].max() > q[0, 1] + 0.02
+    assert q[:, 1].min() < q[0, 1] - 0.02
+    assert result.duration < 1.002 * 1.4817
 
 
 def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:

@@ -141,9 +141,9 @@ def solve_free(
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
     hard = turning or bool(pull.any())
-    structured = structured and (alone or not hard)
-    # with a jerk limit it begins at q̈ = 0 alone, and turns later than it need
-    by_ipopt = not structured or (hard and limits_jerk(robot) and method != "sketched")
+    # with a jerk limit the structured solver begins at q̈ = 0 alone, and turns later than it need
+    turns_back = alone and not limits_jerk(robot)
+    structured = structured and (not hard or turns_back or method == "sketched")
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -168,7 +168,7 @@ def solve_free(
             times=times / times.sum(),
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
-            method="Ipopt" if by_ipopt else method,
+            method=method if structured else "Ipopt",
             directions=directions,
             problem=problem,
             mechanism=mechanism,
