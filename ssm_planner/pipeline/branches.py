@@ -52,10 +52,13 @@ MOST = 8
 """Targets of a problem up to which other joints are tried: every change of one is another way of all that follows."""
 
 
-def on_any_branch(problem: Problem, attempt: Callable[[Problem], Outcome]) -> tuple[Outcome, Problem]:
+def on_any_branch(
+    problem: Problem, attempt: Callable[[Problem], Outcome], progress: Callable[[str], None] = lambda _: None
+) -> tuple[Outcome, Problem]:
     """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
 
-    attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion.
+    attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion. progress: told
+    which is tried, and how long the best so far takes.
     """
     best, settled = attempt(problem), problem
     begin = EFFORT.spent
@@ -69,6 +72,8 @@ def on_any_branch(problem: Problem, attempt: Callable[[Problem], Outcome]) -> tu
             if bound >= longest or enough:
                 break
             tried += 1
+            known = f", {_duration(best):.4f} s so far" if best[2] is None else ""
+            progress(f"other joints for {problem.motion[entry].name}, attempt {tried}{known}")
             if _sketched(other, longest) >= longest:
                 continue
             found = attempt(other)

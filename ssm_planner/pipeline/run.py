@@ -89,7 +89,7 @@ def _plan(
         found(trajectory)
 
     # what gives cures is the motion that runs too warm: where none are asked for, none is planned
-    outcome, settled = on_any_branch(problem, lambda other: _attempt(other, progress, show, warm=relaxations))
+    outcome, settled = on_any_branch(problem, lambda other: _attempt(other, progress, show, warm=relaxations), progress)
     planned, certificate, reason = outcome
     if planned.trajectory is not None and shown[-1] is not planned.trajectory:
         found(planned.trajectory)

@@ -60,9 +60,11 @@ def test_a_sketch_that_is_too_long_is_given_up(tilt_insert: Problem) -> None:
 
 
 def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> None:
-    made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)))
+    steps: list[str] = []
+    made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)), steps.append)
     assert made.passed
     assert made.duration == pytest.approx(0.7653, abs=1e-4)
+    assert any(step.startswith("other joints for free, attempt 1, ") and step.endswith("s so far") for step in steps)
     assert made.lower_bound == pytest.approx(made.duration, rel=1e-5)
     assert "free: goes from branch -1 of the inverse kinematics to branch +1" in made.notes
     here = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
