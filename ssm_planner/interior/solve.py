@@ -18,6 +18,8 @@ from ssm_planner.typing import Array
 TOLERANCE = 1e-8
 LAST_BARRIER = 11.0
 """tolerance in the last μ."""
+SUPERLINEAR = 1.5
+"""Exponent of μ from one barrier problem to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +57,17 @@ def available() -> bool:
 
 
 def solve(
-    program: Program, start: Point, *, warm: State | None = None, iterations: int = 300, tolerance: float = TOLERANCE
+    program: Program,
+    start: Point,
+    *,
+    warm: State | None = None,
+    iterations: int = 300,
+    tolerance: float = TOLERANCE,
+    superlinear: float = SUPERLINEAR,
 ) -> Outcome:
     """A local minimum of the program from a point, or from where the solve of a neighbour ended, if that is of its size.
 
+    superlinear: the exponent by which the barrier's weight falls at most; a smaller one takes more iterations.
     Raises RuntimeError without the compiled part.
     """
     native = library.load()
@@ -76,13 +85,9 @@ def solve(
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
     native_state = _State(*(each.ctypes.data for each in values))
     given = _Given(program)
-    status = native.ssm_solve(
-        ctypes.byref(given.program),
-        ctypes.byref(native_state),
-        int(warm is not None),
-        ctypes.c_long(iterations),
-        ctypes.c_double(tolerance),
-    )
+    patience = _Patience(iterations, tolerance, superlinear)
+    pointers = (ctypes.byref(each) for each in (given.program, native_state))
+    status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(patience))
     given.raise_failure()
     if status > _CONVERGED:
         raise MemoryError("the structured solver")
@@ -112,6 +117,10 @@ class _Program(ctypes.Structure):
         *((name, _D) for name in ("low", "high", "time_weight", "even")),
         *(("group_count", _L), ("groups", _P)),
     )
+
+
+class _Patience(ctypes.Structure):
+    _fields_ = (("iterations", _L), ("tolerance", _D), ("superlinear", _D))
 
 
 class _State(ctypes.Structure):

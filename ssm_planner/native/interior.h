@@ -134,6 +134,12 @@ typedef struct { /* where a solve begins, and where it ended */
 } State;
 
 enum { NOT_CONVERGED = 0, CONVERGED = 1, NO_VALUE = 2, NO_MEMORY = 3 };
-int ssm_solve(const Program *program, State *state, int warm, long iterations, double tolerance);
+/* how long, to what residual, and mu's exponent from one barrier problem to the next */
+typedef struct {
+    long iterations;
+    double tolerance, superlinear;
+} Patience;
+
+int ssm_solve(const Program *program, State *state, int warm, const Patience *patience);
 
 #endif

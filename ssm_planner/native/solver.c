@@ -27,7 +27,7 @@ static const double COLD = 1e-4, WARM = 1e-7;             /* first mu */
 static const double PUSH = 1e-2, WARM_PUSH = 1e-8;        /* least first slack */
 static const double NEAR = 1e4;                           /* by which multipliers of a warm start may be off mu / s */
 static const double BARRIER = 100.0;                      /* a barrier problem is solved to this many mu */
-static const double LINEAR = 0.2, SUPERLINEAR = 1.5;      /* mu becomes the least of LINEAR mu and mu^SUPERLINEAR */
+static const double LINEAR = 0.2;                         /* mu becomes the least of LINEAR mu and mu^superlinear */
 static const double LAST_BARRIER = 11.0;                  /* tolerance in the last mu */
 static const double BOUNDARY = 0.995;                     /* tau: fraction to the boundary, 1 - mu later */
 static const double SHORTER = 0.5;                        /* a step keeps this share of every time */
@@ -46,7 +46,7 @@ typedef struct {
     System system;
     Place places[2];
     Place *now, *trial;
-    double mu, tolerance;
+    double mu, tolerance, superlinear;
     double *slacks, *tried, *lam, *sigma, *weights; /* of the rows that count */
     double *slacks_step, *lam_step;
     double *nu, *dual, *found; /* found: step of (c, T), then nu */
@@ -272,7 +272,7 @@ static int step(Iteration *it)
     const double least = it->tolerance / LAST_BARRIER;
     const long unknowns = e->size + e->b;
     while (it->mu > least && error_of(it, it->mu) <= BARRIER * it->mu) {
-        it->mu = fmax(least, fmin(LINEAR * it->mu, pow(it->mu, SUPERLINEAR)));
+        it->mu = fmax(least, fmin(LINEAR * it->mu, pow(it->mu, it->superlinear)));
         it->pair_count = 0;
     }
     if (!newton_step(it))
@@ -301,24 +301,25 @@ static int step(Iteration *it)
 
 /* A local minimum from state's (c, T), or, warm, from where the solve of a neighbour ended: NOT_CONVERGED, CONVERGED, NO_VALUE
  * where a function gave none, NO_MEMORY. state becomes where it ended, except without memory. */
-SSM_API int ssm_solve(const Program *program, State *state, int warm, long iterations, double tolerance)
+SSM_API int ssm_solve(const Program *program, State *state, int warm, const Patience *patience)
 {
     Iteration it;
     int converged = NOT_CONVERGED;
     long k = 0;
     memset(&it, 0, sizeof it);
-    it.tolerance = tolerance;
+    it.tolerance = patience->tolerance;
+    it.superlinear = patience->superlinear;
     if (ssm_evaluator_new(&it.evaluator, program) && reserve(&it))
-        it.pairs = (Pair *)(void *)ssm_doubles(&it.evaluator.memory, 2 * (iterations + 1));
+        it.pairs = (Pair *)(void *)ssm_doubles(&it.evaluator.memory, 2 * (patience->iterations + 1));
     if (it.evaluator.memory.failed || it.pairs == NULL) {
         ssm_release(&it.evaluator.memory);
         return NO_MEMORY;
     }
     begin(&it, state, warm);
-    for (; k < iterations && !it.evaluator.failed; k++)
-        if (error_of(&it, 0.0) <= tolerance || !step(&it))
+    for (; k < patience->iterations && !it.evaluator.failed; k++)
+        if (error_of(&it, 0.0) <= it.tolerance || !step(&it))
             break;
-    if (!it.evaluator.failed && error_of(&it, 0.0) <= tolerance)
+    if (!it.evaluator.failed && error_of(&it, 0.0) <= it.tolerance)
         converged = CONVERGED;
     finish(&it, state);
     state->iterations = k;

@@ -14,10 +14,9 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
-from ssm_planner.pipeline.branches import SEARCH, Outcome, on_any_branch
+from ssm_planner.pipeline.branches import Outcome, on_any_branch
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
-from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.blends import BlendedPath
@@ -414,9 +413,9 @@ class _Cooling:
     def _between(self, low: tuple[float, float], high: float, best: Outcome) -> Outcome:
         """The least multiplier with which the motion passes, by false position; low: one that does not do, and its excess."""
         left, over = low
-        under, begin = self._reserve(best), EFFORT.spent
+        under = self._reserve(best)
         for _ in range(STEPS):
-            if under < RESERVE or EFFORT.beyond(begin, SEARCH):
+            if under < RESERVE:
                 break
             share = float(np.clip(over / (over + under), 0.1, 0.9))
             middle = left + share * (high - left)

@@ -122,7 +122,7 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
         spent = {}
         for steps in (0, STEPS):
             spent[steps] = min(
-                _times({"": lambda given=given, steps=steps: solve_structured(*given, steps)}, 5)[""].values
+                _times({"": lambda given=given, steps=steps: solve_structured(*given, iterations=steps)}, 5)[""].values
             )
         n = given[0].elements
         whole.append((spent[STEPS] - spent[0]) / STEPS / n)
@@ -148,7 +148,9 @@ def _cases(quick: bool) -> dict[str, Problem]:
 def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     problems = {planner: unchecked(problem, planner=planner) for planner in ("ipopt", "optimal", "fast")}
     asked: list[tuple[Any, ...]] = []
-    with patch.object(refinement, "solve_structured", lambda *given: asked.append(given) or solve_structured(*given)):
+    with patch.object(
+        refinement, "solve_structured", lambda *given, **_: asked.append(given) or solve_structured(*given)
+    ):
         plan_motion(problems["fast"])
     for each in problems.values():
         plan(each)

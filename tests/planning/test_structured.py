@@ -38,8 +38,8 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
     """What the structured solver was asked, and its answers."""
     found: list[Solve] = []
 
-    def noted(structure: Any, element: Any, data: Any, start: InitialPoint) -> NlpSolution:
-        solution = solve_structured(structure, element, data, start)
+    def noted(structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any) -> NlpSolution:
+        solution = solve_structured(structure, element, data, start, **options)
         found.append((structure, element, data, start, solution))
         return solution
 
@@ -51,8 +51,8 @@ def fast(problem: Problem) -> Problem:
     return unchecked(problem, planner="fast")
 
 
-def gives_up(structure: Any, element: Any, data: Any, start: InitialPoint) -> NlpSolution:
-    solution = solve_structured(structure, element, data, start)
+def gives_up(structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any) -> NlpSolution:
+    solution = solve_structured(structure, element, data, start, **options)
     return dataclasses.replace(solution, message=NOT_CONVERGED)
 
 
@@ -234,3 +234,14 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
     else:
         assert found.confirmation is not None
         assert found.confirmation[1] == pytest.approx(-1e-5, rel=0.1)
+
+
+def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
+    """Where the retina's row switches several ways of lowering the barrier are tried; one of them ends at the optimum."""
+    problem = load_problem("eye_approach")
+    quick, long = plan(fast(problem)), plan(unchecked(problem, planner="ipopt"))
+    assert quick.passed
+    assert quick.duration == pytest.approx(long.duration, rel=1e-4)
+    assert solves
+    assert all(solution.solved for *_, solution in solves)
+    assert {phase.solver for phase in quick.phases} == {"structured"}

@@ -8,6 +8,7 @@ given back. `optimise` holds the objectives.
 
 from __future__ import annotations
 
+import threading
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -74,7 +75,7 @@ HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
 OF_EYE = {RetinaClearance.name, LensClearance.name}
-"""Rows beside which the structured solver takes longer than Ipopt, or does not converge; the retina's only at the port."""
+"""Rows with rounded edges, beside which the structured solver may not converge; the retina's only at the port."""
 SAME, SAME_COST = 1e-6, 1e-5
 """Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
 SOLVE = 0.02
@@ -252,11 +253,10 @@ def optimise(
     return replace(best.solution, iterations=iterations, confirmation=confirmation)
 
 
-@dataclass
-class Effort:
-    """What has been spent on solving, about in seconds; unlike seconds it is the same whenever the same is asked."""
+class Effort(threading.local):
+    """What a thread has spent on solving, about in seconds; unlike seconds it is the same whenever the same is asked."""
 
-    spent: float = 0.0
+    spent = 0.0
 
     def beyond(self, before: float, allowed: float) -> bool:
         """Whether more than so much has been spent since it stood at `before`."""
@@ -264,7 +264,7 @@ class Effort:
 
 
 EFFORT = Effort()
-"""Of this process. Searches are bounded by it, so that neither load nor what is kept from earlier plans changes a result."""
+"""Searches are bounded by it, so that neither load nor what is kept from earlier plans changes a result."""
 
 NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
@@ -312,9 +312,10 @@ class _Refinement:
         beside_eye = any(name in switching for name, _ in self.active)
         after_ipopt = self.start.multipliers is not None  # who starts warm from there
         alone = self.problem.method == "sketched" or (self.problem.method == "confirmed" and aim == "time")
-        if self.problem.method != "Ipopt" and not (after_ipopt or beside_eye):
+        tried = self.problem.method == "structured" or (self.problem.method != "Ipopt" and not beside_eye)
+        if tried and not after_ipopt:
             most = {"iterations": SKETCH_ITERATIONS} if self.problem.method == "sketched" else {}
-            found = solve_structured(structure, element, data, self.start, **most)
+            found = solve_structured(structure, element, data, self.start, switching=beside_eye, **most)
             if found.solved or alone:
                 return found
         if alone:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import solve
+from ssm_planner.interior.solve import SUPERLINEAR, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.element import ElementModel
 from ssm_planner.planning.ocp.natively import native_elements
@@ -21,6 +21,8 @@ from ssm_planner.typing import Array, Indices
 
 ITERATIONS = 120
 """At most; then Ipopt solves."""
+PATIENT = 1.2, 1.1, 1.3
+"""Exponents of the barrier where a row has a rounded edge, as the retina's at the port: one or another passes it."""
 SLOWER = 1.2
 """By how much a guess is slowed down: fewer of its rows are exceeded then."""
 SAME = 1e-12
@@ -31,11 +33,26 @@ _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
 
 
 def solve_structured(
-    structure: NlpStructure, element: ElementModel, data: NlpData, start: InitialPoint, iterations: int = ITERATIONS
+    structure: NlpStructure,
+    element: ElementModel,
+    data: NlpData,
+    start: InitialPoint,
+    *,
+    iterations: int = ITERATIONS,
+    switching: bool = False,
 ) -> NlpSolution:
-    """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged."""
-    program = program_of(structure, element, data)
-    outcome = solve(program, _point(program, structure, data, start.x), warm=start.structured, iterations=iterations)
+    """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged.
+
+    switching: a row has a rounded edge, at which it takes patience: several ways of lowering the barrier are tried.
+    """
+    program, warm, used = program_of(structure, element, data), start.structured, 0
+    begin = _point(program, structure, data, start.x)
+    for superlinear in PATIENT if switching else (SUPERLINEAR,):
+        outcome = solve(program, begin, warm=warm, iterations=iterations, superlinear=superlinear)
+        used += outcome.iterations
+        if outcome.converged:
+            break
+        warm = None
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
@@ -45,7 +62,7 @@ def solve_structured(
         structure,
         elements,
         times,
-        iterations=outcome.iterations,
+        iterations=used,
         point=point,
         solver="structured",
         objective=outcome.objective,

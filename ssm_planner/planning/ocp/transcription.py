@@ -27,7 +27,7 @@ SMOOTHING = 3e-6
 """Weight of 3 ∫ (ü/limit)² dt of joints: decides how those move that do not bind."""
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
-ITERATIONS, HEAT_ITERATIONS, COOLING_ITERATIONS = 300, 80, 150
+ITERATIONS, HEAT_ITERATIONS, COOLING_ITERATIONS = 300, 150, 150
 """At most; the least heat, and less of it, are given up sooner, for the fastest motion is at hand."""
 IPOPT: dict[str, Any] = {
     "print_level": 0,
