@@ -10,7 +10,7 @@ import signal
 import stat
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -178,3 +178,26 @@ def held_signals() -> Iterator[None]:
                 signal.signal(number, handler)
         for number in arrived[:1]:
             signal.raise_signal(number)
+
+
+@contextmanager
+def first_interruption() -> Iterator[Callable[[], bool]]:
+    """Tells whether the first Ctrl-C within the block has come, which is raised there; the next one is as outside.
+
+    Where Ctrl-C is none of this thread's, none ever comes.
+    """
+    handler, came = signal.getsignal(signal.SIGINT), threading.Event()
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield came.is_set
+        return
+
+    def note(number: int, _: FrameType | None) -> None:
+        came.set()
+        signal.signal(number, handler)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield came.is_set
+    finally:
+        signal.signal(signal.SIGINT, handler)

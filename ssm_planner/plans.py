@@ -161,6 +161,8 @@ class Plan:
     """Of the plan for friction as stated and an empty tip, s, where this one holds for a range of them."""
     solve_time: float | None = None
     """s; not stored: None for a plan that was loaded."""
+    stopped: bool = False
+    """The search for something faster was ended by the user."""
     software: Mapping[str, str] = field(default_factory=software)
     """Versions of what made the plan."""
     file: Path | None = field(default=None, init=False)
@@ -274,6 +276,7 @@ class Plan:
         notes += _whole_turns(self.problem, self.trajectory)
         notes += [] if self.trajectory is None else _ways_round(self.problem, self.trajectory, self.phases)
         notes += [f"cross-check failed: {text}" for text in self.disagreements]
+        notes += ["the search was stopped: other joints may be faster"] if self.stopped else []
         if self.certificate is not None:
             notes += [f"not checked: {what}" for what in self.certificate.unchecked]
         return tuple(notes)
@@ -327,6 +330,7 @@ class Plan:
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
             "phases": [phase.to_dict() for phase in self.phases],
+            **({"stopped": True} if self.stopped else {}),
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -379,6 +383,7 @@ class Plan:
                 phases=_phases(document.get("phases") or [], file),
                 certificate=None if stated is None else Certificate.from_dict(stated),
                 nominal_duration=_number(document.get("nominal_duration"), path=file),
+                stopped=document.get("stopped") is True,
                 software=document.get("software") or {},
             )
         except TrajectoryError as error:

@@ -132,9 +132,9 @@ class _Signals:
 
     def _ignored(self, unraisable: Any) -> None:
         """An interruption within a weak reference's callback or a finaliser is lost there: let it come once more."""
-        if self.arrived is None or not isinstance(unraisable.exc_value, KeyboardInterrupt):
+        if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._hook(unraisable)
-        else:  # from a thread: here it would be lost again
+        elif self.arrived is not None:  # else it stops a search; from a thread: here it would be lost again
             threading.Timer(AGAIN, self._again).start()
 
     def _again(self) -> None:

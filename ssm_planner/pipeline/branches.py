@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ssm_planner.atomic import first_interruption
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
@@ -53,37 +54,77 @@ MOST = 8
 
 
 def on_any_branch(
-    problem: Problem, attempt: Callable[[Problem], Outcome], progress: Callable[[str], None] = lambda _: None
-) -> tuple[Outcome, Problem]:
+    problem: Problem,
+    attempt: Callable[[Problem], Outcome],
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    stoppable: bool = False,
+) -> tuple[Outcome, Problem, bool]:
     """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
 
     attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion. progress: told
-    which is tried, and how long the best so far takes.
+    which is tried, and how long the best so far takes. stoppable: with a certified motion at hand the first Ctrl-C ends the
+    search, and the last value is True.
     """
-    best, settled = attempt(problem), problem
-    begin = EFFORT.spent
-    open_targets = targets(problem)
-    phases = _phases(settled) if open_targets else ()
-    for entry, place in open_targets:
-        tried = 0
-        for bound, other in _others(settled, phases, (entry, place), best):
-            longest = _duration(best) * (1 - SHORTER)
-            enough = tried >= RESCUES if best[2] is not None else EFFORT.beyond(begin, SEARCH)
-            if bound >= longest or enough:
-                break
-            tried += 1
-            known = f", {_duration(best):.4f} s so far" if best[2] is None else ""
-            progress(f"other joints for {problem.motion[entry].name}, attempt {tried}{known}")
-            if _sketched(other, longest) >= longest:
-                continue
-            found = attempt(other)
-            if found[2] is None and _duration(found) < longest:
-                best, settled = found, other
-        if best[2] is None and _frees_spin(problem, entry, place) and not EFFORT.beyond(begin, SEARCH):
-            best, settled = _with_best_spin(settled, entry, best, attempt)
-        if settled.motion[entry] is not problem.motion[entry]:
-            phases = _phases(settled)
-    return best, settled
+    search, stopped = _Search(problem, attempt, progress), False
+    if stoppable and search.best[2] is None and targets(problem):
+        search.hint = "; Ctrl-C takes it"
+        with first_interruption() as came:
+            try:
+                search.run()
+            except KeyboardInterrupt:
+                if not came():
+                    raise
+            stopped = came()
+            if stopped:
+                progress("stopped: the best motion so far is taken")
+    else:
+        search.run()
+    return search.best, search.settled, stopped
+
+
+class _Search:
+    """Over other joints, one target after the other; best and settled: the best so far, and the problem with its joints."""
+
+    def __init__(
+        self, problem: Problem, attempt: Callable[[Problem], Outcome], progress: Callable[[str], None]
+    ) -> None:
+        self.problem, self.attempt, self.progress = problem, attempt, progress
+        self.found = attempt(problem), problem
+        self.hint = ""
+
+    @property
+    def best(self) -> Outcome:
+        return self.found[0]
+
+    @property
+    def settled(self) -> Problem:
+        return self.found[1]
+
+    def run(self) -> None:
+        """Until nothing faster is to be expected, or enough has been tried."""
+        problem, attempt, begin = self.problem, self.attempt, EFFORT.spent
+        open_targets = targets(problem)
+        phases = _phases(self.settled) if open_targets else ()
+        for entry, place in open_targets:
+            tried = 0
+            for bound, other in _others(self.settled, phases, (entry, place), self.best):
+                longest = _duration(self.best) * (1 - SHORTER)
+                enough = tried >= RESCUES if self.best[2] is not None else EFFORT.beyond(begin, SEARCH)
+                if bound >= longest or enough:
+                    break
+                tried += 1
+                known = f", {_duration(self.best):.4f} s so far{self.hint}" if self.best[2] is None else ""
+                self.progress(f"other joints for {problem.motion[entry].name}, attempt {tried}{known}")
+                if _sketched(other, longest) >= longest:
+                    continue
+                found = attempt(other)
+                if found[2] is None and _duration(found) < longest:
+                    self.found = found, other
+            if self.best[2] is None and _frees_spin(problem, entry, place) and not EFFORT.beyond(begin, SEARCH):
+                self.found = _with_best_spin(self.settled, entry, self.best, attempt)
+            if self.settled.motion[entry] is not problem.motion[entry]:
+                phases = _phases(self.settled)
 
 
 def targets(problem: Problem) -> list[tuple[int, int]]:

@@ -61,24 +61,28 @@ def plan(
     found: Callable[[Trajectory], None] = lambda _: None,
     relaxations: bool = True,
     cured: Callable[[Problem], None] = lambda _: None,
+    stoppable: bool = False,
 ) -> Plan:
     """Plan a problem, check the plan by code that did not make it.
 
     Where the check finds a limit exceeded between the planner's nodes, that limit is tightened by the excess and the motion
     planned again. found: called with each motion before it is checked; cured: with the problem that a relaxation gives.
     Never raises for an infeasible problem: the plan then holds the reason, and unless `relaxations` is false the smallest
-    change of a limit with which there is a motion. Threads may call it; they wait for each other.
+    change of a limit with which there is a motion. stoppable: the first Ctrl-C during the search for other joints ends that
+    search, and the plan is the best one until then (`Plan.stopped`). Threads may call it; they wait for each other.
     """
     with _ONE_AT_A_TIME:
-        return _plan(problem, progress, found, relaxations, cured)
+        return _plan(problem, progress, found, cured, relaxations=relaxations, stoppable=stoppable)
 
 
 def _plan(
     problem: Problem,
     progress: Progress,
     found: Callable[[Trajectory], None],
-    relaxations: bool,
     cured: Callable[[Problem], None],
+    *,
+    relaxations: bool,
+    stoppable: bool,
 ) -> Plan:
     begin = time.perf_counter()
     shown: list[Trajectory] = []
@@ -88,7 +92,10 @@ def _plan(
         found(trajectory)
 
     # what gives cures is the motion that runs too warm: where none are asked for, none is planned
-    outcome, settled = on_any_branch(problem, lambda other: _attempt(other, progress, show, warm=relaxations), progress)
+    def attempt(other: Problem) -> Outcome:
+        return _attempt(other, progress, show, warm=relaxations)
+
+    outcome, settled, stopped = on_any_branch(problem, attempt, progress, stoppable=stoppable)
     planned, certificate, reason = outcome
     if planned.trajectory is not None and shown[-1] is not planned.trajectory:
         found(planned.trajectory)
@@ -109,6 +116,7 @@ def _plan(
         reason=reason,
         nominal_duration=_nominal(settled, progress) if reason is None else None,
         solve_time=time.perf_counter() - begin,
+        stopped=stopped,
     )
 
 
@@ -488,14 +496,15 @@ def plan_to_folder(
 ) -> tuple[Plan, dict[str, Path]]:
     """Plan and write plan.json, trajectory.csv and the figures; drawer and rate as in `write_folder`.
 
-    Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program.
+    Nothing is written without a plan that has passed the check, so that no unchecked motion leaves the program. The first
+    Ctrl-C during a search for something faster ends that search.
     """
 
     def found(trajectory: Trajectory) -> None:
         if drawer is not None:
             drawer.draw("motion", trajectory, problem.robot)
 
-    result = plan(problem, progress, found)
+    result = plan(problem, progress, found, stoppable=True)
     if not result.passed:
         return result, {}
     progress("writing results")

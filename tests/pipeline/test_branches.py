@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +16,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
+from ssm_planner.pipeline.folder import load_plan
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.plans import Plan
@@ -174,3 +178,57 @@ def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
     made = plan(anyway, relaxations=False)
     assert made.passed
     assert made.duration < 3.3
+
+
+def interrupting(times: int) -> Callable[[str], None]:
+    """Progress that presses Ctrl-C when other joints are tried."""
+    left = [times]
+
+    def tell(text: str) -> None:
+        if text.startswith("other joints") and left[0]:
+            left[0] -= 1
+            signal.raise_signal(signal.SIGINT)
+
+    return tell
+
+
+@pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread")
+def test_a_search_that_is_stopped_gives_the_best_so_far(tilt_insert: Problem, tmp_path: Path) -> None:
+    problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
+    whole = plan(problem)
+    before = signal.getsignal(signal.SIGINT)
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        press(text)
+
+    press = interrupting(1)
+    stopped, files = run.plan_to_folder(problem, tmp_path / "out", tell)
+    assert stopped.passed
+    assert stopped.stopped
+    assert not whole.stopped
+    assert whole.duration is not None
+    assert stopped.duration is not None
+    assert stopped.duration > 1.1 * whole.duration
+    assert any("Ctrl-C takes it" in text for text in told)
+    assert "the search was stopped" in " ".join(stopped.notes)
+    assert load_plan(files["plan"]).stopped
+    assert "stopped" not in whole.summary()
+    assert signal.getsignal(signal.SIGINT) is before
+    with pytest.raises(KeyboardInterrupt):
+        plan(problem, interrupting(1))
+
+
+def test_nothing_is_certified_yet_when_the_first_motion_is_planned(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interruption then ends the program, as it does everywhere else."""
+    problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "plan_motion", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        plan(problem, stoppable=True)
