@@ -227,7 +227,8 @@ _BY_TASKS = {
     )
 }
 _CONSTANT = {"constant_speed": optional(reading(Follow, "constant_speed"), "Of the tip all along, but for the ramps.")}
-_OVER = _CONSTANT | {"distance": (Annotated[Any, quantity("length", Bound(above=0.0))], ...)}
+_FROM_RETINA = Annotated[Any, quantity("length", Bound(above=0.0))]
+_OVER = _CONSTANT | {"distance": (_FROM_RETINA, Field(description="Of the tip from the retina, m."))}
 _STOPS = ("blend", "duration")
 _BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
 EntryModel = model_from(

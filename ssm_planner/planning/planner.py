@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from ssm_planner.interior.solve import available
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.corners import with_corners
@@ -28,6 +27,7 @@ from ssm_planner.planning.feasibility import (
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
 from ssm_planner.planning.ocp.free import FINER_ELEMENTS, solve_free
+from ssm_planner.planning.ocp.natively import compiled
 from ssm_planner.planning.ocp.nlp import Method, PhaseSolution
 from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
 from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
@@ -379,7 +379,7 @@ class _PhasePlanner:
     def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
         method: Method = "sketched" if self.sketch is not None else METHODS[self.problem.planner]
-        found = solve(method=method if available() else "Ipopt")
+        found = solve(method=method if compiled() is not None else "Ipopt")
         given_up = not found.solved and found.solver == "structured" and self.sketch is None
         return solve(method="Ipopt") if given_up else found
 

@@ -76,7 +76,7 @@ def test_a_wheel_carries_them(tmp_path: Path) -> None:
     source, wheels, environment, empty = (tmp_path / name for name in ("source", "wheels", "environment", "empty"))
     source.mkdir()
     empty.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", ".hatch_build.py"):
         shutil.copy(ROOT / name, source)
     for name in ("ssm_planner", "problems"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))

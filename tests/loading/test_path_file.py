@@ -74,7 +74,7 @@ def test_mistakes_in_a_table(tmp_path: Path, table: str, place: str, message: st
     [
         ("path: none.csv", ":4: motion[0].path = none.csv: the file"),
         ("path: {through: 1}", "where a text is needed"),
-        ("line: {to: {tilt: -96 deg}, through: [{tilt: -95 deg}]}", "motion[0].line.through"),
+        ("line: {to: {tilt: -96 deg}, through: [{tilt: -95 deg}]}", "motion[0].line.blend: missing"),
         ("arc: {to: {tilt: -96 deg}}", "motion[0].arc.through: missing"),
         ("arc: {to: {tilt: -96 deg}, through: {tilt: -150 deg}}", "motion[0].arc.through.tilt"),
         (

@@ -225,7 +225,8 @@ def finished(server: ViewServer, job: str, seconds: float = 60.0) -> dict[str, A
 
 def test_a_plan_is_cancelled_at_once_and_the_next_one_works(server: ViewServer, tilt_insert: Problem) -> None:
     job = ask(server, "/plan", {"own": True})["job"]
-    time.sleep(0.7)
+    while not ask(server, "/progress", {"job": job})["steps"]:
+        time.sleep(0.005)
     begin = time.perf_counter()
     assert ask(server, "/cancel", {"job": job})["done"]
     assert time.perf_counter() - begin < 0.5

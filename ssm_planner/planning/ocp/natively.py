@@ -20,13 +20,14 @@ from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.rigid_body import axes_frames, load_figures
 from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics.eye import lens_limit
+from ssm_planner.kinematics.forward import JACOBIANS
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.native.library import load
 from ssm_planner.planning.ocp.constraints import actuations_by_load
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, SIMPSON, ElementModel
 from ssm_planner.planning.ocp.models import FreeElement, StraightElement
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import MotorTorque
+from ssm_planner.problem.limits import MotorTorque, TipSpeed
 from ssm_planner.problem.posterior import LAWS
 from ssm_planner.problem.problem import Eye
 from ssm_planner.typing import Array
@@ -140,15 +141,20 @@ class NativeElements:
         return values[-1]
 
 
+def compiled() -> ctypes.CDLL | None:
+    """The library; None where there is none, or where it does not know a speed of the tool that is limited."""
+    return load() if list(JACOBIANS) == [TipSpeed] else None
+
+
 def native_elements(
     element: ElementModel, parameters: Sequence[Array], count: int, where: Where = "collocation"
 ) -> NativeElements | None:
-    """None where there is no library.
+    """None where nothing is compiled.
 
     parameters: of `element`, (size,) or (count, size). where: at the points COLLOCATION or DENSE, or the rows of
     `breakaway`, each with derivatives.
     """
-    library = load()
+    library = compiled()
     return None if library is None else NativeElements(library, element, parameters, count, where)
 
 
@@ -245,8 +251,8 @@ class MappedElements:
 
 
 def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
-    """None where there is no library."""
-    library = load()
+    """None where nothing is compiled."""
+    library = compiled()
     return None if library is None else MappedElements(library, element, count)
 
 
