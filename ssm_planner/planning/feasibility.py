@@ -495,8 +495,8 @@ def duration_too_short(name: str, asked: float, needed: float) -> Reason:
 
 def not_constant(name: str, asked: float, largest: float) -> Reason:
     """A constant speed of the tip, m/s, that other limits do not allow all along a curve; largest: one that they do."""
-    able = f"up to {1e3 * largest:.4g} mm/s it can" if largest else "nor slower"
-    text = f"the tip cannot keep {1e3 * asked:.4g} mm/s between getting up to speed and slowing down ({name}): {able}"
+    able = f"it can keep up to {1e3 * largest:.4g} mm/s" if largest else "nor can it keep a slower speed"
+    text = f"the tip cannot keep {1e3 * asked:.4g} mm/s between getting up to speed and slowing down ({name}); {able}"
     return Reason(ConstantSpeed(largest or asked), name, asked, largest, text)
 
 

@@ -319,7 +319,7 @@ class Problem(Value, Limited):
     def _check_over_retina(self, scan: Scan | Follow, place: str) -> None:
         eye = self.eye
         if eye is None:
-            reason = f"a {scan.name} is over a retina, and no eye is given"
+            reason = "the tip is to go along a retina, and no eye is given"
             if isinstance(scan, Scan):
                 reason = "a scan is of spots on a retina, and no eye is given"
             raise self._wrong(place, reason, "a problem with an eye", scan.name)

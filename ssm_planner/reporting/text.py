@@ -213,7 +213,8 @@ def confirmation(plan: Plan) -> tuple[str, str]:
     if abs(difference) > AGREES_IPOPT:
         agreement = f"durations differ by up to {apart}: the shorter motion is taken"
     alone = [phase.name for phase in plan.phases if phase.solver == "Ipopt" and phase.confirmation_iterations is None]
-    return f"{iterations} iterations", agreement + (f"; Ipopt alone in {', '.join(alone)}" if alone else "")
+    agreement += f"; Ipopt alone in {', '.join(alone)}" if alone else ""
+    return f"{iterations} iteration{'' if iterations == 1 else 's'}", agreement
 
 
 def range_lines(plan: Plan) -> list[str]:

@@ -134,7 +134,7 @@ def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Pro
     assert found.reason is not None
     assert found.reason.available is not None
     assert (
-        "the tip cannot keep 200 mm/s between getting up to speed and slowing down (line): up to"
+        "the tip cannot keep 200 mm/s between getting up to speed and slowing down (line); it can keep up to"
         in found.reason.message
     )
     able = float(f"{1e3 * found.reason.available:.4g}") / 1e3
