@@ -49,11 +49,12 @@ class Job:
     outcome: Outcome | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        found = self.outcome or Outcome("")
+        outcome = self.outcome  # read once: the planner may finish while this is written
+        found = outcome or Outcome("")
         places = {"report": found.report, "plan": found.plan}
         return {
             "steps": self.steps.read_text(encoding="utf-8").splitlines(),
-            "done": self.outcome is not None,
+            "done": outcome is not None,
             "message": found.message,
             "relaxation": found.relaxation if found.relaxed is not None else None,
             **{name: None if text is None else f"/{name}/{self.identity}" for name, text in places.items()},

@@ -25,7 +25,7 @@ from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain
-from ssm_planner.view.jobs import posed_problem
+from ssm_planner.view.jobs import Job, Outcome, posed_problem
 from ssm_planner.view.page import Study
 from ssm_planner.view.server import LONGEST, ViewServer
 
@@ -232,6 +232,23 @@ def test_a_plan_is_cancelled_at_once_and_the_next_one_works(server: ViewServer, 
     assert time.perf_counter() - begin < 0.5
     assert ask(server, "/progress", {"job": job})["message"] == "cancelled"
     assert "check passed" in finished(server, ask(server, "/plan", {"own": True})["job"])["message"]
+
+
+def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time(tmp_path: Path) -> None:
+    class Steps(type(tmp_path)):  # type: ignore[misc]
+        def read_text(self, *_: Any, **__: Any) -> str:
+            job.outcome = Outcome("planned", "page", "{}")
+            return ""
+
+    job = Job("identity", Steps(tmp_path / "steps"))
+    assert job.to_dict() == {
+        **dict.fromkeys(("report", "plan", "relaxation")),
+        "steps": [],
+        "done": False,
+        "message": "",
+    }
+    assert job.to_dict()["done"]
+    assert job.to_dict()["plan"] == "/plan/identity"
 
 
 def test_waypoints_and_dwells_are_planned_and_saved(server: ViewServer, tilt_insert: Problem, tmp_path: Path) -> None:
