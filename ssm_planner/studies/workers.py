@@ -42,7 +42,7 @@ class Workers(Executor):
     def __init__(self, count: int, attempts: int = ATTEMPTS, patience: float | None = None) -> None:
         self._attempts, self._patience = attempts, patience
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
-        self._closed = False
+        self._closed = self._ended = False
         self._processes: dict[int, subprocess.Popen[bytes]] = {}
         self._threads = [threading.Thread(target=self._tend, args=(i,), daemon=True) for i in range(count)]
         for thread in self._threads:
@@ -65,6 +65,7 @@ class Workers(Executor):
         """End the workers when all that was submitted is done; with cancel_futures at once, what waits is cancelled."""
         self._closed = True
         if cancel_futures:
+            self._ended = True
             while True:
                 try:
                     task = self._tasks.get_nowait()
@@ -92,6 +93,8 @@ class Workers(Executor):
             while answer is None and died < self._attempts and not (died and self._closed):
                 if process is None or process.poll() is not None:
                     process = self._processes[place] = _started()
+                    if self._ended:  # it began after `shutdown` had ended the others
+                        process.kill()
                 answer = self._ask(process, message)
                 died += answer is None
             _settle(future, answer, died)

@@ -11,7 +11,7 @@ from concurrent.futures import wait
 
 import pytest
 
-from ssm_planner.studies.workers import WorkerDied, Workers
+from ssm_planner.studies.workers import WorkerDied, Workers, _started
 
 
 def test_tasks_come_back_in_their_futures():
@@ -69,3 +69,15 @@ def test_workers_are_gone_after_shutdown():
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
+
+
+def test_a_worker_that_starts_while_all_is_ended_does_not_outlive_it(monkeypatch):
+    started = _started
+
+    def start_late():
+        workers.shutdown(wait=False, cancel_futures=True)
+        return started()
+
+    monkeypatch.setattr("ssm_planner.studies.workers._started", start_late)
+    workers = Workers(1, attempts=1)
+    assert isinstance(workers.submit(time.sleep, 60).exception(timeout=20), WorkerDied)
