@@ -3,8 +3,7 @@
     python tests/benchmarks/fuzz_plans.py [--count 1000] [--first 20000] [--processes 1]
 
 Asked: each ends in a certificate or a named reason; of those that a finer mesh or another guess solves at least 99 % are
-solved; none takes over 10 s of process time. Stages are compiled in the background as always, kept in a temporary folder.
-Exit status 1 where that is missed.
+solved; none takes over 10 s of process time. Exit status 1 where that is missed.
 """
 
 from __future__ import annotations
@@ -111,8 +110,8 @@ def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     """Plans made within begin from a stretched guess on a finer mesh."""
     kept = planner.solve_free, planner.solve_straight, free_ocp.optimise, straight_ocp.optimise
 
-    def optimise(task: Any, start: Any, *arguments: Any) -> Any:
-        return kept[2](task, start.stretched(stretched), *arguments)
+    def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
+        return kept[2](task, start.stretched(stretched), *arguments, **named)
 
     planner.solve_free = partial(kept[0], count=finer * free_ocp.ELEMENTS)  # type: ignore[assignment]
     planner.solve_straight = partial(kept[1], count=finer * straight_ocp.ELEMENTS)  # type: ignore[assignment]
