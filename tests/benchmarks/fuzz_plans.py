@@ -17,19 +17,19 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
+from motions import meshed
 from random_problems import faults, random_problem
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import planner
 from ssm_planner.planning.ocp import free as free_ocp
 from ssm_planner.planning.ocp import straight as straight_ocp
 from ssm_planner.planning.planner import plan_motion
@@ -108,18 +108,18 @@ def _solved(problem: Any, finer: int, stretched: float) -> bool:
 @contextmanager
 def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     """Plans made within begin from a stretched guess on a finer mesh."""
-    kept = planner.solve_free, planner.solve_straight, free_ocp.optimise, straight_ocp.optimise
+    kept = free_ocp.optimise
 
     def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
-        return kept[2](task, start.stretched(stretched), *arguments, **named)
+        return kept(task, start.stretched(stretched), *arguments, **named)
 
-    planner.solve_free = partial(kept[0], count=finer * free_ocp.ELEMENTS)  # type: ignore[assignment]
-    planner.solve_straight = partial(kept[1], count=finer * straight_ocp.ELEMENTS)  # type: ignore[assignment]
-    free_ocp.optimise = straight_ocp.optimise = optimise  # type: ignore[assignment]
-    try:
+    counts = finer * straight_ocp.ELEMENTS, finer * free_ocp.ELEMENTS
+    with (
+        meshed(*counts),
+        patch.object(free_ocp, "optimise", optimise),
+        patch.object(straight_ocp, "optimise", optimise),
+    ):
         yield
-    finally:
-        planner.solve_free, planner.solve_straight, free_ocp.optimise, straight_ocp.optimise = kept
 
 
 def lines(endings: Sequence[Ending]) -> list[str]:

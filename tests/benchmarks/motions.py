@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest.mock import patch
+
 import numpy as np
 
+from ssm_planner.planning import planner
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.retiming.paths import StraightPath
@@ -20,6 +26,19 @@ def planned_anew(problem: Problem) -> PlannerResult:
     """Plan without what earlier plans have solved."""
     forget_solutions()
     return plan_motion(problem)
+
+
+@contextmanager
+def meshed(straight: int, free: int) -> Iterator[None]:
+    """Plans made within have meshes of about so many elements for every motion."""
+    kept = {"solve_straight": (planner.solve_straight, straight), "solve_free": (planner.solve_free, free)}
+
+    def solve(name: str) -> Any:
+        solver, count = kept[name]
+        return lambda *given, **named: solver(*given, **{**named, "count": count})
+
+    with patch.multiple(planner, **{name: solve(name) for name in kept}):
+        yield
 
 
 def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISION) -> Trajectory:

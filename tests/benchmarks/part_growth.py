@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
-import inspect
-import pkgutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,10 +12,9 @@ import casadi
 import numpy as np
 from cases import FREE_WEAK, Change, free_problem, straight_problem
 from measuring import Spread, in_turns, short, timed
-from motions import planned_anew
+from motions import meshed, planned_anew
 from section import Section
 
-import ssm_planner.planning
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.motion import Straight
 from ssm_planner.problem.problem import Problem
@@ -33,14 +29,14 @@ def run(quick: bool) -> Section:
     section = Section("Growth")
     meshes, rounds = (MESHES[:3], 1) if quick else (MESHES, 3)
     section.say(
-        "**With the mesh.** The same motion with other numbers of elements; *per iteration* is the time within Ipopt, linear "
-        "algebra and derivatives, over its iterations."
+        "**With the mesh.** The same motion by Ipopt alone with other numbers of elements; *per iteration* is the time "
+        "within Ipopt, linear algebra and derivatives, over its iterations."
     )
     for name, problem in (
         ("straight, motors × 0.35", straight_problem(Change(), FREE_WEAK)),
         ("free, motors × 0.35", free_problem(Change(), FREE_WEAK)),
     ):
-        _meshes(section, name, problem, meshes, rounds)
+        _meshes(section, name, dataclasses.replace(problem, planner="ipopt"), meshes, rounds)
     _phases(section, PHASES[:3] if quick else PHASES, 1 if quick else 3)
     _instants(section, RATES[:3] if quick else RATES, 1 if quick else 3)
     return section
@@ -52,7 +48,7 @@ def _meshes(section: Section, name: str, problem: Problem, meshes: tuple[int, ..
     last: dict[int, tuple[int, float]] = {}
     for k in range(rounds + 1):
         for count in meshes:
-            with elements(count), solver_account() as account:
+            with meshed(count, count), solver_account() as account:
                 seconds, planned = timed(lambda: planned_anew(problem))
             if planned.trajectory is None:
                 raise RuntimeError(f"{name}, {count} elements: {planned.reason}")
@@ -127,39 +123,6 @@ def phases(count: int) -> Problem:
     targets = ({"tilt": np.radians(-120.0)}, {"depth": 0.01}, {"tilt": np.radians(-90.0)}, {"depth": 0.0})
     motions = [Straight(**targets[k % 4], name="straight") for k in range(count)]
     return dataclasses.replace(problem, motion=tuple(motions))
-
-
-@contextmanager
-def elements(count: int) -> Iterator[None]:
-    """All meshes of the planner with about so many elements per motion."""
-    changed: list[tuple[Any, str, Any]] = []
-    for info in pkgutil.walk_packages(ssm_planner.planning.__path__, "ssm_planner.planning."):
-        module = importlib.import_module(info.name)
-        if isinstance(getattr(module, "ELEMENTS", None), int):
-            changed.append((module, "ELEMENTS", module.ELEMENTS))
-            module.ELEMENTS = count
-            for function in vars(module).values():
-                if inspect.isfunction(function) and "count" in inspect.signature(function).parameters:
-                    changed.append((function, "__defaults__", function.__defaults__))
-                    function.__defaults__ = _with_count(function, count)
-    if not changed:
-        raise RuntimeError("the planner's meshes have no constant ELEMENTS any more")
-    try:
-        yield
-    finally:
-        for owner, name, value in reversed(changed):
-            setattr(owner, name, value)
-
-
-def _with_count(function: Any, count: int) -> tuple[Any, ...] | None:
-    """The function's defaults with that of `count`, if it has one, replaced."""
-    defaulted = [p for p in inspect.signature(function).parameters.values() if p.default is not inspect.Parameter.empty]
-    if function.__defaults__ is None:
-        return None
-    return tuple(
-        count if parameter.name == "count" else default
-        for parameter, default in zip(defaulted, function.__defaults__, strict=False)
-    )
 
 
 @dataclasses.dataclass

@@ -5,21 +5,19 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 from unittest.mock import patch
 
 from cases import FREE_WEAK, ROOT, Change, free_problem, straight_problem, with_limits
 from measuring import Spread
+from motions import meshed
 from part_same_problem import MOTIONS, OPTI_EXPANDED, ROCKIT_EXPANDED, make, problems
 from section import Section
 
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import planner as phase_planner
 from ssm_planner.planning.ocp import refinement
 from ssm_planner.planning.ocp.nlp import InitialPoint
-from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
 from ssm_planner.planning.planner import plan_motion
@@ -68,7 +66,7 @@ class _AskedError(Exception):
 def _asked(problem: Problem) -> tuple[Any, ...]:
     """What the structured solver is first given of a problem."""
 
-    def ask(*given: Any) -> None:
+    def ask(*given: Any, **_: Any) -> None:
         raise _AskedError(*given)
 
     with patch.object(refinement, "solve_structured", ask):
@@ -117,7 +115,7 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
     section.say(f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element.")
     rows, whole = [], []
     for count in meshes:
-        with patch.object(phase_planner, "solve_straight", partial(solve_straight, count=count)):
+        with meshed(count, count):
             given = _asked(straight_problem(Change()))
         spent = {}
         for steps in (0, STEPS):
@@ -147,10 +145,13 @@ def _cases(quick: bool) -> dict[str, Problem]:
 
 def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     problems = {planner: unchecked(problem, planner=planner) for planner in ("ipopt", "optimal", "fast")}
-    asked: list[tuple[Any, ...]] = []
-    with patch.object(
-        refinement, "solve_structured", lambda *given, **_: asked.append(given) or solve_structured(*given)
-    ):
+    asked: list[tuple[Any, dict[str, Any]]] = []
+
+    def ask(*given: Any, **named: Any) -> Any:
+        asked.append((given, named))
+        return solve_structured(*given, **named)
+
+    with patch.object(refinement, "solve_structured", ask):
         plan_motion(problems["fast"])
     for each in problems.values():
         plan(each)
@@ -159,11 +160,11 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     ways.append(", ".join(plans["ipopt"].over(plans[planner]).times() for planner in ("optimal", "fast")))
     if not asked:
         return [name, *["–"] * 5, *ways]
-    structure, element, data, start = asked[0]
+    (structure, element, data, start), named = asked[0]
     program, guess = Transcription.of(structure, element), InitialPoint(start.x)
     solvers = {
         "ipopt": lambda: program.solve(data, guess),
-        "fast": lambda: solve_structured(structure, element, data, guess),
+        "fast": lambda: solve_structured(structure, element, data, guess, **named),
     }
     found = {planner: solver() for planner, solver in solvers.items()}
     solves = _times(solvers, rounds)
