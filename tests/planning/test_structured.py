@@ -18,11 +18,13 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.interior.solve import available
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.ocp import refinement
+from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.planning.ocp import refinement, straight
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
 from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.motion import Straight, Task
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.text import verdicts
@@ -245,3 +247,33 @@ def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
     assert solves
     assert all(solution.solved for *_, solution in solves)
     assert {phase.solver for phase in quick.phases} == {"structured"}
+
+
+def faster_starting(problem: Problem, times: float, **to: float) -> Problem:
+    """One straight motion, with jerk limits that let every joint reach its acceleration in 1/times s."""
+    joints = tuple(unchecked(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints)
+    start = Task(tilt=np.radians(-85.0), depth=0.0)
+    robot = unchecked(problem.robot, joints=joints)
+    return dataclasses.replace(problem, robot=robot, start=start, motion=(Straight(**to),), objective="time")
+
+
+@pytest.mark.parametrize(("depth", "times"), [(6e-3, 3.0), (29e-3, 10.0), (15e-3, 30.0)])
+def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(tilt_insert: Problem, depth: float, times: float) -> None:
+    problem = faster_starting(tilt_insert, times, depth=depth)
+    own = problem.robot.joints[3]
+    found = plan(problem)
+    assert found.certificate is not None
+    assert found.certificate.passed
+    closed_form = rest_to_rest(depth, own.velocity, own.acceleration, own.jerk).duration
+    assert closed_form <= found.duration <= (1 + 1.5e-4) * closed_form
+
+
+@pytest.mark.parametrize("to", [{"depth": 6e-3}, {}])
+def test_jerk_limited_joints_in_step_are_as_fast_as_on_a_fine_mesh(
+    tilt_insert: Problem, to: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = faster_starting(tilt_insert, 3.0, tilt=np.radians(-120.0), **to)
+    found = plan(problem)
+    monkeypatch.setattr(straight, "ELEMENTS", 4 * straight.ELEMENTS)
+    fine = plan(fast(problem))
+    assert found.duration <= (1 + 5e-4) * fine.duration

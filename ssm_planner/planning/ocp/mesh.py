@@ -1,9 +1,9 @@
 """Meshes and guesses: where the elements of a motion end, and the motion that the optimisation begins from.
 
 A straight phase begins from TOPP-RA's motion along its path; its elements end where that switches from one binding limit to
-the next (`Mesh`). A free phase begins from a motion in closed form that keeps velocity, acceleration and jerk limits and
-rests at every point (`closed_form_guess`), or where that is far from keeping the other limits, from TOPP-RA's
-(`retimed_guess`).
+the next, or where jerk is limited, where that of a first solution jumps (`Mesh`). A free phase begins from a motion in closed
+form that keeps velocity, acceleration and jerk limits and rests at every point (`closed_form_guess`), or where that is far
+from keeping the other limits, from TOPP-RA's (`retimed_guess`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.planning.ocp.nlp import cubics
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import Retiming, retime
 from ssm_planner.problem.problem import TaskLimits
@@ -35,6 +36,10 @@ EDGE = 0.02
 """Share of an arc at either end that its fit leaves out: there the guess is between two arcs."""
 EVEN = 1.5
 """Share of the mean density that every place gets."""
+JUMP, LEAST_JUMP = 0.5, 0.05
+"""A change of s⃛ over two elements is a jump beyond these shares of its larger value there, and of its largest at all."""
+DENSEST = 5.0
+"""Times the mean density that no place gets more of: jerk in shorter elements drowns in rounding."""
 ROUNDING = 1 + 1e-12
 RETIMED_GRID = 200
 """Grid intervals of the re-timed guess."""
@@ -89,8 +94,7 @@ class Mesh:
             duration = borders[-1]
         pieces = _pieces(borders, _density(guess, borders), count)
         instants = np.append(np.concatenate(pieces), duration)
-        middles = (instants[1:] + instants[:-1]) / 2
-        return cls(instants, np.clip(np.searchsorted(turns, middles) - 1, 0, len(turns) - 2))
+        return cls(instants, _interval(instants, turns))
 
     def elements(self, motion: Retiming) -> Array:
         """s, ṡ, s̈ at both ends and length of the elements, (n, 5), of a re-timed motion; time scaled to a duration of 1."""
@@ -100,6 +104,57 @@ class Mesh:
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
         acceleration = np.diff(speed) / np.diff(shares)
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(shares)], axis=1)
+
+    @classmethod
+    def on(cls, elements: Array, interval: Indices, count: int) -> Mesh:
+        """`count` elements, or a few more, on a solution (n, 5), where s⃛ is limited: they end where that jumps.
+
+        interval: of its elements, (n,). Between two jumps they are as `_pieces` says. An element of the solution across a
+        jump has the mean of both sides, which tells where in it the jump is.
+        """
+        lengths = elements[:, 4]
+        times = np.append(0.0, np.cumsum(lengths))
+        jerk = np.diff(elements[:, 2:4])[:, 0] / lengths
+        before, after = np.append(jerk[0], jerk[:-1]), np.append(jerk[1:], jerk[-1])
+        jumps = np.abs(after - before)
+        is_jump = jumps > np.maximum(JUMP * np.maximum(np.abs(after), np.abs(before)), LEAST_JUMP * np.abs(jerk).max())
+        share = np.clip((jerk - after) / np.where(jumps > 0, before - after, 1.0), 0.0, 1.0)
+        turns = np.append(times[:-1][np.diff(interval, prepend=-1) > 0], times[-1])
+        ends = turns.tolist()
+        for k in sorted(np.flatnonzero(is_jump).tolist(), key=lambda k: -jumps[k]):
+            end = times[k] + share[k] * lengths[k]
+            if np.abs(np.array(ends) - end).min() > max(lengths[k], SHORTEST_ARC / 2 * times[-1]):
+                ends.append(float(end))
+        borders = np.array(sorted(ends))
+        middles = (times[1:] + times[:-1]) / 2
+        slope = np.abs(np.diff(jerk)) / np.diff(middles)
+        # of neighbours within one arc, neither of which a jump is in
+        arc = [np.searchsorted(borders, side) for side in (times[:-1] + EDGE * lengths, times[1:] - EDGE * lengths)]
+        within = (arc[0][:-1] == arc[0][1:]) & (arc[0] == arc[1])[1:] & (arc[0] == arc[1])[:-1]
+        densities = np.zeros((len(borders) - 1, SAMPLES))
+        for k, (start, end) in enumerate(pairwise(borders)):
+            own = within & (arc[0][1:] == k + 1)
+            if own.any():
+                places = np.linspace(start, end, SAMPLES)
+                densities[k] = np.sqrt(np.interp(places, times[1:-1][own], slope[own]))
+        densities = np.minimum(densities, DENSEST * densities.mean())
+        instants = np.append(np.concatenate(_pieces(borders, densities, count)), times[-1])
+        return cls(instants, _interval(instants, turns))
+
+    def moved(self, elements: Array) -> Array:
+        """The motion of a solution (n, 5) in the elements of this mesh, which is on it."""
+        times = np.append(0.0, np.cumsum(elements[:, 4]))
+        k = np.clip(np.searchsorted(times, self.instants, side="right") - 1, 0, len(elements) - 1)
+        share = (self.instants - times[k]) / elements[k, 4]
+        s, speed, acceleration = (value[:, 0] for value in cubics(elements[k]).at(share[:, None]))
+        columns = s[:-1], speed[:-1], acceleration[:-1], acceleration[1:], np.diff(self.instants)
+        return np.stack(columns, axis=1)
+
+
+def _interval(instants: Array, turns: Array) -> Indices:
+    """Between which turning points each element lies."""
+    middles = (instants[1:] + instants[:-1]) / 2
+    return np.clip(np.searchsorted(turns, middles) - 1, 0, len(turns) - 2)
 
 
 def _short_start(times: Array, speed: Array, active: Array) -> list[float]:

@@ -155,6 +155,10 @@ class OcpProblem(ABC):
             breakaway_bound=self._breakaway_bound(),
         )
 
+    def remeshed(self, solution: NlpSolution) -> tuple[OcpProblem, Guess] | None:
+        """The same problem with elements where a solution needs them, and that as guess; None where they lie well."""
+        return None
+
     def refined(self, counts: Indices) -> OcpProblem:
         """The same problem with every element cut into so many equal parts, (n,)."""
         fractions = np.repeat(self.fractions / counts, counts)
@@ -226,7 +230,8 @@ def optimise(
     hopeless = useless if duration is None else HOPELESS * duration
     first = _Refinement.begin(problem, guess)
     found = _given_back(_refine(first, "time", hopeless=hopeless))
-    confirmed = _confirmed(found, "time")
+    finer = _remeshed(found)
+    confirmed = (finer and _confirmed(finer, "time")) or _confirmed(found, "time")
     if confirmed is None:
         return replace(found.solution, message=NOT_CONFIRMED)
     fastest, total = confirmed, float(confirmed.solution.times.sum())
@@ -434,6 +439,19 @@ def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *
     if may_cut and k <= CUTS and 0 < more <= room:
         return state.cut(solution, coarse)
     return state.tightened(solution, min(1.4 ** max(k - 2, 0), 3.0) * backoff_of(violation))
+
+
+def _remeshed(found: _Refined) -> _Refined | None:
+    """A faster motion on a mesh made for the one that was found; None where there is none, or that mesh is good."""
+    again = found.state.problem.remeshed(found.solution) if found.solution.solved and found.feasible else None
+    if again is None:
+        return None
+    finer = _given_back(_refine(_Refinement.begin(*again), "time"))
+    faster = finer.solution.solved and finer.feasible and finer.solution.times.sum() < found.solution.times.sum()
+    if not faster:
+        return None
+    iterations = found.solution.iterations + finer.solution.iterations
+    return replace(finer, solution=replace(finer.solution, iterations=iterations))
 
 
 def _given_back(found: _Refined) -> _Refined:

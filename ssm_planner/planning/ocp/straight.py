@@ -7,7 +7,7 @@ every joint keeps its direction, so the friction law enters exactly. `joint_piec
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,15 @@ from ssm_planner.planning.ocp.constraints import (
 from ssm_planner.planning.ocp.element import shared
 from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.models import StraightElement, fit, fit_of, fits_hold
-from ssm_planner.planning.ocp.nlp import BoundaryConditions, Guess, Method, NlpStructure, PhaseSolution, cubics
+from ssm_planner.planning.ocp.nlp import (
+    BoundaryConditions,
+    Guess,
+    Method,
+    NlpSolution,
+    NlpStructure,
+    PhaseSolution,
+    cubics,
+)
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import JointPath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
@@ -39,6 +47,8 @@ from ssm_planner.typing import Array
 
 ELEMENTS = 72
 """Of a smooth path; of one whose corners are rounded half as many for every end of a rounding too."""
+FINER = 2
+"""Times as many where jerk is limited, on the mesh made for the motion found first."""
 SUBDIVISION = 4
 """Quintic pieces per element: the path between their ends is then followed to about 1e-9 rad."""
 LOOKS = 101
@@ -70,17 +80,9 @@ def solve_straight(
     count = count or len(path.breaks) * ELEMENTS // 2
     mesh = Mesh.along(guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None)
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
-    sizes = mesh.interval_sizes
     fastest = rate_ceiling(path, limits.rates) * scale
     problem = _StraightProblem(
-        structure=NlpStructure(
-            moves=((True,),) * len(sizes),
-            segment_sizes=sizes,
-            block_sizes=sizes,
-            smooth=jerk,
-            velocity_limits=bool(fastest.min() < UNLIMITED),
-            joints=False,
-        ),
+        structure=_structure(mesh, smooth=jerk, velocity_limits=bool(fastest.min() < UNLIMITED)),
         fractions=mesh.fractions,
         times=mesh.times,
         joint_limits=joint_limits(strict or robot, cooling),
@@ -124,6 +126,19 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
     return joint_pieces(path, elements, 1, end_speed)
 
 
+def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructure:
+    """Of elements on a mesh."""
+    sizes = mesh.interval_sizes
+    return NlpStructure(
+        moves=((True,),) * len(sizes),
+        segment_sizes=sizes,
+        block_sizes=sizes,
+        smooth=smooth,
+        velocity_limits=velocity_limits,
+        joints=False,
+    )
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _StraightProblem(OcpProblem):
     robot: Robot
@@ -142,6 +157,16 @@ class _StraightProblem(OcpProblem):
     @property
     def limits(self) -> tuple[Array, Array, Array]:
         return self.fastest[self.structure.segment][:, None], np.array([np.inf]), np.array([np.inf])
+
+    def remeshed(self, solution: NlpSolution) -> tuple[OcpProblem, Guess] | None:
+        """With jerk limits: constant within an element, the jerk falls short of a limit that changes there."""
+        if not self.structure.smooth or self.method != "confirmed":
+            return None
+        mesh = Mesh.on(solution.elements, self.structure.segment, FINER * self.structure.elements)
+        times = mesh.times * mesh.instants[-1]
+        structure = _structure(mesh, smooth=True, velocity_limits=self.structure.velocity_limits)
+        problem = replace(self, structure=structure, fractions=mesh.fractions, times=times)
+        return problem, Guess(mesh.moved(solution.elements), times)
 
     @cached_property
     def complete_element(self) -> StraightElement:
