@@ -62,7 +62,8 @@ typedef struct {
     const long *cost;               /* joint and law of each motor in the cost */
     const double *cost_drives, *cost_weights;
     const double *load, *mechanism, *eye, *limits;
-    const double *sigma, *fits; /* of each element */
+    const double *sigma; /* of each element */
+    const double *fits;  /* of LANES elements at once, the last ones repeated: 2 of the place, then each curve's coefficients */
     double offset;
 } Elements;
 
@@ -237,18 +238,18 @@ static void states(Work *w)
     }
 }
 
-static void curve_of(const Work *w, long curve, real *found)
+static const double *fits_of(const Work *w)
 {
     long curves = 4 + 12 * w->of->loads + 1;
-    for (long k = 0; k <= SSM_DEGREE; k++)
-        found[k] = gather(w->of->fits, 2 + (SSM_DEGREE + 1) * curves, 2 + k * curves + curve, w);
+    return w->of->fits + w->block * (2 + (SSM_DEGREE + 1) * curves);
 }
 
-static void place_of(const Work *w, real *place)
+static void curve_of(const Work *w, long curve, real *found)
 {
-    long curves = 4 + 12 * w->of->loads + 1;
-    for (long k = 0; k < 2; k++) place[k] = gather(w->of->fits, 2 + (SSM_DEGREE + 1) * curves, k, w);
+    memcpy(found, fits_of(w) + LANES * (2 + (SSM_DEGREE + 1) * curve), (SSM_DEGREE + 1) * sizeof(real));
 }
+
+static void place_of(const Work *w, real *place) { memcpy(place, fits_of(w), 2 * sizeof(real)); }
 
 /* Efforts of a load, and their gradients by y. */
 static void efforts(const Work *w, long load, const real *y, real *tau, real *by)
@@ -548,7 +549,7 @@ static void evaluate_point(Work *w)
     memset(w->cost_by, 0, sizeof w->cost_by);
     w->cost = w->speed_weight = R(0.0);
     if (w->order == 2) {
-        memset(w->bend, 0, sizeof w->bend);
+        memset(w->bend, 0, (size_t)(w->ny * w->ny) * sizeof(real));
         memset(w->rate_weight, 0, sizeof w->rate_weight);
         memset(w->still_weight, 0, sizeof w->still_weight);
     }
@@ -617,7 +618,7 @@ static int evaluate(const void *context, int mode, const double *z, const double
     for (w->block = 0; w->block < of->count; w->block += LANES) {
         for (long e = 0; e < w->size; e++) w->z[e] = gather(z, w->size, e, w);
         for (long i = 0; i < 4; i++) w->sigma[i] = gather(of->sigma, 4, i, w);
-        memset(w->hessian, 0, sizeof w->hessian);
+        memset(w->hessian, 0, (size_t)(w->size * w->size) * sizeof(real));
         memset(w->gradient, 0, sizeof w->gradient);
         w->integral = R(0.0);
         for (w->point = 0; w->point < of->points; w->point++) evaluate_point(w);

@@ -617,51 +617,58 @@ static void add_to_band(const Evaluator *e, System *system, long k)
 
 /* curvature by (c, eta) and by eta of element k, brought to the times: border and corner. all: of the sum of the times,
  * its border column, its curvature with every time, and by itself */
-static void add_to_border(const Evaluator *e, System *system, long k, double *all, double *with_all)
+static inline void add_to_border_of(const Evaluator *e, System *system, long k, double *all, double *with_all, const long w)
 {
-    const long m = e->m, w = e->w, size = e->states, columns = system->columns;
+    const long m = e->m, size = e->states, columns = system->columns;
     const double *map = e->maps + k * GIVEN * LOCAL, *by_eta = e->by_eta + k * GIVEN * m * w;
     const double *slope = e->slopes + k * TERMS * WIDEST, *c = e->at->c + k * e->stride * m;
     const double *by_z = e->dual_by_z + k * size;
     const long first = k * e->stride * m;
     double *he = e->he, eta[WIDEST], of_eta[WIDEST][WIDEST], weight[TERMS] = {0.0}, share[WIDEST] = {0.0};
     long block[WIDEST];
-    for (long r = 0; r < size; r++)
-        for (long j = 0; j < w; j++) {
-            double sum = j == e->own ? e->h[r * size + LOCAL * m] : 0.0;
-            for (long o = 0; o < GIVEN; o++)
-                for (long i = 0; i < m; i++)
-                    sum += e->h[r * size + entry(e, o, i)] * by_eta[(o * m + i) * w + j];
-            he[r * w + j] = sum;
-        }
+    for (long r = 0; r < size; r++) {
+        double sum[WIDEST] = {0.0};
+        sum[e->own] = e->h[r * size + LOCAL * m];
+        for (long o = 0; o < GIVEN; o++)
+            for (long i = 0; i < m; i++)
+                for (long j = 0; j < w; j++)
+                    sum[j] += e->h[r * size + entry(e, o, i)] * by_eta[(o * m + i) * w + j];
+        memcpy(he + r * w, sum, (size_t)w * sizeof(double));
+    }
     for (long t = 0; t < e->terms; t++)
         for (long i = 0; i < m; i++)
             for (long j = 0; j < LOCAL; j++)
                 weight[t] += by_z[entry(e, e->term[t].given, i)] * e->term[t].row[j] * c[j * m + i];
     eta_of(e, e->at->times, e->stretch, k, eta);
     ssm_term_curvature(e->kind, eta, weight, of_eta);
-    for (long x = 0; x < w; x++) {
-        block[x] = block_of(e, k, x, share + x);
-        for (long y = 0; y < w; y++) {
-            if (x == e->own)
-                of_eta[x][y] += he[LOCAL * m * w + y];
-            for (long o = 0; o < GIVEN; o++)
-                for (long i = 0; i < m; i++)
+    for (long y = 0; y < w; y++)
+        of_eta[e->own][y] += he[LOCAL * m * w + y];
+    for (long o = 0; o < GIVEN; o++)
+        for (long i = 0; i < m; i++)
+            for (long x = 0; x < w; x++)
+                for (long y = 0; y < w; y++)
                     of_eta[x][y] += by_eta[(o * m + i) * w + x] * he[entry(e, o, i) * w + y];
-        }
-    }
-    for (long x = 0; x < w; x++) {
-        for (long j = 0; block[x] > -2 && j < LOCAL; j++)
-            for (long i = 0; i < m; i++) {
-                const long row = first + j * m + i;
-                double sum = 0.0;
-                for (long o = 0; o < GIVEN; o++)
-                    sum += map[o * LOCAL + j] * he[entry(e, o, i) * w + x];
-                for (long t = 0; t < e->terms; t++)
-                    sum += by_z[entry(e, e->term[t].given, i)] * e->term[t].row[j] * slope[t * WIDEST + x];
-                if (e->program->is_free[row])
-                    *(block[x] < 0 ? all + row : system->border + row * columns + block[x]) += share[x] * sum;
+    for (long x = 0; x < w; x++)
+        block[x] = block_of(e, k, x, share + x);
+    for (long j = 0; j < LOCAL; j++)
+        for (long i = 0; i < m; i++) {
+            const long row = first + j * m + i;
+            double sum[WIDEST] = {0.0};
+            if (!e->program->is_free[row])
+                continue;
+            for (long o = 0; o < GIVEN; o++)
+                for (long x = 0; x < w; x++)
+                    sum[x] += map[o * LOCAL + j] * he[entry(e, o, i) * w + x];
+            for (long t = 0; t < e->terms; t++) {
+                const double value = by_z[entry(e, e->term[t].given, i)] * e->term[t].row[j];
+                for (long x = 0; x < w; x++)
+                    sum[x] += value * slope[t * WIDEST + x];
             }
+            for (long x = 0; x < w; x++)
+                if (block[x] > -2)
+                    *(block[x] < 0 ? all + row : system->border + row * columns + block[x]) += share[x] * sum[x];
+        }
+    for (long x = 0; x < w; x++)
         for (long y = 0; y < w; y++) {
             const double value = share[x] * share[y] * of_eta[x][y];
             if (block[x] >= 0 && block[y] >= 0)
@@ -671,8 +678,16 @@ static void add_to_border(const Evaluator *e, System *system, long k, double *al
             else if (block[x] == -1 && block[y] == -1)
                 with_all[e->b] += value;
         }
-    }
 }
+
+static void add_to_border(const Evaluator *e, System *system, long k, double *all, double *with_all)
+{
+    if (e->kind == HERMITE) /* a width that the compiler knows */
+        add_to_border_of(e, system, k, all, with_all, 2);
+    else
+        add_to_border_of(e, system, k, all, with_all, WIDEST);
+}
+
 
 /* border and corner of the equalities */
 static void add_equalities(const Evaluator *e, System *system)

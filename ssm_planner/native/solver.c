@@ -102,7 +102,7 @@ static double longest(const double *values, const double *step, long count, doub
 {
     double fall = 0.0;
     for (long i = 0; i < count; i++)
-        fall = fmin(fall, step[i] / values[i]);
+        fall = step[i] / values[i] < fall ? step[i] / values[i] : fall;
     return fall >= -tau ? 1.0 : -tau / fall;
 }
 

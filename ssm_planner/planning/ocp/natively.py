@@ -25,7 +25,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.native.library import load
 from ssm_planner.planning.ocp.constraints import actuations_by_load
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, SIMPSON, ElementModel
-from ssm_planner.planning.ocp.models import FreeElement, StraightElement
+from ssm_planner.planning.ocp.models import DEGREE, FreeElement, StraightElement
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import MotorTorque, TipSpeed
 from ssm_planner.problem.posterior import LAWS
@@ -43,6 +43,8 @@ DRIVE = Layout(
     **dict.fromkeys(("limit", "nominal"), 1),
 )
 """Of one motor and its drive; limit, nominal: its torques."""
+LANES = 4
+"""Elements that C takes at once."""
 KINDS = ("worm", "antibacklash_screw")
 """Of drives, that differ in their law; every other one follows that of a worm."""
 Where = Literal["collocation", "between", "breakaway"]
@@ -97,7 +99,7 @@ class NativeElements:
             "cost_weights": weights,
             "limits": packed,
             "sigma": np.broadcast_to(sigma, (count, 4)),
-            "fits": np.broadcast_to(fits[0], (count, fits[0].shape[-1])) if fits else [],
+            "fits": _in_lanes(np.broadcast_to(fits[0], (count, fits[0].shape[-1]))) if fits else [],
             **figures.arrays,
         }
         self._kept = {
@@ -139,6 +141,13 @@ class NativeElements:
         addresses = (ctypes.c_void_p(each.ctypes.data) for each in values)
         getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
         return values[-1]
+
+
+def _in_lanes(fits: Array) -> Array:
+    """Fits (n, size of `models.fit_of`) as C reads them: of LANES elements at once, the last repeated, curve by curve."""
+    padded = fits[np.minimum(np.arange(-(-len(fits) // LANES) * LANES), len(fits) - 1)]
+    curves = padded[:, 2:].reshape(len(padded), DEGREE + 1, -1).transpose(0, 2, 1).reshape(len(padded), -1)
+    return np.hstack([padded[:, :2], curves]).reshape(-1, LANES, fits.shape[1]).transpose(0, 2, 1)
 
 
 def compiled() -> ctypes.CDLL | None:
