@@ -444,7 +444,9 @@ class _PhasePlanner:
             first = solve(Turns(phase.points), np.inf)
         else:
             first = found.motion
-        turns = None if first is None else best_turns(self.problem, self.mechanism, phase, first, solve)
+        turns = (
+            None if first is None else best_turns(self.problem, self.mechanism, phase, first, solve, strict=self.strict)
+        )
         if turns is None:
             return found
         if self.problem.objective == "time" and phase.motion.duration is None:
@@ -536,6 +538,7 @@ class _PhasePlanner:
             passing=None if turns is None else turns.passing,
             useless=useless,
             count=count,
+            sketch=None if turns is None else turns.sketch,
         )
         motion = self._solved(solve)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)

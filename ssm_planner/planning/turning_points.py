@@ -26,10 +26,12 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.feasibility import infeasible_place
 from ssm_planner.planning.lower_bound import fastest_times
 from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.reversals import reversals, sketched
 from ssm_planner.planning.phases import Phase, joint_room
 from ssm_planner.planning.retiming.paths import MotionPath, PathSamples
 from ssm_planner.planning.retiming.retime import durations
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
@@ -54,6 +56,9 @@ TURNS, TRIED, COMPARABLE = 3, 2, 0.5
 as a share of the best."""
 PAYS = 2e-3
 """Share of the duration that a turning point has to save."""
+LEAST, SPARE = (2e-4, 1e-2), 0.3
+"""Shares of what a joint moves at its largest velocity by which those of a sketch turn back at least; share of what that
+saves beyond which the second is tried too."""
 SOLVES, ENOUGH, DIFFERENCE, IDLE = 60, 1e-6, 1e-6, 5e-4
 """Of the speeds at points: iterations, precision, difference for slopes, and the share of the time that those left out
 save."""
@@ -71,6 +76,8 @@ class Turns:
     """Share of the time that this one is expected to save."""
     passing: Array | None = None
     """q̇ at the points within, (k − 1, 4), where these tell between which of them joints turn back."""
+    sketch: tuple[Trajectory, Array] | None = None
+    """A motion that passes the borders, and when, (k + 1,), s."""
 
 
 def best_turns(
@@ -79,12 +86,18 @@ def best_turns(
     phase: Phase,
     first: PhaseSolution,
     solve: Callable[[Turns, float], PhaseSolution | None],
+    *,
+    strict: Robot,
 ) -> Turns | None:
-    """The turning points with which a free phase is fastest, found one after the other; None where none pays.
+    """The turning points with which a free phase is fastest; None where none pays.
 
     first: the motion without. solve: the fastest motion with turning points, None without one; beyond a duration, s, it is of
-    no use.
+    no use. strict: the robot with the limits to keep. A sketch tells which they are; without one they are found one after the
+    other.
     """
+    sketch = sketched(problem, mechanism, phase.points, first, strict)
+    if sketch is not None:
+        return _sketched_turns(problem, phase, sketch, first.duration, solve)
     motion, turns = first, None
     for _ in range(TURNS):
         enough = (1 - PAYS) * motion.duration
@@ -97,6 +110,37 @@ def best_turns(
             break
         motion, turns = min(tried, key=lambda pair: pair[0].duration)
     return turns
+
+
+def _sketched_turns(
+    problem: Problem,
+    phase: Phase,
+    sketch: Trajectory,
+    longest: float,
+    solve: Callable[[Turns, float], PhaseSolution | None],
+) -> Turns | None:
+    """The turning points of a sketch, with those that are small or without, where they pay; longest: without any, s."""
+    enough = (1 - PAYS) * longest
+    if sketch.duration >= enough:
+        return None
+    velocity = np.array([joint.velocity for joint in problem.robot.joints])
+    found: list[tuple[float, Turns]] = []
+    known: list[int] = []
+    for least in LEAST:
+        within = reversals(sketch, least * sketch.duration * velocity)
+        if not len(within) or len(within) in known:
+            continue
+        known.append(len(within))
+        instants = np.concatenate([[0.0], within, [sketch.duration]])
+        points = sketch.sample(instants).q
+        points[[0, -1]] = phase.points
+        turns = Turns(points, tuple(range(1, len(within) + 1)), 0.0, None, (sketch, instants))
+        motion = solve(turns, enough)
+        if motion is not None and motion.duration < enough:
+            found.append((motion.duration, turns))
+            if motion.duration < sketch.duration + SPARE * (longest - sketch.duration):
+                break
+    return min(found, key=lambda pair: pair[0])[1] if found else None
 
 
 def _promising(

@@ -4,7 +4,7 @@
 
 Its own transcription: cubic elements of equal length, limits at four points of each, friction smoothed by tanh(q̇/ε), no
 static friction, no signs; Ipopt from straight lines and from random bumps. References of weak motors are a little shorter
-than static friction allows.
+than static friction allows. Continuous torque is no limit of either.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ ELEMENTS, POINTS = 48, (0.0, 1 / 3, 2 / 3, 1.0)
 STANDS = np.array([0.01, 0.01, 0.01, 2e-4])
 """ε of the smoothed friction, rad/s and m/s."""
 SMOOTHING = 1e-6
+NEVER_WARM = 1.0
+"""Nominal torque, N·m."""
 IPOPT = {"print_level": 0, "sb": "yes", "max_iter": 600, "tol": 1e-7, "linear_solver": "mumps"}
 
 
@@ -46,18 +48,20 @@ def coupled(base: Problem, seed: int) -> Problem:
         return {"roll": roll, "tilt": tilt, "spin": spin, "depth": rng.uniform(0.002, 0.028)}
 
     limits: tuple[object, ...] = (TaskRange("depth", 0.0, 0.03),)
-    robot = base.robot
+    strength = 1.0
     if seed % 2 == 0:
         limits += (TipSpeed(rng.uniform(0.006, 0.02)),)
     else:
         strength = rng.uniform(0.45, 0.7)
-        joints = [
-            joint
-            if joint.motor is None
-            else replace(joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque))
-            for joint in robot.joints
-        ]
-        robot = replace(robot, joints=tuple(joints))
+    joints = [
+        joint
+        if joint.motor is None
+        else replace(
+            joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque, nominal_torque=NEVER_WARM)
+        )
+        for joint in base.robot.joints
+    ]
+    robot = replace(base.robot, joints=tuple(joints))
     start, to = point(), point()
     return replace(base, robot=robot, start=Task(**start), motion=(Free(Task(**to)),), limits=limits, objective="time")
 

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.ocp.reversals import reversals
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory, hermite
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]
@@ -88,6 +90,51 @@ def test_with_jerk_limits(tilt_insert: Problem, with_jerk: WithJerk) -> None:
     result = plan(problem)
     assert result.passed
     assert result.lower_bound < result.duration < 0.97 * without(problem)
+
+
+def test_a_joint_that_moves_takes_a_run_up_and_overshoots(tilt_insert: Problem) -> None:
+    """0.9756 s is what a program that knows no directions finds (`tests/benchmarks/direction_free.py`)."""
+    to = {"roll": 7.4, "tilt": -101.3, "spin": -13.6, "depth": 19.7}
+    problem = free(tilt_insert, (-8.8, -116.5, -10, 27.7), to, TipSpeed(0.0135))
+    result = plan(problem)
+    assert result.passed
+    assert without(problem) > 1.02 * result.duration
+    assert result.duration < 1.001 * 0.9756
+    roll = result.trajectory.uniform(400.0).q[:, 0]
+    assert roll.max() > roll[0] + 0.01
+    assert roll.min() < roll[-1] - 0.01
+
+
+@pytest.mark.parametrize("planner", ["optimal", "fast"])
+def test_turning_joints_stay_in_their_range(tilt_insert: Problem, planner: Any) -> None:
+    """A range that ends where the motion does leaves no room for the run-up, and little gain."""
+    to = {"roll": 7.4, "tilt": -101.3, "spin": -13.6, "depth": 19.7}
+    problem = free(tilt_insert, (-8.8, -116.5, -10, 27.7), to, TipSpeed(0.0135))
+    free_to_turn = plan(problem)
+    q = free_to_turn.trajectory.uniform(400.0).q[:, 0]
+    low, high = q.min() + 0.01, q.max() - 0.01
+    first, *others = problem.robot.joints
+    robot = replace(problem.robot, joints=(replace(first, position=(low, high)), *others))
+    result = plan(replace(problem, robot=robot, planner=planner))
+    assert result.passed
+    roll = result.trajectory.uniform(400.0).q[:, 0]
+    assert low <= roll.min()
+    assert roll.max() <= high
+    assert free_to_turn.duration < result.duration < without(problem)
+
+
+def test_reversals_of_a_motion_are_told() -> None:
+    """Of sines: where they are largest and smallest, unless they go back by less than is asked."""
+    t = np.linspace(0.0, 1.0, 41)
+    waves = np.array([1.0, 2.0, 0.0, 3.0]) * np.pi
+    far = np.array([1.0, 1.0, 0.0, 0.01])
+    q, qd, qdd = far * np.sin(waves * t[:, None]), far * waves * np.cos(waves * t[:, None]), np.zeros((41, 4))
+    qdd -= far * waves**2 * np.sin(waves * t[:, None])
+    states = (q, qd, qdd)
+    motion = Trajectory(t, hermite(t, *(tuple(each[k] for each in states) for k in (slice(-1), slice(1, None)))), ())
+    assert reversals(motion, np.full(4, 0.1)) == pytest.approx([0.25, 0.5, 0.75], abs=2e-3)
+    expected = [1 / 6, 0.25, 0.5, 0.75, 5 / 6]
+    assert reversals(motion, np.full(4, 1e-3)) == pytest.approx(expected, abs=2e-3)
 
 
 def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) -> None:

@@ -28,7 +28,7 @@ from ssm_planner.planning.ocp.constraints import (
     torque_names,
 )
 from ssm_planner.planning.ocp.element import shared
-from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess
+from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess, sampled_guess
 from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
@@ -48,7 +48,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import TASK, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import hermite
+from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array, Indices, Mask
 
 ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
@@ -93,13 +93,15 @@ def solve_free(
     loose: tuple[int, ...] = (),
     passing: Array | None = None,
     useless: float = np.inf,
+    sketch: tuple[Trajectory, Array] | None = None,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
     strict, cooling, method: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     pull: q̈ (4,) at the start where jerk is limited, 0 by default. loose: which of the points, of a motion from rest to rest,
     only guess where joints turn back; they are optimised. passing: q̇ (k − 1, 4) at the points within, a guess that tells
-    between which of them joints turn back. useless: s, as for `optimise`.
+    between which of them joints turn back. useless: s, as for `optimise`. sketch: a motion to begin from, and when it passes
+    the points, (k + 1,), s.
     """
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
@@ -109,7 +111,7 @@ def solve_free(
     way[np.abs(way) <= MOVES] = 0.0
     ends, pull = speeds or (np.zeros(4), np.zeros(4)), np.zeros(4) if pull is None else pull
     if limits_jerk(robot):
-        limits["jerk"] = _jerk_for_all(limits, way, ends)
+        limits["jerk"] = jerk_for_all(limits, way, ends)
     at_port = problem.eye is not None and bool(np.abs(points[:, 3]).min() < BEYOND * problem.eye.port)
     # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
     at_rest = not (ends[0].any() or ends[1].any())
@@ -134,6 +136,8 @@ def solve_free(
         )
         for k in range(len(way))
     ]
+    if sketch is not None:
+        segments = _sketched_segments(*sketch, way, each * len(way) if len(way) > 1 else each, fewest)
     borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
     given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
     for k in loose:  # a joint that stands on one side of it is where it stands
@@ -142,10 +146,10 @@ def solve_free(
     turning = not bool(given.all())
     hard = turning or bool(pull.any())
     # with a jerk limit the structured solver begins at q̈ = 0 alone, and turns later than it need
-    turns_back = alone and not limits_jerk(robot)
+    turns_back = (alone or sketch is not None) and not limits_jerk(robot)
     structured = structured and (not hard or turns_back or method == "sketched")
 
-    def on_mesh_of(guesses: list[SegmentGuess]) -> _FreeProblem:
+    def on_mesh_of(guesses: list[SegmentGuess]) -> FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
         sizes = tuple(sum(guess.arcs) for guess in guesses)
         moving = np.any(directions != 0, axis=0)
@@ -162,7 +166,7 @@ def solve_free(
         )
         lengths = np.concatenate([np.diff(guess.instants) for guess in guesses])
         times = np.bincount(structure.block, lengths)
-        return _FreeProblem(
+        return FreeProblem(
             structure=structure,
             fractions=lengths / times[structure.block],
             times=times / times.sum(),
@@ -184,7 +188,7 @@ def solve_free(
 
     guesses = [guess for each in segments for guess in each.guesses]
     ocp = on_mesh_of(guesses)
-    if at_rest and passing is None and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
+    if at_rest and passing is None and sketch is None and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
@@ -216,6 +220,19 @@ def _segment(
     return turning_guess(way, (begin, end), limits, count=each, fewest=fewest)
 
 
+def _sketched_segments(motion: Trajectory, instants: Array, way: Array, count: int, fewest: int) -> list[TurningGuess]:
+    """Guesses over ways (k, 4) by about `count` elements, from a motion that begins and ends them at these instants."""
+    found = []
+    for start, end, each in zip(instants[:-1], instants[1:], way, strict=True):
+        n = max(2 * fewest, round(count * (end - start) / motion.duration))
+        guess, signs = sampled_guess(motion, float(start), float(end), n), np.sign(each)
+        speed = np.where(guess.states[1] * signs > 0, guess.states[1], 0.0)
+        guess = replace(guess, states=(guess.states[0], speed, *guess.states[2:]))
+        positions = np.stack([np.zeros(4), each])
+        found.append(TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), signs[None]))
+    return found
+
+
 def _passing_at_need(way: Array, ends: tuple[Array, Array], acceleration: Array) -> Array:
     """q̇ (n − 1, 4) at the points between ways (n, 4): rest, but of a joint that cannot stop between a point and an end.
 
@@ -230,7 +247,7 @@ def _passing_at_need(way: Array, ends: tuple[Array, Array], acceleration: Array)
     return found
 
 
-def _jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array]) -> Array:
+def jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array]) -> Array:
     """A jerk limit for every joint, (4,): where one has a jerk limit, no acceleration jumps.
 
     A joint without one reaches its acceleration in RAMP of the time that the quickest of the ways (k, 4) takes.
@@ -243,7 +260,7 @@ def _jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _FreeProblem(OcpProblem):
+class FreeProblem(OcpProblem):
     """With k segments: between the points, and where joints turn back on their way."""
 
     problem: Problem

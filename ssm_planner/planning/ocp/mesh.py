@@ -20,6 +20,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import Retiming, retime
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices
 
 SHORTEST_ARC = 0.01
@@ -280,6 +281,13 @@ def closed_form_guess(way: Array, limits: Array, jerk: bool, count: int, fewest:
         for state, value in zip(states, values, strict=True):
             state[:, k] = np.sign(way[k]) * value
     return SegmentGuess(leader.duration, t, states, tuple(arcs))
+
+
+def sampled_guess(motion: Trajectory, start: float, end: float, count: int) -> SegmentGuess:
+    """The part of a motion between two instants, by `count` elements of equal length."""
+    t = np.linspace(start, end, count + 1)
+    begin, stop = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
+    return SegmentGuess(end - start, t - start, (begin.q - begin.q[0], begin.qd, begin.qdd, stop.qdd), (count,))
 
 
 def retimed_guess(robot: Robot, limits: TaskLimits, path: PolylinePath, count: int) -> SegmentGuess | None:

@@ -93,7 +93,7 @@ class BoundaryConditions:
     points: Array
     """u at every border and at the end, (k + 1, m); NaN where it is free."""
     signs: Array
-    """Direction of u in every segment, (k, m)."""
+    """Direction of u in every segment, (k, m); NaN where it may be either."""
     start_velocity: Array
     end_velocity: Array
     """u̇ at both ends, (m,)."""
@@ -112,11 +112,12 @@ class BoundaryConditions:
         m, segment = structure.coordinates, structure.segment
         v, first, last = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
-        slowest, fastest = np.where(signs < 0, -velocity, 0.0), np.where(signs > 0, velocity, 0.0)
+        either = np.isnan(signs)
+        slowest, fastest = (np.where(either | (side * signs > 0), side * velocity, 0.0) for side in (-1, 1))
         reach = np.where(signs != 0, acceleration, 0.0)
         # a coordinate keeps its direction from border to border, so at a free one its room is its bound
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lowest, highest = (np.where(np.isnan(ends), bound, ends) for bound in self.room)
+        lowest, highest = (np.where(np.isnan(ends) | either, bound, ends) for bound in self.room)
         lower = np.hstack([lowest.min(axis=0), slowest, -reach, -reach])
         upper = np.hstack([highest.max(axis=0), fastest, reach, reach])
         for k, element in enumerate(structure.borders):

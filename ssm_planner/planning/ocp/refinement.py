@@ -293,7 +293,7 @@ class _Refinement:
     def begin(cls, problem: OcpProblem, guess: Guess) -> _Refinement:
         """Active are the rows that the guess comes near to."""
         elements = guess.elements
-        active = problem.always_active | _chosen(problem.row_names, problem.row_maxima(elements), NEAR)
+        active = problem.always_active | chosen_rows(problem.row_names, problem.row_maxima(elements), NEAR)
         backoff = np.zeros((len(elements), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
 
@@ -430,7 +430,7 @@ def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *
     3. The bounds of violated rows are lowered, by more from round to round.
     """
     worst = violation.max(axis=0)
-    missed = _chosen(state.problem.row_names, violation, TOLERANCE) - state.active
+    missed = chosen_rows(state.problem.row_names, violation, TOLERANCE) - state.active
     if missed:
         return state.activated(solution, missed, astray=bool(worst.max() > ASTRAY))
     coarse = violation.max(axis=1) > COARSE
@@ -511,7 +511,7 @@ def parabolic_peak(values: Array) -> Array:
     return np.asarray(np.maximum(largest, here + where * (slope + where * bend / 2)).reshape(values.shape[:-1]))
 
 
-def _chosen(names: list[RowName], values: Array, least: float) -> frozenset[RowName]:
+def chosen_rows(names: list[RowName], values: Array, least: float) -> frozenset[RowName]:
     """Rows with values (n, r) above the least one; of the torques of one motor, at several corners of a range of friction
     and payload, only those that are the largest of them somewhere."""
     above = values > least

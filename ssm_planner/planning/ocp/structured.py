@@ -17,7 +17,7 @@ from ssm_planner.planning.ocp.element import ElementModel
 from ssm_planner.planning.ocp.natively import native_elements
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, cubics
 from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask
 
 ITERATIONS = 120
 """At most; then Ipopt solves."""
@@ -47,7 +47,8 @@ def solve_structured(
     """
     program, warm, used = program_of(structure, element, data), start.structured, 0
     begin = _point(program, structure, data, start.x)
-    for superlinear in PATIENT if switching else (SUPERLINEAR,):
+    # where a neighbour's multipliers mislead, its motion alone is a good start
+    for superlinear in PATIENT if switching else (SUPERLINEAR,) * (1 if warm is None else 2):
         outcome = solve(program, begin, warm=warm, iterations=iterations, superlinear=superlinear)
         used += outcome.iterations
         if outcome.converged:
@@ -155,14 +156,20 @@ def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[A
 
 
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
-    """A (l, 5 m + 1) and bounds (n, l) of u̇ at the start and between, ü and jerk."""
+    """A (l, 5 m + 1) and bounds (n, l) of u̇ at the start and between, ü and jerk; of u where it is free to turn back."""
     n, m = structure.elements, structure.coordinates
-    chosen = np.r_[m : 4 * m, 4 * m + 1 : 5 * m + 1]
+    same, (slowest, fastest) = _same(data), data.velocity
+    # what keeps its direction is between its borders: bounds of u count at free ones, and where it may turn back anywhere
+    counts = (slowest < 0) & (fastest > 0)
+    counts[structure.borders[1:]] = True
+    counts &= ~same[:, :m]
+    first = 0 if counts.any() else m
+    chosen = np.r_[first : 4 * m, 4 * m + 1 : 5 * m + 1]
     one = np.eye(5 * m + 1)[chosen]
-    same = _same(data)
-    between = data.velocity if structure.velocity_limits else (data.velocity[0], np.full((n, m), np.inf))
+    counts = np.hstack([counts, ~same[:, m:]])
+    between = data.velocity if structure.velocity_limits else (slowest, np.full((n, m), np.inf))
     lower, upper = (
-        np.hstack([np.where(same, sign * np.inf, bound)[:, m:], middle])
+        np.hstack([np.where(counts, bound, sign * np.inf)[:, first:], middle])
         for sign, bound, middle in zip((-1, 1), (data.lower, data.upper), between, strict=True)
     )
     matrix, bound = np.vstack([one, -one]), np.hstack([upper, -lower])
@@ -176,7 +183,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     return matrix, bound
 
 
-def _same(data: NlpData) -> Array:
+def _same(data: NlpData) -> Mask:
     """Which states of the elements are given, (n, 4 m)."""
     return np.asarray(data.upper - data.lower <= SAME)
 
