@@ -5,10 +5,11 @@ NumPy runs them over many samples at once several times faster than CasADi's vir
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from ssm_planner.codegen.mapped import Mapped
 from ssm_planner.errors import GeometryError
+from ssm_planner.native import library
 from ssm_planner.typing import Array
 
 
@@ -133,23 +135,40 @@ def _names() -> dict[int, str]:
 
 
 MANY = 200
-"""Samples from which on `call` lets NumPy run a Function: the same numbers."""
-BLOCK = 8192
+"""Samples from which on `call` runs a Function by `Vectorised`: the same numbers."""
+BLOCK = 1024
 """Samples at a time: the registers stay in the cache."""
+NATIVE = (
+    *("assign", "neg", "sqrt", "sq", "twice", "inv", "fabs", "sign", "not", "add", "sub", "mul", "div"),
+    *("lt", "le", "eq", "ne", "and", "or", "if_else_zero", "fmin", "fmax"),
+)
+"""Operations that native/vectorised.c does where it is compiled, in the order of its codes."""
 _KEPT: list[Array] = []
 """Memory of registers, for the next call: to get it anew from the system takes as long as an eighth of the operations."""
 
 
 class Vectorised:
-    """A Function of dense SX as NumPy operations on whole rows of samples."""
+    """A Function of dense SX as operations on whole rows of samples, by NumPy and in C: the same bits."""
 
     def __init__(self, function: ca.Function) -> None:
         self.name = function.name()
         self.rows_in = [function.numel_in(i) for i in range(function.n_in())]
         self.rows_out = [function.numel_out(i) for i in range(function.n_out())]
         self._registers = function.sz_w()
-        self._constants: list[Array] = []
-        self._program = self._compile(function)
+        named, constants = self._compile(function)
+        self._constants = np.array(constants)
+        self._program = [(OPERATIONS[name].numpy, one, other, out) for name, one, other, out in named]
+        codes = [
+            (NATIVE.index(name) if name in NATIVE else -1, one, max(other, 0), out) for name, one, other, out in named
+        ]
+        self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
+        bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
+        self._parts = list(pairwise([0, *bounds.tolist(), len(codes)]))
+        """Operations from where to where are all native, or all are not."""
+        self._seen = sorted(
+            {k for _, *slots in (codes[i] for i in np.flatnonzero(self._codes[:, 0] < 0)) for k in slots}
+        )
+        """Slots of those that are not."""
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Results (n, elements) of arguments (n, elements).
@@ -164,33 +183,48 @@ class Vectorised:
         size = self._registers * min(n, BLOCK)
         kept = _KEPT.pop() if _KEPT else np.empty(0)
         memory = kept if len(kept) >= size else np.empty(size)
-        work = memory[:size].reshape(self._registers, min(n, BLOCK))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            for start in range(0, n, BLOCK):
-                block = slice(start, min(start + BLOCK, n))
-                slots = list(work[:, : block.stop - start])
-                slots += self._constants
-                slots += [column[block] for argument in arguments for column in argument.T]
-                slots += [row[block] for result in results for row in result]
-                for operation, first, second, out in self._program:
-                    if second < 0:
-                        operation(slots[first], slots[out])
-                    else:
-                        operation(slots[first], slots[second], slots[out])
+        work = memory[:size].reshape(self._registers, -1)
+        self._run(work, [*(np.asarray(each, dtype=float).T for each in arguments), *results], n)
         _KEPT[:] = [memory]
         return [result.T for result in results]
 
-    def _compile(self, function: ca.Function) -> list[tuple[Callable[..., Any], int, int, int]]:
-        """Operations on slots: registers, constants, rows of the arguments, rows of the results; −1: no second operand."""
+    def _run(self, work: Array, given: list[Array], n: int) -> None:
+        """All operations, block by block; work: the registers, given: rows (k, n) of the arguments and results."""
+        slots = [*work, *self._constants, *chain.from_iterable(given)]
+        tables = [work, self._constants, *given]
+        at = np.concatenate([each.ctypes.data + np.arange(len(each)) * each.strides[0] for each in tables])
+        stride = np.repeat([1, 0, *(each.strides[1] // 8 for each in given)], [*map(len, tables)])
+        moves = 8 * stride
+        moves[: len(work)] = 0
+        native = library.load()
+        seen = range(len(slots)) if native is None else self._seen
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for start in range(0, n, BLOCK):
+                count = min(BLOCK, n - start)
+                part, places = (slice(start, start + count), slice(count)), at + start * moves
+                rows = {k: slots[k][part[k < len(work)]] if slots[k].ndim else slots[k] for k in seen}
+                for first, last in self._parts:
+                    if native is not None and self._codes[first, 0] >= 0:
+                        address = self._codes.ctypes.data + first * self._codes.strides[0]
+                        pointers = (ctypes.c_void_p(each) for each in (address, places.ctypes.data, stride.ctypes.data))
+                        native.ssm_operations(*pointers, ctypes.c_long(last - first), ctypes.c_long(count))
+                        continue
+                    for operation, one, other, out in self._program[first:last]:
+                        if other < 0:
+                            operation(rows[one], rows[out])
+                        else:
+                            operation(rows[one], rows[other], rows[out])
+
+    def _compile(self, function: ca.Function) -> tuple[list[tuple[str, int, int, int]], list[float]]:
+        """Operations on slots: registers, constants, rows of the arguments, rows of the results; and the constants."""
         sequence = list(steps(function))
-        constants = [step for step in sequence if step.name == "const"]
-        self._constants = [np.array(step.constant) for step in constants]
+        constants = [step.constant for step in sequence if step.name == "const"]
         first_in = self._registers + len(constants)
         firsts_in = first_in + np.cumsum([0, *self.rows_in])
         firsts_out = firsts_in[-1] + np.cumsum([0, *self.rows_out])
         place = list(range(self._registers))
         """Where the value of each register is to be found."""
-        program: list[tuple[Callable[..., Any], int, int, int]] = []
+        program: list[tuple[str, int, int, int]] = []
         used = 0
         for step in sequence:
             first, second = (*(place[k] for k in step.operands), -1, -1)[:2]
@@ -200,11 +234,11 @@ class Vectorised:
             elif step.name == "input":
                 place[step.out] = int(firsts_in[step.argument]) + step.index
             elif step.name == "output":
-                program.append((_copy, first, second, int(firsts_out[step.argument]) + step.index))
+                program.append(("assign", first, -1, int(firsts_out[step.argument]) + step.index))
             else:
-                program.append((OPERATIONS[step.name].numpy, first, second, step.out))
+                program.append((step.name, first, second, step.out))
                 place[step.out] = step.out
-        return program
+        return program, constants
 
 
 def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:

@@ -92,6 +92,9 @@ def test_bulk_evaluation_is_casadi_s(monkeypatch: pytest.MonkeyPatch) -> None:
     x[:10] = 0.0
     x[10:20, 1] = x[10:20, 0]
     found = Vectorised(function)(x, y)
+    monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
+    for mine, theirs in zip(found, Vectorised(function)(x, y), strict=True):
+        assert mine.tobytes() == theirs.tobytes()
     for k in range(150):
         for mine, theirs in zip(found, function(x[k], y[k]), strict=True):
             assert mine[k] == pytest.approx(theirs.full()[:, 0], rel=1e-14, abs=1e-15)
