@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 from typing import Any, Literal
 
 from ssm_planner.planning.ocp.refinement import EFFORT
@@ -25,6 +27,8 @@ from ssm_planner.units import shown
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """By how much a relaxation that is needed at least is enlarged until a motion is found."""
 HALVINGS = 2
+SHARP = 0.9
+"""Share of a relaxation which by itself gives no motion, as far as patience goes."""
 BARELY = 1e-6
 """Share by which a relaxation goes beyond the value that is needed, so that rounding does not spoil it."""
 SHARES = (0.1, 1.0)
@@ -241,14 +245,26 @@ def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]
         if found.works or not patient() or _is_enough(found):
             break
         short = growth
-    for _ in range(HALVINGS if short and found.works else 0):
-        if not patient():
-            break
-        less = cure((short + growth) / 2)
+    return _sharpened(cure, found, (short, growth), patient) if found.works else found
+
+
+def _sharpened(
+    cure: Callable[[float], Cure], found: Cure, between: tuple[float, float], patient: Callable[[], bool]
+) -> Cure:
+    """A cure so small that SHARP of its relaxation does not work.
+
+    between: shares of the relaxation that do not work (0: that of the problem), and that do, which gave what was found.
+    """
+    short, enough = between
+    halvings = HALVINGS if short else 0
+    middle = (short + enough) / 2 if short else SHARP * enough
+    while patient() and (halvings > 0 or short < SHARP * enough):
+        less = cure(middle)
         if less.works:
-            found, growth = less, (short + growth) / 2
+            found, enough = less, middle
         else:
-            short = (short + growth) / 2
+            short = middle
+        middle, halvings = (short + enough) / 2, halvings - 1
     return found
 
 
@@ -265,14 +281,18 @@ def _is_enough(cure: Cure) -> bool:
 
 def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
     """The relaxation by the smallest share, of all limits one by one."""
-    for share in SHARES:
+
+    def cure(relaxation: Relaxation, share: float) -> Cure:
+        value = relaxation.value(share)
+        return Cure(relaxation, value, attempt(relaxation.problem(value)))
+
+    for short, share in pairwise((0.0, *SHARES)):
         for relaxation in all_relaxations(problem):
             if not patient():
                 return None
-            value = relaxation.value(share)
-            found = Cure(relaxation, value, attempt(relaxation.problem(value)))
+            found = cure(relaxation, share)
             if found.works:
-                return found
+                return _sharpened(partial(cure, relaxation), found, (short, share), patient)
     return None
 
 
@@ -280,14 +300,23 @@ def _others(
     problem: Problem, reason: Reason, duration: float | None, attempt: Attempt, patient: Callable[[], bool]
 ) -> Iterator[Cure]:
     """Cures that move no limit: of each kind the first of its values that gives a motion."""
+
+    def cure(relaxation: Relaxation, most: float, share: float) -> Cure:
+        value = relaxation.present + share * (most - relaxation.present)
+        value = _up(value) if most > relaxation.present else _down(value)
+        return Cure(relaxation, value, attempt(relaxation.problem(value)))
+
     for relaxation, values in _other_relaxations(problem, reason, duration):
+        short = 0.0
         for value in values:
             if not patient():
                 return
-            found = Cure(relaxation, value, attempt(relaxation.problem(value)))
+            found = cure(relaxation, value, 1.0)
             if found.works:
-                yield found
+                less = short / (value - relaxation.present)
+                yield _sharpened(partial(cure, relaxation, value), found, (less, 1.0), patient)
                 break
+            short = value - relaxation.present
 
 
 def _other_relaxations(
@@ -322,4 +351,4 @@ def _down(value: float) -> float:
     if value == 0.0:
         return 0.0
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - 2)
-    return round(math.floor(value / unit) * unit, 12)
+    return round(math.floor(round(value / unit, 6)) * unit, 12)

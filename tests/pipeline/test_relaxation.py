@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from ssm_planner.loading.load import load_problem
-from ssm_planner.pipeline.relaxation import relaxation_for
+from ssm_planner.pipeline.relaxation import relaxation_for, search
 from ssm_planner.pipeline.run import _exceeded, plan
-from ssm_planner.problem.limits import LensClearance, Limit, RetinaClearance, SelfLocking
+from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.limits import LensClearance, Limit, MotorTorque, RetinaClearance, SelfLocking
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
 from ssm_planner.units import shown
@@ -130,3 +131,23 @@ def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
     assert found is not None
     assert plan(replace(problem, motion=(*problem.motion, Dwell(float(found[1]), "dwell")))).passed
     assert not plan(replace(problem, motion=(*problem.motion, Dwell(0.9 * float(found[1]), "dwell")))).passed
+
+
+@pytest.mark.parametrize("needed", [0.02, 0.3, 0.85, 0.95, 1.0, 1.02, 1.2, 1.9])
+def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, needed: float) -> None:
+    """needed: share of the relaxation that the reason asks for."""
+    joint = tilt_insert.robot.joints[0]
+    limit = next(each for each in joint.limits if isinstance(each, MotorTorque))
+    there, required = limit.largest, 1.5 * limit.largest
+
+    def attempt(problem: Problem) -> float | Reason:
+        motor = problem.robot.joints[0].motor
+        assert motor is not None
+        share = (motor.max_torque - there) / (required - there)
+        return 1.0 if share >= needed else Reason(None, None, None, None, "no motion")
+
+    cure = search(replace(tilt_insert, objective="time"), Reason(limit, None, required, there, "too weak"), attempt)
+    assert cure is not None
+    assert cure.works
+    less = cure.relaxation.problem(there + 0.9 * (cure.value - there))
+    assert isinstance(attempt(less), Reason)
