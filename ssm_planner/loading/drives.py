@@ -47,7 +47,7 @@ from ssm_planner.problem.drive import (
     ThreadKind,
 )
 from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
-from ssm_planner.problem.value import Bound, Quantity, bare, descriptions, hints
+from ssm_planner.problem.value import Bound, Quantity, bare, hints
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
@@ -112,10 +112,10 @@ def _numbers(value: Any) -> tuple[float, ...]:
 
 
 _Numbers = Annotated[tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")]
-RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), of=Ripple)
+RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), of=(Ripple,))
 
 HarmonicsModel = model_from(
-    dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)}, of=Harmonics
+    dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)}, of=(Harmonics,)
 )
 
 
@@ -182,11 +182,10 @@ def _drive(kind: str) -> Any:
     ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
     published = {name: reading(Friction, name, slides, figures=True) for name in PARAMETERS}
     given = {name: (hint | None, None) for name, hint in published.items()}
-    preload = reading(Drive, "preload", figures=True)
-    given["preload"] = optional(preload, descriptions(Drive)["preload"])
+    given["preload"] = optional(reading(Drive, "preload", figures=True))
     rig = {
         "payload_direction": (Literal["positive", "negative"], "positive"),
-        "published": _part(model_from({**given, "source": SOURCE}, of=Friction)),
+        "published": _part(model_from({**given, "source": SOURCE}, of=(Drive, Friction))),
         "source": SOURCE,
     }
     if not slides:
@@ -203,7 +202,7 @@ def _drive(kind: str) -> Any:
             Annotated[Any, Part(model_of(Friction, friction, slides=slides, figures=True))] | None,
             PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
         ),
-        "friction_ranges": _part(model_from(ranges, of=Friction)),
+        "friction_ranges": _part(model_from(ranges, of=(Friction,))),
         "ratings": _part(model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)),
         "rig": _part(model_of(Rig, rig, slides=slides, without=("payload_arm",))),
     }
@@ -375,7 +374,7 @@ def drive_from(section: Section) -> Drive:
 def _values(model: Model) -> dict[str, Any]:
     """What a model of figures holds, by the fields of its value."""
     given = {name: each.value if isinstance(each, Figure) else each for name, each in model if each is not None}
-    return {name: value for name, value in given.items() if name in hints(model.of)}
+    return {name: value for name, value in given.items() if name in hints(model.of[-1])}
 
 
 def _dimensions(section: Section, model: Any) -> dict[str, float]:

@@ -42,9 +42,10 @@ class Figure(NamedTuple):
 class Model(BaseModel):
     """Frozen; unknown keys are errors that suggest the known ones."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    of: ClassVar[Any] = None
-    """The value that it describes."""
+    # most models are not used by one command: each is built when it first is
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    of: ClassVar[tuple[Any, ...]] = ()
+    """The values that it describes; the last one's word counts."""
 
     @model_validator(mode="before")
     @classmethod
@@ -58,7 +59,7 @@ class Model(BaseModel):
     def about(cls) -> dict[str, str]:
         """What each key means, where that is said."""
         named = {name: info.description for name, info in cls.model_fields.items() if info.description}
-        of_value = descriptions(cls.of) if cls.of else {}
+        of_value = {name: text for each in cls.of for name, text in descriptions(each).items()}
         # shapes and None are Python's
         in_files = {
             name: re.sub(r",? ?\(3,\)", "", text).replace("None:", "left out:") for name, text in of_value.items()
@@ -239,11 +240,12 @@ def model_of(
         else:
             left_out = field.default is None or (figures and get_origin(hint) is Annotated)
             fields[field.name] = (hint | None, None) if left_out else (hint, field.default)
-    return model_from({**fields, **given}, base, cls)
+    return model_from({**fields, **given}, base, (cls,))
 
 
-def model_from(fields: Mapping[str, Any], base: type[Model] = Model, of: Any = None) -> Any:
-    """The model with these keys, each as pydantic's (type, default); of: the value whose fields say what they mean."""
+def model_from(fields: Mapping[str, Any], base: type[Model] = Model, of: tuple[Any, ...] = ()) -> Any:
+    """The model with these keys, each as pydantic's (type, default); of: values whose fields say what
+    they mean; the last one's word counts."""
     made: Any = create_model
     model = made("KeysModel", __base__=base, **fields)
     model.of = of

@@ -26,7 +26,6 @@ from ssm_planner.reporting.figures.style import (
     shade_phases,
     unit_of,
 )
-from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.units import RPM
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ssm_planner.simulation.simulate import SimulationResult
+    from ssm_planner.sizing.requirements import MotorRequirement
 
 SAMPLES = 1200
 WIDE, NARROW, FIVE = 9.0, 5.0, 8.0
@@ -132,7 +132,7 @@ def motors_figure(
         finish(against_speed, "motor speed (rpm)" if last else "", "motor torque (mN·m)" if narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
         lines = [text, *wrap(_limit_text(requirement.motor), letters)]
-        against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", pad=3)
+        against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", y=1.0, pad=3)
     return figure
 
 

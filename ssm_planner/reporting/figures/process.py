@@ -12,16 +12,16 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TookTooLong
+from io import BytesIO
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING
+from types import SimpleNamespace, TracebackType
+from typing import TYPE_CHECKING, Any
 
 from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
 from ssm_planner.reporting.figures.plan import DRAWN, WIDE, motion_figure, motors_figure
 from ssm_planner.reporting.figures.style import drawn, new_panels, save_drawn, save_figures
-from ssm_planner.sizing.requirements import motor_requirements
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
@@ -34,6 +34,15 @@ Files = dict[str, dict[str, bytes]]
 """Content by figure and ending."""
 
 
+class _Plain(pickle.Pickler):
+    """What the sizing found becomes plain namespaces: the child does without the sizing, and CasADi with it."""
+
+    def reducer_override(self, value: object) -> Any:
+        if type(value).__module__.startswith("ssm_planner.sizing."):
+            return SimpleNamespace, (), vars(value)
+        return NotImplemented
+
+
 class FigureProcess:
     """A child process that draws one plan. Where it cannot start or fails, `result` is empty and the caller draws."""
 
@@ -44,7 +53,9 @@ class FigureProcess:
     def draw(self, name: str, *arguments: object) -> None:
         """Begin with a figure in plan_figures.DRAWN; of one that is begun again the last counts. Returns at once."""
         if self._process is not None:
-            self._pipe.submit(self._write, pickle.dumps((name, arguments)))
+            with BytesIO() as message:
+                _Plain(message).dump((name, arguments))
+                self._pipe.submit(self._write, message.getvalue())
 
     def result(self) -> Files:
         """The figures that were begun, when they are done."""
@@ -133,6 +144,8 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
 
 def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict[str, Path]:
     """The same figures from a plan.json that has been read, of a width in inches, as PNG and PDF. Raises ExportError."""
+    from ssm_planner.sizing.requirements import motor_requirements
+
     trajectory, robot = plan.motion, plan.robot
     requirements = motor_requirements(trajectory, robot)
     with publishing_results(folder, plan.sha256) as temporary:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
+from zlib import compress, crc32
+
+import numpy as np
 
 from ssm_planner.atomic import replacing
 from ssm_planner.units import shown
@@ -32,8 +35,11 @@ LETTER = 0.58
 """Mean width of a letter by the size of its type."""
 MARGIN = 0.05
 """Share of the data that matplotlib leaves free at either end of an axis."""
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER = 33
 """Bytes of a PNG file up to the end of its first chunk."""
+LEVEL = 4
+"""Of compression: files are as small as matplotlib's."""
 
 
 def unit_of(unit: str) -> tuple[str, float]:
@@ -97,18 +103,13 @@ def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[st
     The layout is found once, and the canvases print by themselves: Figure.savefig draws everything twice.
     """
     from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    files = {}
     with BytesIO() as file, rc_context({"pdf.fonttype": 42}):
-        FigureCanvasAgg(figure).print_png(file)  # type: ignore[no-untyped-call]
-        files["png"] = file.getvalue()
+        files = {"png": _png(figure)}
         if pdf:
             from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
             figure.set_layout_engine("none")
-            file.seek(0)
-            file.truncate()
             FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None, "Subject": about})  # type: ignore[no-untyped-call]
             files["pdf"] = file.getvalue()
     return files
@@ -144,9 +145,40 @@ def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None)
 
 def png_with_text(png: bytes, key: str, text: str) -> bytes:
     """A PNG image with a text chunk behind its header."""
-    content = b"tEXt" + key.encode("ascii") + b"\0" + text.encode("latin-1")
-    chunk = (len(content) - 4).to_bytes(4, "big") + content + crc32(content).to_bytes(4, "big")
+    chunk = _chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
+
+
+def _png(figure: Figure) -> bytes:
+    """The figure as an opaque PNG image, each row as its difference from that above: most of these are zero.
+
+    Matplotlib's own way, which tries five kinds of differences on four channels, takes twice as long, for the same size.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")  # type: ignore[no-untyped-call]
+    width, height = image.size
+    pixels = np.frombuffer(image.tobytes(), np.uint8).reshape(height, -1)
+    rows = np.empty((height, pixels.shape[1] + 1), np.uint8)
+    rows[:, 0] = 2  # the kind of difference
+    rows[0, 1:] = pixels[0]
+    np.subtract(pixels[1:], pixels[:-1], out=rows[1:, 1:])
+    header = struct.pack(">2I", width, height) + bytes((8, 2, 0, 0, 0))  # 8 bits, red, green and blue
+    per_metre = round(figure.dpi / 0.0254)
+    chunks = (
+        (b"IHDR", header),
+        (b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
+        (b"IDAT", compress(rows.data, LEVEL)),
+    )
+    return PNG_SIGNATURE + b"".join(_chunk(*each) for each in (*chunks, (b"IEND", b"")))
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    """Of a PNG file."""
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc32(kind + content))
 
 
 def legend(axes: Axes, **options: Any) -> None:
