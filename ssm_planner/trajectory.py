@@ -53,6 +53,7 @@ class Trajectory:
     breaks: Array
     coefficients: Array
     phases: tuple[Span, ...]
+    """One after the other; none where they are not known."""
 
     def __post_init__(self) -> None:
         pieces = len(self.breaks) - 1
@@ -149,7 +150,12 @@ class Trajectory:
                 raise ValueError("breaks_s is no list of numbers, or coefficients are no list of pieces")
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error
-        return cls(breaks, coefficients, phases)
+        found = cls(breaks, coefficients, phases)
+        ends = np.array([(phase.start, phase.end) for phase in phases]).reshape(-1, 2)
+        borders = np.concatenate([breaks[:1], ends[:, 1]])
+        if not (len(ends) and np.allclose(ends[:, 0], borders[:-1], 0, SHORTEST) and borders[-1] == breaks[-1]):
+            raise TrajectoryError("the phases of a trajectory follow one another from its start to its end")
+        return found
 
 
 def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]) -> Array:

@@ -165,9 +165,9 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
         else:
             notes += plan.limits_unlike(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
-        # the rates at both ends are the plan's to declare
-        start, end = plan.limits.start_rate, plan.limits.end_rate
-        limits = plan.limits if limits is None else replace(limits, start_rate=start, end_rate=end)
+        # rates at both ends, and the way, are the plan's to declare
+        own = {name: getattr(plan.limits, name) for name in ("start_rate", "end_rate", "motion")}
+        limits = plan.limits if limits is None else replace(limits, **own)
         return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
     beside = path.parent / PLAN_FILE
     sampled = path.name == "trajectory.csv" and beside.is_file()

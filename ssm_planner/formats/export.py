@@ -74,7 +74,8 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
     limits = plan.limits.slower(1 / speed) if 0 < speed <= 1 else plan.limits
     certificate = check_slower(plan.motion, plan.robot, plan.limits, speed)
     motion = plan.motion.slower(speed)
-    problem = replace(plan.problem, start_rate=limits.start_rate or {}, end_rate=limits.end_rate or {})
+    rates = limits.start_rate or {}, limits.end_rate or {}
+    problem = replace(plan.problem, motion=limits.motion, start_rate=rates[0], end_rate=rates[1])
     made = replace(
         plan,
         problem=problem,

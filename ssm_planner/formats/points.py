@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import BLOCK, DEGREE, Span, Trajectory, quintics
+from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, quintics
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck
 
@@ -91,7 +91,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     pieces = PiecesOfPoints(points, cubic, quintic)
     coefficients = cast("Array", pieces) if n > LONG else pieces[:]  # an array as far as a trajectory needs one
-    trajectory = Trajectory(points.t, coefficients, (Span("points", float(points.t[0]), float(points.t[-1])),))
+    trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
     resolution = None
     if straight:

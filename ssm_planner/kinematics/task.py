@@ -124,6 +124,14 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
     return pointing @ mechanism.tool_on_omega1 @ spin, (pointing @ mechanism.omega1) * theta4
 
 
+def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
+    """The tip position (n, 3) of `pose_from_task` alone, of task coordinates (n, 4), t̂ being perpendicular to ω1."""
+    across = np.cross(mechanism.tilt_axis, mechanism.omega1)
+    aside = np.cos(task[:, :1]) * across + np.sin(task[:, :1]) * np.cross(mechanism.omega1, across)
+    pointing = np.cos(task[:, 1:2]) * mechanism.omega1 + np.sin(task[:, 1:2]) * aside
+    return np.asarray(mechanism.insertion_sign * task[:, 3:] * pointing)
+
+
 def joints_from_task_symbolic(
     mechanism: Mechanism, task: casadi.SX, branch: int, reference: Any | None = None
 ) -> casadi.SX:

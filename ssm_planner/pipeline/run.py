@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import Path
 from threading import RLock
 
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.branches import Outcome, on_any_branch
@@ -19,19 +19,18 @@ from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.retiming.blends import BlendedPath
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import JUMPS, TASK, ConstantSpeed, ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.limits import JUMPS, TASK, ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.motion import Follow, Free, Joints, Motion, Point, Scan, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.process import FigureProcess
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
-from ssm_planner.verification.corners import ConstantStretch, CornerDeparture, constant_stretch, corner_departure
 from ssm_planner.verification.limits import JUMP
+from ssm_planner.verification.promises import WayKept, promises_kept
 
 ATTEMPTS = 4
 MULTIPLIERS = (0.5, 0.8, 0.95)
@@ -44,8 +43,6 @@ ROUNDING = 1e-12
 """Share of the largest rate below which a rate is none."""
 ROOM = 1.1
 """Shares of the shortest braking way that joints get to stop."""
-LOOKS_AT_CORNERS = 2001
-"""Points of each line between two corners."""
 BARELY = 1e-6
 """Share by which a rest is longer than what cools, for rounding."""
 
@@ -111,7 +108,7 @@ def _plan(
         problem=problem,
         status=planned.status,
         trajectory=planned.trajectory,
-        phases=tuple(map(_summary, planned.phases)),
+        phases=_summaries(problem, planned),
         certificate=certificate,
         reason=reason,
         nominal_duration=_nominal(settled, progress) if reason is None else None,
@@ -224,48 +221,20 @@ def _nominal(problem: Problem, progress: Progress) -> float | None:
     return None if planned.trajectory is None else planned.trajectory.duration
 
 
-def _corners(planned: PlannedPhase) -> CornerDeparture | None:
-    """How far the motion of a phase departs from its corners; None of one without."""
-    path, motion = planned.phase.path, planned.motion
-    if not isinstance(path, BlendedPath):
-        return None
-    s = np.linspace(0.0, 1.0, LOOKS_AT_CORNERS)
-    lines = [tip_position(path.mechanism, piece.sample(s).q) for piece in path.pieces]
-    trajectory = Trajectory(motion.breaks, motion.coefficients, ())
-    return corner_departure(trajectory, path.mechanism, lines, path.distances)
+def _summaries(problem: Problem, planned: PlannerResult) -> tuple[PhaseSummary, ...]:
+    """Of the phases, with how they keep what is promised of their paths."""
+    kept: dict[Span, WayKept] = {}
+    told = any(getattr(each, "blend", None) or getattr(each, "constant_speed", None) for each in problem.motion)
+    if planned.trajectory is not None and told:
+        mechanism = Mechanism.from_geometry(problem.robot.geometry)
+        kept = {each.way.span: each for each in promises_kept(planned.trajectory, mechanism, problem.task_limits)}
+    spans = () if planned.trajectory is None else planned.trajectory.phases
+    return tuple(_summary(each, kept.get(span)) for each, span in zip_longest(planned.phases, spans))
 
 
-def _constant(planned: PlannedPhase) -> tuple[float, ConstantStretch] | None:
-    """The constant speed that is asked of a phase, and where it has it; None where none is."""
-    motion, path = planned.phase.motion, planned.phase.path
-    if path is None or not isinstance(motion, Follow) or motion.constant_speed is None:
-        return None
-    trajectory = Trajectory(planned.motion.breaks, planned.motion.coefficients, ())
-    return motion.constant_speed, constant_stretch(trajectory, path.mechanism, motion.constant_speed)
-
-
-def _off_path(planned: PlannerResult) -> Reason | None:
-    """A phase whose tip leaves its lines farther from a corner than is allowed, or whose speed is not constant."""
-    for phase in planned.phases:
-        constant = _constant(phase)
-        if constant is not None and not constant[1].passed:
-            where, (speed, stretch) = phase.phase.motion.name, constant
-            text = f"the speed of the tip is off {1e3 * speed:.4g} mm/s by {100 * stretch.error:.2g} % ({where}); not written"
-            return Reason(ConstantSpeed(speed), where, speed, None, text)
-        found = _corners(phase)
-        if found is not None and not found.passed:
-            where = phase.phase.motion.name
-            text = (
-                f"the tip leaves its lines {1e3 * found.reach:.4g} mm from a corner, {1e3 * found.allowed:.4g} mm are "
-                f"allowed ({where}); the motion is not written"
-            )
-            return Reason(None, where, found.reach, found.allowed, text)
-    return None
-
-
-def _summary(planned: PlannedPhase) -> PhaseSummary:
+def _summary(planned: PlannedPhase, kept: WayKept | None) -> PhaseSummary:
     phase, confirmation = planned.phase, planned.motion.confirmation
-    corners, (speed, stretch) = _corners(planned), _constant(planned) or (None, None)
+    start, end, error = (kept and kept.stretch) or (None, None, None)
     return PhaseSummary(
         name=phase.motion.name,
         duration=planned.duration,
@@ -278,12 +247,12 @@ def _summary(planned: PlannedPhase) -> PhaseSummary:
         solver=planned.motion.solver,
         confirmation_iterations=None if confirmation is None else confirmation.iterations,
         confirmation_difference=None if confirmation is None else confirmation.difference,
-        corner_departure=None if corners is None else corners.departure,
-        corner_reach=None if corners is None else corners.reach,
-        constant_speed=speed,
-        constant_from=None if stretch is None else stretch.start,
-        constant_to=None if stretch is None else stretch.end,
-        constant_error=None if stretch is None else stretch.error,
+        corner_departure=kept.departure if kept and kept.way.distances else None,
+        corner_reach=kept.reach if kept else None,
+        constant_speed=kept.way.speed if kept else None,
+        constant_from=start,
+        constant_to=end,
+        constant_error=error,
     )
 
 
@@ -333,8 +302,6 @@ def _tightened(
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
         outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
-        if certificate.passed and (astray := _off_path(planned)) is not None:
-            return planned, certificate, astray
         if not certificate.passed and any(phase.paced for phase in planned.phases):
             paced = False
             continue

@@ -34,6 +34,8 @@ NEAR_CENTRE = 1e-5
 """m from the remote centre, nearer than which a line or an arc has no joints to follow it."""
 AT_START = np.array([1e-4, 1e-4, 1e-4, 1e-5])
 """rad and m within which the first point of a table is where the robot is."""
+OVER_RETINA = 1e-7
+"""m within which the tip is at its distance from the retina."""
 
 
 def points_of_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> tuple[Array, int]:
@@ -158,7 +160,7 @@ def at_distance(problem: Problem, mechanism: Mechanism, motion: Follow, task: Ar
     """The joints q (4,), of task coordinates (4,), with the tool as deep as a distance from the retina asks."""
     tip = tip_position(mechanism, q[None])
     wanted = _over_retina(problem, mechanism, motion, task)
-    if np.linalg.norm(wanted - tip) <= AT_START[3]:
+    if np.linalg.norm(wanted - tip) <= OVER_RETINA:
         return q
     return np.append(q[:3], mechanism.insertion_sign * np.linalg.norm(wanted))
 

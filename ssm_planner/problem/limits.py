@@ -477,19 +477,48 @@ class Duration(Limit):
 
 
 @dataclass(frozen=True)
-class ConstantSpeed(Limit):
-    """Of the tip all along a curve, but for ramps at its ends, with no other limit in the way."""
+class OfPath(Limit):
+    """What a problem promises of the tip's way. The check alone holds it: nothing tightens or relaxes it."""
 
-    name = "constant speed"
     largest: Positive
-    """m/s, that can be had."""
-    unit = "m/s"
+    unit = "m"
 
     @property
     def high(self) -> float:
         return self.largest
 
 
+@dataclass(frozen=True)
+class PathDeparture(OfPath):
+    """Distance of the tip from the lines and arcs that it is to follow, but for rounded corners."""
+
+    name = "path departure"
+
+
+@dataclass(frozen=True)
+class CornerRounding(OfPath):
+    """Distance of the tip from a corner where it is off its lines."""
+
+    name = "corner rounding"
+
+
+@dataclass(frozen=True)
+class RetinaDistance(OfPath):
+    """Distance that the tip keeps from the retina all along a curve."""
+
+    name = "retina distance"
+
+
+@dataclass(frozen=True)
+class ConstantSpeed(OfPath):
+    """Of the tip all along a curve, but for ramps at its ends, with no other limit in the way."""
+
+    name = "constant speed"
+    unit = "m/s"
+
+
+PROMISES = tuple(f"{kind.name}" for kind in OfPath.__subclasses__())
+"""Names of what a problem promises of the tip's way."""
 ENDS = ("start velocity", "end velocity")
 JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)), *ENDS)
 """Names of the limits on jumps, also from and to rest, which tables leave out while they are kept."""

@@ -11,9 +11,19 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
-from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import OF_TIP, Dwell, Follow, Free, Joints, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
-from ssm_planner.problem.value import Interval, Matrix, Names, NotNegative, Positive, Quantity, Value, Vector
+from ssm_planner.problem.value import (
+    Interval,
+    Matrix,
+    Names,
+    NotNegative,
+    Positive,
+    Quantity,
+    Value,
+    Vector,
+    unchecked,
+)
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
@@ -138,6 +148,8 @@ class TaskLimits(Limited):
     """Point masses at the tip, kg, with all of which they hold; None: none."""
     duty: float | None = 0.0
     """Pause before the motion repeats, s; None: it is done once."""
+    motion: tuple[Straight | Free | Follow | Dwell | Scan, ...] = ()
+    """What the motion is made of, whose lines, rounded corners and constant speeds the check holds it against."""
 
     def within(self, robot: Robot) -> TaskLimits:
         """With the ranges of a robot: of two for a coordinate what both allow, or the robot's where that is nothing."""
@@ -152,14 +164,26 @@ class TaskLimits(Limited):
         return replace(self, limits=tuple(limits))
 
     def slower(self, stretch: float) -> TaskLimits:
-        """Those of the motion run slower by a factor: its rates at both ends are lower by as much."""
+        """Those of the motion run slower by a factor: its rates at both ends and its constant speeds are lower by as much."""
         if stretch == 1:
             return self
+        motion = (
+            unchecked(entry, constant_speed=entry.constant_speed / stretch)
+            if isinstance(entry, Follow) and entry.constant_speed is not None
+            else entry
+            for entry in self.motion
+        )
         start, end = (
             None if rate is None else {name: value / stretch for name, value in rate.items()}
             for rate in (self.start_rate, self.end_rate)
         )
-        return replace(self, start_rate=start, end_rate=end)
+        return replace(self, start_rate=start, end_rate=end, motion=tuple(motion))
+
+    @property
+    def promising(self) -> str:
+        """Names of the motions along given lines."""
+        lines = (each for each in self.motion if isinstance(each, Straight) or getattr(each, "curve", "") in OF_TIP)
+        return ", ".join(dict.fromkeys(each.name for each in lines))
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
@@ -231,6 +255,7 @@ class Problem(Value, Limited):
             friction=self.friction,
             payload=self.payload,
             duty=self.duty,
+            motion=self.motion,
         )
 
     @property

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem.limits import Limit
+from ssm_planner.problem.limits import PROMISES, Limit
+from ssm_planner.problem.motion import Follow, Straight
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain, robot_text
@@ -36,7 +37,7 @@ class LimitCheck:
     time: float
     unit: str
     case: str | None = None
-    """Friction and payload at which it is worst, where a range of them was looked at."""
+    """Friction and payload at which it is worst, where a range of them was looked at; of a promised path its phase."""
 
     @classmethod
     def of(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
@@ -144,6 +145,8 @@ def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limi
     rates: dict[str, Any] = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
+    if any(each.name in PROMISES for each in certificate.limits):
+        rates["promises"] = [_promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))]
     found = {**certificate.to_dict(), "sha256": None}
     stated = json.dumps({"found": found, "limits": {**plain(limits), **rates}}, sort_keys=True)
     # one object with its keys in order; the robot's text is known from plan to plan
@@ -152,3 +155,8 @@ def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limi
     for first in range(0, len(trajectory.breaks) - 1, BLOCK):
         digest.update(trajectory.pieces(slice(first, first + BLOCK)).astype("<f8").tobytes())
     return digest.hexdigest()
+
+
+def _promise(entry: Straight | Follow) -> dict[str, Any]:
+    """What a motion says of its way."""
+    return {key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")}

@@ -14,6 +14,7 @@ import numpy as np
 
 from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.dynamics.transmission import self_locking_margin
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.limits import ENDS, JUMPS, ContinuousTorque, SelfLocking
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
@@ -25,6 +26,7 @@ from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
 from ssm_planner.verification.polylines import linear_limits
+from ssm_planner.verification.promises import path_checks
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 from ssm_planner.verification.stops import StopMotions, quickest_stops
 
@@ -86,6 +88,10 @@ def check(
     found += _locking(robot, limits.friction)
     if not straight:
         found += _farthest_stop(trajectory, robot, limits)
+    if trajectory.phases:
+        found += path_checks(trajectory, Mechanism.from_geometry(robot.geometry), limits)
+    elif limits.promising:
+        unchecked.append(f"that the tip keeps to the path of {limits.promising}: a table does not say when it begins")
     certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
@@ -133,11 +139,12 @@ def check_stops(stops: StopMotions, motion: Trajectory, robot: Robot, limits: Ta
     listed = [each for each in stops.motions if each is not None] or [motion]
     breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([np.diff(each.breaks) for each in listed]))])
     joined = Trajectory(breaks, np.concatenate([each.coefficients for each in listed]), ())
-    limits = replace(limits, limits=tuple(limit for limit in limits.limits if limit is not limits.stop_travel))
+    kept = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
+    limits = replace(limits, limits=kept, motion=())
     found = check(joined, robot, limits, rate=RATE_OF_STOPS)
     whole = (*JUMPS, ContinuousTorque.name, *ENDS)
-    kept = tuple(each for each in found.limits if each.name not in whole)
-    return Certificate(kept, found.interpolation, found.instants, found.unchecked)
+    of_stops = tuple(each for each in found.limits if each.name not in whole)
+    return Certificate(of_stops, found.interpolation, found.instants, found.unchecked)
 
 
 def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:

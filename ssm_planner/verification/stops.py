@@ -21,7 +21,7 @@ from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array, Indices, Mask
 
 INSTANTS = 1000
@@ -225,5 +225,5 @@ def _motions(path: _Path, count: int, columns: list[Array]) -> tuple[Trajectory 
             motions.append(None)
             continue
         breaks = np.concatenate([[0.0], np.cumsum(dt[first:end])])
-        motions.append(Trajectory(breaks, coefficients[first:end].copy(), (Span("stop", 0.0, float(breaks[-1])),)))
+        motions.append(Trajectory(breaks, coefficients[first:end].copy(), ()))
     return tuple(motions)

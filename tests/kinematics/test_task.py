@@ -17,6 +17,7 @@ from ssm_planner.kinematics.task import (
     task_from_joints_symbolic,
     task_rates,
     task_rates_symbolic,
+    tip_from_task,
 )
 from ssm_planner.kinematics.workspace import tilt_interval
 
@@ -116,6 +117,13 @@ def test_symbolic_task_rates_are_the_derivative_and_the_numeric_ones(random_mech
         for each, speed, expected in zip(points, speeds, numeric, strict=True):
             for found in function(each, speed):
                 assert found.full()[:, 0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_the_tip_follows_from_task_coordinates_by_two_ways(random_mechanism):
+    rng = np.random.default_rng(9)
+    for _ in range(5):
+        mech, task = random_mechanism(rng), rng.uniform(-3.0, 3.0, (40, 4))
+        assert tip_from_task(mech, task) == pytest.approx(pose_from_task(mech, task)[1], abs=1e-14)
 
 
 def test_the_tilt_rate_vanishes_at_the_workspace_boundary(vitreoretinal):

@@ -19,8 +19,6 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRate
 from ssm_planner.problem.motion import Dwell, Follow, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
-from ssm_planner.trajectory import Trajectory, hermite
-from ssm_planner.verification.corners import corner_departure
 
 START = Task(0.0, np.radians(-95), 0.0, 0.005)
 ONWARD = Follow(Tip((0.004, -0.003, -0.014), 0.1), curve="line", name="line")
@@ -114,23 +112,6 @@ def test_a_line_of_the_tip_takes_durations_and_jerk_limits(tilt_insert: Problem,
     way = tips[-1] - tips[0]
     off = np.cross(tips - tips[0], way / np.linalg.norm(way))
     assert np.abs(off).max() < 1e-7
-
-
-def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> None:
-    """A motion straight on, held against lines that turn off it at 60° in its middle, 2 mm before its end."""
-    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
-    q = np.array([[0.0, 0.6, 0.0, -0.010], [0.0, 0.6, 0.0, -0.014]])
-    breaks, rest = np.array([0.0, 1.0]), np.zeros((1, 4))
-    motion = Trajectory(breaks, hermite(breaks, (q[:1], rest, rest), (q[1:], rest, rest)), ())
-    first, last = tip_position(mechanism, q)
-    middle, along = (first + last) / 2, (last - first) / 0.004
-    on = corner_departure(motion, mechanism, [np.stack([first, middle]), np.stack([middle, last])], [1e-4])
-    assert (on.departure, on.reach) == (pytest.approx(0.0, abs=1e-12), 0.0)
-    across = np.cross(along, np.array([0.0, 1.0, 0.0]))
-    aside = middle + 0.004 * (0.5 * along + np.sqrt(0.75) * across / np.linalg.norm(across))
-    off = corner_departure(motion, mechanism, [np.stack([first, middle]), np.stack([middle, aside])], [1e-4])
-    assert (off.departure, off.reach) == pytest.approx((0.002 * np.sqrt(0.75), 0.002), rel=1e-6)
-    assert not off.passed
 
 
 @pytest.mark.parametrize(

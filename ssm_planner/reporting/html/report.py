@@ -14,6 +14,7 @@ from ssm_planner.display import NOTHING, fixed, number, percent, words
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import (
     JUMPS,
+    PROMISES,
     TASK,
     JointAcceleration,
     JointJerk,
@@ -223,7 +224,7 @@ def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
     rows = []
     for check in sorted(limits, key=lambda limit: limit.margin):
         name, joint, worst, allowed, unit, _ = limit_cells(check, "°")
-        floor = name in FLOORS or (name.endswith(("range", "position")) and check.worst > check.limit)
+        floor = name in FLOORS or (name.endswith(("range", "position", *PROMISES)) and check.worst > check.limit)
         name = {SelfLocking.name: "friction that self-locking needs"}.get(name, name)
         allowed = f"{'≥' if floor else '≤'} {allowed}"
         rows.append(LimitRow(check, name=name, joint=joint, worst=worst, allowed=allowed, unit=unit))

@@ -1,0 +1,307 @@
+"""How a motion keeps what its problem promises of the tip's way: lines, corners, constant speed, distance from the retina.
+
+Lines follow from the problem and from where the tip is when it begins to follow them, by kinematics alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ssm_planner.kinematics.forward import tip_position, tool_speed
+from ssm_planner.kinematics.inverse import inverse_tip
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints, tip_from_task
+from ssm_planner.problem.limits import (
+    TASK,
+    ConstantSpeed,
+    CornerRounding,
+    OfPath,
+    PathDeparture,
+    RetinaDistance,
+    TipSpeed,
+)
+from ssm_planner.problem.motion import OF_TIP, Follow, Joints, Motion, Point, Scan, Straight, Task
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import LimitCheck
+
+OFF = 1e-7
+"""m from its lines beyond which the tip has left them."""
+ON, CONSTANT = 1e-6, 1e-6
+"""m by which the tip may be off a line without corners, and off its distance from the retina; share for a constant speed."""
+SLACK = 1e-9
+"""m by which it may leave its lines farther from a corner than is allowed."""
+LOOKS, FEW = 8, 3
+"""Instants in every piece of a motion at constant speed, and of others."""
+ABOUT, INSTANTS = 1.5, 301
+"""Distances allowed from a corner within which more instants are looked at, and how many."""
+COARSE, STEPS, STEP = 65, 3, 1e-7
+"""Points of a line among which the nearest to the tip is looked for, steps from there, and of differences."""
+SOME = 4096
+"""Instants at a time."""
+
+Curve = Callable[[Array], Array]
+"""Tips (n, 3) at shares (n,) of a line."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """What is promised of one phase of a motion."""
+
+    span: Span
+    lines: tuple[Curve, ...]
+    """That the tip follows one after the other."""
+    distances: tuple[float, ...] = ()
+    """Within which of the corners between them the tip may leave them, m."""
+    speed: float | None = None
+    """That the tip keeps, m/s."""
+    over: tuple[Array, float, float] | None = None
+    """Centre (3,) and radius of a retina, and the distance that the tip keeps from it, m."""
+
+    @property
+    def corners(self) -> Array:
+        """Between the lines, (k, 3)."""
+        return np.array([line(np.ones(1))[0] for line in self.lines[:-1]]).reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class WayKept:
+    """How a phase keeps its promises; SI."""
+
+    way: Way
+    checks: tuple[LimitCheck, ...]
+    departure: float
+    """Largest distance of the tip from its lines."""
+    stretch: tuple[float, float, float] | None = None
+    """Of a constant speed: from when to when, s from the start of the phase, and the largest share by which it is off."""
+
+    @property
+    def reach(self) -> float | None:
+        """Largest distance from a corner at which the tip is off its lines; None without corners."""
+        return next((check.worst for check in self.checks if check.name == CornerRounding.name), None)
+
+
+def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[WayKept]:
+    """Of every phase of which something is promised."""
+    return [_kept(motion, mechanism, way) for way in _ways(motion, mechanism, limits)]
+
+
+def path_checks(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[LimitCheck]:
+    """The worst of every promise over all phases."""
+    found = (check for kept in promises_kept(motion, mechanism, limits) for check in kept.checks)
+    worst: dict[str, LimitCheck] = {}
+    for check in found:
+        worst[check.name] = min(worst.get(check.name, check), check, key=lambda each: each.margin)
+    return list(worst.values())
+
+
+def _ways(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
+    """The promises of a problem's motions, each with the phase that it is of: phases are named like these, in their order."""
+    place, loose = 0, False
+    spans = motion.phases
+    for chain in _chains(limits.motion):
+        first, name = chain[0], " + ".join(dict.fromkeys(entry.name for entry in chain))
+        if isinstance(first, Scan) or (isinstance(first, Follow) and first.curve == "samples"):
+            loose = True  # of as many phases as the planner needs
+            continue
+        if isinstance(first, Follow) and first.curve == "retina" and not loose:
+            place += place < len(spans) and spans[place].name == f"{name}, approach"
+        if loose:
+            place = next((k for k in range(place, len(spans)) if spans[k].name == name), place)
+        span = spans[place] if place < len(spans) else None
+        place, loose = place + 1, False
+        if isinstance(first, Straight) or (isinstance(first, Follow) and first.curve in OF_TIP):
+            begin = motion.breaks[-1] if span is None else span.start
+            found = span is not None and span.name == name
+            yield _way(motion, mechanism, limits, chain, span if found and span else Span(name, begin, begin))
+
+
+def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
+    """The motions of a problem, those between rounded corners together."""
+    chain: list[Motion] = []
+    for entry in entries:
+        chain.append(entry)
+        if not isinstance(entry, (Straight, Follow)) or entry.blend is None:
+            yield chain
+            chain = []
+
+
+def _way(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span) -> Way:
+    """The lines of motions that are one phase, from where the tip is when it begins."""
+    task, branch = _begun(motion, mechanism, chain, span)
+    lines: list[Curve] = []
+    over: tuple[Array, float, float] | None = None
+    for entry in chain:
+        assert isinstance(entry, (Straight, Follow))
+        tasks = [task]
+        for point in (*(entry.through if isinstance(entry, Follow) else ()), entry.to):
+            tasks.append(_task_at(mechanism, point, tasks[-1], branch))
+        if isinstance(entry, Follow) and entry.distance is not None and limits.eye is not None:
+            over = limits.eye.centre, limits.eye.radius, entry.distance
+            tasks[-1][3] = _depth_in(mechanism, tasks[-1], over[0], over[1] - over[2])
+        tips = tip_from_task(mechanism, np.array(tasks))
+        if isinstance(entry, Straight):
+            lines.append(partial(_in_task, mechanism, tasks[0], tasks[-1]))
+        elif entry.curve == "line":
+            lines.append(partial(_line, tips[0], tips[-1]))
+        else:
+            lines.append(_circle(tips, _middle(tips) if over is None else over[0], shorter=over is not None))
+        task = tasks[-1]
+    distances = tuple(entry.blend for entry in chain if isinstance(entry, (Straight, Follow)) and entry.blend)
+    return Way(span, tuple(lines), distances, chain[0].constant_speed if isinstance(chain[0], Follow) else None, over)
+
+
+def _begun(motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span) -> tuple[Array, int]:
+    """Task coordinates (4,) where a phase begins, rolls counted as its motions do, and the branch."""
+    inner = motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)]
+    tasks = task_from_joints(mechanism, motion.sample([span.start, *inner, span.end]).q)
+    named = [entry.to.roll for entry in chain if isinstance(entry, Straight) and entry.to.roll is not None]
+    if named:
+        rolls = np.unwrap(tasks[:, 0])
+        tasks[0, 0] += 2 * np.pi * np.round((named[-1] - rolls[-1]) / (2 * np.pi))
+    return tasks[0], int(mechanism.branch_of(motion.sample(span.start).q[0]))
+
+
+def _task_at(mechanism: Mechanism, point: Point, held: Array, branch: int) -> Array:
+    """Task coordinates (4,) of a point; those that it leaves out are held (4,)."""
+    if isinstance(point, Task):
+        return np.array([point.given.get(name, held[k]) for k, name in enumerate(TASK)])
+    if isinstance(point, Joints):
+        return task_from_joints(mechanism, [point.values], near=held)[0]
+    return task_from_joints(
+        mechanism, inverse_tip(mechanism, [point.position], point.spin).joints[:, 0 if branch > 0 else 1], near=held
+    )[0]
+
+
+def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
+    """How deep the tool is whose tip is on a sphere about a centre (3,), where it points as task coordinates (4,) say."""
+    along = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
+    return float(along @ centre + np.sqrt(max((along @ centre) ** 2 - centre @ centre + radius**2, 0.0)))
+
+
+def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
+    """Straight in task coordinates, (4,) each."""
+    return tip_from_task(mechanism, start + s[:, None] * (end - start))
+
+
+def _line(start: Array, end: Array, s: Array) -> Array:
+    return np.asarray(start + s[:, None] * (end - start))
+
+
+def _middle(tips: Array) -> Array:
+    """Centre (3,) of the circle through three points (3, 3), where the bisecting planes of two sides meet theirs."""
+    sides, normal = tips[1:] - tips[0], np.cross(tips[1] - tips[0], tips[2] - tips[0])
+    half = (sides * (tips[1:] + tips[0])).sum(axis=1) / 2
+    return np.asarray(np.linalg.lstsq(np.vstack([sides, normal]), np.append(half, normal @ tips[0]), rcond=None)[0])
+
+
+def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
+    """The arc about a centre from the first tip to the last: the shorter one, or that by the tip between them."""
+    first, end = tips[0] - centre, tips[-1] - centre
+    aside = end if shorter else tips[1] - centre
+    normal = np.cross(first, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
+    size = np.linalg.norm(normal)
+    second = np.cross(normal / size, first) if size else aside - first
+    angle = float(np.arctan2(end @ second, end @ first)) % (2 * np.pi) if size else 0.0
+    return lambda s: np.asarray(centre + np.cos(angle * s)[:, None] * first + np.sin(angle * s)[:, None] * second)
+
+
+def _off(line: Curve, tips: Array) -> Array:
+    """Distances (n,) of tips (n, 3) from the places of a line that are found to be nearest to them."""
+    shares = np.linspace(0.0, 1.0, COARSE)
+    places = line(shares)
+    s = shares[np.argmin((places**2).sum(axis=1) - 2 * tips @ places.T, axis=1)]
+    for _ in range(STEPS):
+        at = line(s)
+        along = (line(s + STEP) - at) / STEP
+        square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+        s = np.clip(s + ((tips - at) * along).sum(axis=1) / square, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(tips - line(s), axis=1))
+
+
+def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
+    """One phase held against what is promised of it."""
+    t = _instants(motion, mechanism, way)
+    blocks = [motion.sample(t[k : k + SOME]) for k in range(0, len(t), SOME)]
+    along = [tip_position(mechanism, block.q) for block in blocks]
+    off = np.concatenate([np.min([_off(line, tips) for line in way.lines], axis=0) for tips in along])
+    tips = np.vstack(along)
+    missed = float(np.linalg.norm(tips[-1] - way.lines[-1](np.ones(1))[0]))
+    checks = _leaving(way, t, tips, np.append(off[:-1], max(off[-1], missed)))
+    if way.over is not None:
+        centre, radius, distance = way.over
+        far = radius - np.linalg.norm(tips - centre, axis=1)
+        checks.append(_farthest_off(RetinaDistance(distance), ON, way, t, far))
+    stretch = None
+    if way.speed is not None:
+        speeds = np.concatenate([tool_speed(TipSpeed, mechanism, block.q, block.qd) for block in blocks])
+        check, stretch = _at_speed(way, way.speed, t, speeds)
+        checks.append(check)
+    return WayKept(way, tuple(checks), float(off.max()), stretch)
+
+
+def _instants(motion: Trajectory, mechanism: Mechanism, way: Way) -> Array:
+    """In every piece of a phase, and more about its corners, (n,)."""
+    start, end = way.span.start, way.span.end
+    breaks = np.concatenate([[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]])
+    looks = LOOKS if way.speed else FEW
+    t = np.append((breaks[:-1, None] + np.arange(looks) / looks * np.diff(breaks)[:, None]).ravel(), end)
+    if not way.distances:
+        return t
+    away = np.linalg.norm(tip_position(mechanism, motion.sample(t).q)[:, None] - way.corners, axis=2)
+    about = [t]
+    for near in (away < ABOUT * np.array(way.distances)).T:
+        if near.any():
+            first, last = np.flatnonzero(near)[[0, -1]]
+            about.append(np.linspace(t[max(first - 1, 0)], t[min(last + 1, len(t) - 1)], INSTANTS))
+    return np.unique(np.concatenate(about))
+
+
+def _leaving(way: Way, t: Array, tips: Array, off: Array) -> list[LimitCheck]:
+    """How far the tips (n, 3), off (n,) from the lines, leave these away from corners, and where about corners."""
+    shares = np.linalg.norm(tips[:, None] - way.corners, axis=2) / np.array(way.distances)
+    outside = np.all(shares * way.distances > np.array(way.distances) + SLACK, axis=1)
+    away = np.where(outside, off, 0.0)
+    k = int(np.argmax(away))
+    checks = [_check(PathDeparture(ON), way, float(away[k]), float(t[k]))]
+    if way.distances:
+        nearest = np.argmin(shares, axis=1)
+        k = int(np.argmax(np.where(off > OFF, shares.min(axis=1), 0.0)))
+        allowed = way.distances[int(nearest[k])]
+        reach = allowed * float(shares[k].min()) if off[k] > OFF else 0.0
+        checks.append(_check(CornerRounding(allowed), way, reach, float(t[k])))
+    return checks
+
+
+def _check(limit: OfPath, way: Way, worst: float, time: float) -> LimitCheck:
+    return replace(LimitCheck.of(limit, worst, time), case=way.span.name)
+
+
+def _farthest_off(limit: OfPath, by: float, way: Way, t: Array, values: Array) -> LimitCheck:
+    """Of values (n,) that are to be one value, up to so much."""
+    error = values - limit.largest
+    k = int(np.argmax(np.abs(error)))
+    bound = limit.largest + by * float(np.sign(error[k]) or 1.0)
+    margin = 1 - float(abs(error[k])) / by
+    found = LimitCheck(
+        limit.name, None, float(values[k]), limit=bound, margin=margin, time=float(t[k]), unit=limit.unit
+    )
+    return replace(found, case=way.span.name)
+
+
+def _at_speed(way: Way, speed: float, t: Array, speeds: Array) -> tuple[LimitCheck, tuple[float, float, float]]:
+    """Of the tip's speeds (n,): kept from where it first has the one asked for to where it last does, and never exceeded."""
+    kept = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
+    ends, judged = (0.0, 0.0), speeds
+    if len(kept) >= LOOKS:
+        first, last = kept[0], kept[-1]
+        ends = float(t[first] - t[0]), float(t[last] - t[0])
+        judged = np.maximum(speeds, speed)
+        judged[first : last + 1] = speeds[first : last + 1]
+    check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, way, t, judged)
+    return check, (*ends, float(np.abs(judged / speed - 1).max()))
