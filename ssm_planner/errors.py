@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -54,6 +56,16 @@ class ProblemError(SsmPlannerError):
         if self.unshown:
             lines.append(f"… and {self.unshown} more")
         return "\n".join(lines)
+
+
+@contextmanager
+def within(place: str) -> Iterator[None]:
+    """Problem errors raised here name their key below a place such as motion[0].tilt."""
+    try:
+        yield
+    except ProblemError as error:
+        error.key = f"{place}.{error.key}" if error.key else place
+        raise
 
 
 class GeometryError(SsmPlannerError, ValueError):

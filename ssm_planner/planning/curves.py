@@ -63,9 +63,10 @@ def _joints(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array,
             positions, spins = np.array([tip.position for tip in tips]), [tip.spin for tip in tips]
             found, reaches = _of_tips(mechanism, positions, spins, rows[-1])
             if not reaches.all():
-                raise _unreached(tips[int(np.argmin(reaches))], motion.file or problem.file)
+                missed = int(np.argmin(reaches))
+                raise _unreached(problem, motion, tips[missed], len(rows) - 1 + missed)
         else:
-            tasks = _filled(problem, mechanism, motion, points, task)
+            tasks = _filled(problem, mechanism, motion, points, task, first=len(rows) - 1)
             found = np.stack(joints_of_task(NUMPY, mechanism, tasks.T, int(mechanism.branch_of(rows[-1]))), axis=1)
             turns = np.round((rows[-1] - found[0]) / (2 * np.pi))
             found = (found + 2 * np.pi * turns * (1, 1, 1, 0))[1:]
@@ -74,10 +75,20 @@ def _joints(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array,
     return rows
 
 
-def _unreached(tip: Tip, file: str | None) -> ProblemError:
+def _key(motion: Follow, k: int, name: str) -> str:
+    """Of a point of the motion, below it; a table's line says more."""
+    if motion.file is not None:
+        return name
+    passed = "through" if motion.curve == "arc" else f"through[{k}]"
+    return f"{'to' if k == len(motion.through) else passed}.{name}"
+
+
+def _unreached(problem: Problem, motion: Follow, tip: Tip, k: int) -> ProblemError:
     value = ", ".join(f"{1e3 * x:.4g} mm" for x in tip.position)
     reason = "the mechanism cannot bring the tip there"
-    return ProblemError(reason, file=file, line=tip.line, key="tip", value=value)
+    return ProblemError(
+        reason, file=motion.file or problem.file, line=tip.line, key=_key(motion, k, "tip"), value=value
+    )
 
 
 def without_repeats(points: Array) -> Array:
@@ -85,13 +96,17 @@ def without_repeats(points: Array) -> Array:
     return np.asarray(points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)])
 
 
-def _filled(problem: Problem, mechanism: Mechanism, motion: Follow, points: Sequence[Point], task: Array) -> Array:
-    """Task coordinates from where the robot is on, (n + 1, 4); those left out keep their values."""
+def _filled(
+    problem: Problem, mechanism: Mechanism, motion: Follow, points: Sequence[Point], task: Array, first: int = 0
+) -> Array:
+    """Task coordinates from where the robot is on, (n + 1, 4); what is left out is kept. first: place of the first point."""
     rows = [task]
-    for point in points:
+    for k, point in enumerate(points, first):
         assert isinstance(point, Task)
         rows.append(np.array([point.given.get(name, rows[-1][k]) for k, name in enumerate(TASK)]))
-        refuse_tilt(problem, mechanism, float(rows[-1][1]), line=point.line, key="tilt", file=motion.file)
+        refuse_tilt(
+            problem, mechanism, float(rows[-1][1]), line=point.line, key=_key(motion, k, "tilt"), file=motion.file
+        )
     return np.array(rows)
 
 
@@ -133,7 +148,12 @@ def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Arra
                 "a motion of the tip, or no constant_speed",
             )
             raise ProblemError(
-                reason, file=problem.file, line=motion.line, key=f"{motion.name}.constant_speed", allowed=keeps
+                reason,
+                file=problem.file,
+                line=motion.line,
+                key="constant_speed",
+                value=f"{1e3 * motion.constant_speed:g} mm/s",
+                allowed=keeps,
             )
         branch, driven = int(mechanism.branch_of(q)), driven_joints(problem)
         path = TipPath(mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven)
@@ -147,7 +167,7 @@ def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Arra
             reason = f"the joints cannot follow this {motion.curve}: the tip would pass the remote centre"
             if motion.curve == "line" and np.abs((given[-1] - q)[:2]).max() < NOWHERE:
                 return np.asarray(given[-1])
-    raise ProblemError(reason, file=problem.file, line=motion.line, key=motion.name, allowed=keeps)
+    raise ProblemError(reason, file=problem.file, line=motion.line, allowed=keeps)
 
 
 def _over_retina(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array) -> Array:

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from ssm_planner.errors import ProblemError
+from ssm_planner.errors import ProblemError, within
 from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import Solutions
@@ -19,7 +19,21 @@ from ssm_planner.planning.retiming.blends import BlendedPath, rounded
 from ssm_planner.planning.retiming.paths import ClosedPath, JointPath, SplinePath, StraightPath, smooth_runs
 from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import OF_TIP, Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import (
+    ALONE,
+    OF_TIP,
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    Point,
+    Scan,
+    Straight,
+    Task,
+    Tip,
+    key_of,
+)
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
@@ -62,7 +76,8 @@ def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
     target = problem.start
     if isinstance(target, Joints):
         return [np.array(target.values)]
-    found = _solutions(problem, mechanism, target, np.zeros(4), None)
+    with within("start"):
+        found = _solutions(problem, mechanism, target, np.zeros(4), None)
     branches = np.where(found.reaches[0], found.branch[0], 0)
     order = sorted(np.flatnonzero(branches), key=lambda k: bool(branches[k] != mechanism.home_branch))
     return [q for k in order for q in _with_turns(found.joints[0, k])]
@@ -82,47 +97,53 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     phases: list[Phase] = []
-    near = _task_of(problem, mechanism, problem.start, np.zeros(4)) if isinstance(problem.start, Task) else None
+    near = None
+    if isinstance(problem.start, Task):
+        near = _task_of(problem, mechanism, problem.start, np.zeros(4), "start.tilt")
     task = task_from_joints(mechanism, q[None, :], near=near)[0]
-    ahead = list(problem.motion[::-1])
-    while ahead:
-        motion = ahead.pop()
-        if isinstance(motion, Scan):
-            ahead += visits_of(problem, mechanism, motion, q)[::-1]
-            continue
-        if isinstance(motion, Dwell):
-            phase = Phase(motion, task, task, np.stack([q, q]), None)
-        elif isinstance(motion, Straight):
-            phase = _straight_phase(problem, mechanism, motion, (task, q))
-        elif isinstance(motion, Follow):
-            phases += _curved_phases(problem, mechanism, motion, (task, q))
-            task, q = phases[-1].end, phases[-1].points[-1]
-            continue
-        else:
-            phase = _free_phase(problem, mechanism, motion, (task, q))
-        phases.append(phase)
-        task, q = phase.end, phase.points[-1]
-    phases = _without_stops(problem, mechanism, phases)
+    places: list[str] = []
+    for k, entry in enumerate(problem.motion):
+        place = f"motion[{k}].{key_of(entry)}"
+        with within(place):
+            for motion in visits_of(problem, mechanism, entry, q) if isinstance(entry, Scan) else (entry,):
+                phases += _phases_of(problem, mechanism, motion, (task, q))
+                task, q = phases[-1].end, phases[-1].points[-1]
+        places += [place] * (len(phases) - len(places))
+    phases = _without_stops(problem, mechanism, phases, places)
     if not any(phase.path is not None or phase.motion.duration or not phase.stands for phase in phases):
         nowhere = phases[0].motion
         reason = "this motion goes nowhere: its start and target are the same"
-        raise ProblemError(reason, file=problem.file, line=nowhere.line, key=nowhere.name)
+        raise ProblemError(reason, file=problem.file, line=nowhere.line, key=places[0])
     return tuple(phases)
 
 
-def _without_stops(problem: Problem, mechanism: Mechanism, phases: list[Phase]) -> list[Phase]:
-    """The phases, those between rounded corners as one."""
+def _phases_of(problem: Problem, mechanism: Mechanism, motion: Motion, at: tuple[Array, Array]) -> list[Phase]:
+    """The phases of one motion; at: task coordinates and joints where it starts, (4,) each."""
+    task, q = at
+    if isinstance(motion, Dwell):
+        return [Phase(motion, task, task, np.stack([q, q]), None)]
+    if isinstance(motion, Straight):
+        return [_straight_phase(problem, mechanism, motion, at)]
+    if isinstance(motion, Follow):
+        return _curved_phases(problem, mechanism, motion, at)
+    assert isinstance(motion, Free)
+    return [_free_phase(problem, mechanism, motion, at)]
+
+
+def _without_stops(problem: Problem, mechanism: Mechanism, phases: list[Phase], places: list[str]) -> list[Phase]:
+    """The phases, those between rounded corners as one; places: of their motions in the problem."""
     merged: list[Phase] = []
     chain: list[Phase] = []
-    for phase in phases:
+    for k, phase in enumerate(phases, 1):
         chain.append(phase)
         if not isinstance(phase.motion, (Straight, Follow)) or phase.motion.blend is None:
-            merged.append(chain[0] if len(chain) == 1 else _rounded_phase(problem, mechanism, chain))
+            there = places[k - len(chain) : k]
+            merged.append(chain[0] if len(chain) == 1 else _rounded_phase(problem, mechanism, chain, there))
             chain = []
     return merged
 
 
-def _rounded_phase(problem: Problem, mechanism: Mechanism, chain: list[Phase]) -> Phase:
+def _rounded_phase(problem: Problem, mechanism: Mechanism, chain: list[Phase], places: list[str]) -> Phase:
     """A phase along those of a chain, corners rounded. Raises ProblemError."""
     distances = [getattr(phase.motion, "blend", 0.0) for phase in chain[:-1]]
     pieces = [phase.path for phase in chain if isinstance(phase.path, ClosedPath)]
@@ -134,7 +155,7 @@ def _rounded_phase(problem: Problem, mechanism: Mechanism, chain: list[Phase]) -
         path = rounded(mechanism, pieces, distances)
     except ProblemError as error:
         k = int(error.key or 0)
-        error.file, error.line, error.key = problem.file, chain[k].motion.line, f"{chain[k].motion.name}.blend"
+        error.file, error.line, error.key = problem.file, chain[k].motion.line, f"{places[k]}.blend"
         error.value = f"{1e3 * distances[k]:g} mm"
         raise
     first, name = chain[0].motion, " + ".join(dict.fromkeys(phase.motion.name for phase in chain))
@@ -146,7 +167,7 @@ def _rounded_phase(problem: Problem, mechanism: Mechanism, chain: list[Phase]) -
 def _straight_phase(problem: Problem, mechanism: Mechanism, motion: Straight, at: tuple[Array, Array]) -> Phase:
     """A motion straight in task coordinates; at: task coordinates and joints where it starts, (4,) each."""
     start, q = at
-    end = _task_of(problem, mechanism, motion.to, start)
+    end = _task_of(problem, mechanism, motion.to, start, "to" if key_of(motion) in ALONE else "to.tilt")
     if np.abs(end - start).max() < NOWHERE:
         return Phase(motion, start, start, np.stack([q, q]), None)
     path = straight_path(problem, mechanism, start, end, q)
@@ -158,7 +179,8 @@ def _free_phase(problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[
     start, q = at
     points, end = [q], start
     for k in range(len(motion.through) + 1):
-        point = _free_end(problem, mechanism, _target(motion, k, end), end, points[-1])
+        with within("to" if k == len(motion.through) else f"through[{k}]"):
+            point = _free_end(problem, mechanism, _target(motion, k, end), end, points[-1])
         if np.abs(point - points[-1]).max() < NOWHERE:
             continue
         points.append(point)
@@ -331,8 +353,8 @@ def _inverse(mechanism: Mechanism, task: bytes | None, limits: bytes | None, ref
     return inverse_task(mechanism, np.frombuffer(task)[None, :], limits=within, reference=near)
 
 
-def _task_of(problem: Problem, mechanism: Mechanism, target: Task, held: Array) -> Array:
-    """Task coordinates (4,) of a target that names some; those that it does not name are held."""
+def _task_of(problem: Problem, mechanism: Mechanism, target: Task, held: Array, key: str = "tilt") -> Array:
+    """Task coordinates (4,) of a target that names some; those that it does not name are held. key: of the tilt."""
     task = np.array([target.given.get(name, held[k]) for k, name in enumerate(TASK)])
-    refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key="tilt")
+    refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key=key)
     return task

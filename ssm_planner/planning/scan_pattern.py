@@ -117,7 +117,8 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
             f"from the port no spot of this {name} can be reached at that distance from the retina",
             file=problem.file,
             line=motion.line,
-            key=name,
+            key="distance",
+            value=f"{1e3 * distance:g} mm",
             allowed="a direction in which the tool's axis meets the retina deeper in the eye",
         )
     return np.asarray(direction * depth[:, None])

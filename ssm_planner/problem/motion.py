@@ -14,6 +14,11 @@ LARGEST_GRID = 50
 Line = Annotated[int, Bound(above=0)]
 OF_TIP = ("line", "arc", "retina")
 """Curves that the tip follows in space."""
+ALONE = ("roll", "tilt", "spin", "insert")
+"""Straight motions of one coordinate."""
+SMALLEST_BLEND = 1e-5
+"""m: below it the robot all but stops in a corner, and no motion is found."""
+Blend = Annotated[float, Bound(at_least=SMALLEST_BLEND, unit="m")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +81,8 @@ class Straight(Value):
     name: str = ""
     """By default the coordinate that moves (insert: depth), or straight."""
     line: Line | None = field(default=None, compare=False)
-    blend: Annotated[Positive, Quantity("length")] | None = None
-    """Distance of the tip from the end within which the corner to the next motion is rounded, without a stop."""
+    blend: Annotated[Blend, Quantity("length")] | None = None
+    """Distance of the tip from the end within which the corner to the next motion is rounded, 10 µm or more."""
 
     def _check(self) -> None:
         if not self.to.given:
@@ -132,7 +137,7 @@ class Follow(Value):
     line: Line | None = field(default=None, compare=False)
     duration: Positive | None = None
     """Of a line or an arc, asked for, s."""
-    blend: Positive | None = None
+    blend: Blend | None = None
     """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
     constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
     """Speed that the tip keeps all along a line or an arc, but for the ramps at its ends."""
@@ -239,6 +244,13 @@ class Scan(Value):
 
 
 Motion = Straight | Free | Follow | Dwell | Scan
+
+
+def key_of(motion: Motion) -> str:
+    """The key of a problem file under which it stands."""
+    if isinstance(motion, Straight):
+        return motion.name if motion.name in ALONE else motion.kind
+    return motion.curve.replace("samples", "path") if isinstance(motion, Follow) else motion.kind
 
 
 @dataclass(frozen=True, eq=False)

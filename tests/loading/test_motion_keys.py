@@ -11,6 +11,7 @@ import pytest
 from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import json_schema
+from ssm_planner.planning.planner import plan_motion
 
 NAME = "tilt_insert.yaml"
 TILT = "  - tilt:   {to: -135 deg}     # straight in task space, the rest held"
@@ -161,7 +162,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ),
     (TILT, "  - free: {through: [{tilt: -90 deg}]}", ("motion[0].free.to", "missing")),
     # corners
-    (TILT, "  - tilt: {to: -135 deg, blend: 0 mm}", ("motion[0].tilt.blend = 0 mm", "not greater than zero")),
+    (TILT, "  - tilt: {to: -135 deg, blend: 0 mm}", ("motion[0].tilt.blend = 0 mm", "too small")),
     (TILT, "  - free: {to: {tilt: -135 deg}, blend: 1 mm}", ("free.blend", "unknown key")),
     (TILT, "  - straight: {to: {tilt: -135 deg}, through: [{roll: 5 deg}]}", ("straight.blend", "missing", "0.3 mm")),
     (
@@ -342,3 +343,45 @@ def test_through_the_command_line(files: Any, tmp_path: Path, capsys: pytest.Cap
     assert captured.out == ""
     assert [file.name for file in out.iterdir()] == ["plan.json"]
     assert (out / "plan.json").read_text() == "earlier"
+
+
+BEGIN = "start: {roll: 0 deg, tilt: -95 deg, spin: 0 deg, depth: 5 mm}"
+
+
+@pytest.mark.parametrize(
+    ("motion", "line", "parts"),
+    [
+        ("  - tilt: {to: -110 deg, blend: 1 um}", 0, ("motion[0].tilt.blend = 1 um", "at least 0.01 mm")),
+        ("  - tilt: {to: -100 deg, blend: 5 mm}", 0, ("motion[0].tilt.blend = 5 mm", "more than half", "mm here")),
+        ("  - dwell: 1 s\n  - straight: {to: {tilt: -95 deg}, blend: 1 mm}", 1, ("motion[1].straight.blend", "no corner")),
+        ("  - arc: {through: {depth: 6 mm}, to: {depth: 7 mm}}", 0, ("motion[0].arc: ", "lie on one line")),
+        ("  - line: {to: {spin: 10 deg}, constant_speed: 1 mm/s}", 0, ("motion[0].line.constant_speed = 1 mm/s", "no speed")),
+        ("  - tilt: {to: -178 deg}", 0, ("motion[0].tilt.to = -178 deg", "cannot reach")),
+        ("  - straight: {to: {tilt: -178 deg, depth: 6 mm}}", 0, ("motion[0].straight.to.tilt = -178 deg",)),
+        ("  - free: {to: {tilt: -178 deg}}", 0, ("motion[0].free.to.tilt = -178 deg",)),
+        ("  - free: {through: [{tilt: -100 deg}, {tilt: -178 deg}], to: {roll: 0 deg}}", 0, ("motion[0].free.through[1].tilt",)),
+        ("  - spline: {through: [{tilt: -178 deg}], to: {tilt: -98 deg}}", 0, ("motion[0].spline.through[0].tilt = -178",)),
+        ("  - line: {to: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}}", 0, ("motion[0].line.to.tip = 10 mm, 0 mm, 0 mm",)),
+        ("  - arc: {through: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}, to: {depth: 6 mm}}", 0, ("motion[0].arc.through.tip",)),
+        ("  - free: {to: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}}", 0, ("motion[0].free.to.tip",)),
+        ("  - tilt: {to: -95 deg}", 0, ("motion[0].tilt: ", "goes nowhere")),
+    ],
+)  # fmt: skip
+def test_a_mistake_found_while_a_path_is_made_names_its_place(
+    files: Any, motion: str, line: int, parts: tuple[str, ...]
+) -> None:
+    text = (files.root / NAME).read_text(encoding="utf-8")
+    head, tail = text[: text.index("motion:")], text[text.index("limits:") :]
+    head = head.replace(START, BEGIN)
+    tail = "" if "178" in motion or "10 mm, 0 mm" in motion else tail
+    after = "\n  - insert: {to: 12 mm}" if "goes nowhere" not in parts else ""
+    if not tail:  # what the robot itself forbids is refused before
+        robot = (files.root / "robots/vitreoretinal.yaml").read_text(encoding="utf-8")
+        files.edit("robots/vitreoretinal.yaml", robot[robot.index("\nlimits:") + 1 :], "")
+    (files.root / NAME).write_text(f"{head}motion:\n{motion}{after}\n{tail}", encoding="utf-8")
+    with pytest.raises(ProblemError) as caught:
+        plan_motion(files.load(NAME))
+    place = (files.root / NAME).read_text(encoding="utf-8").splitlines().index(motion.split("\n")[line]) + 1
+    assert str(caught.value).startswith(f"{files.root / NAME}:{place}: {parts[0]}"), str(caught.value)
+    for part in parts:
+        assert part in str(caught.value)
