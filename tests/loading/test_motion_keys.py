@@ -359,7 +359,7 @@ BEGIN = "start: {roll: 0 deg, tilt: -95 deg, spin: 0 deg, depth: 5 mm}"
         ("  - tilt: {to: -178 deg}", 0, ("motion[0].tilt.to = -178 deg", "cannot reach")),
         ("  - straight: {to: {tilt: -178 deg, depth: 6 mm}}", 0, ("motion[0].straight.to.tilt = -178 deg",)),
         ("  - free: {to: {tilt: -178 deg}}", 0, ("motion[0].free.to.tilt = -178 deg",)),
-        ("  - free: {through: [{tilt: -100 deg}, {tilt: -178 deg}], to: {roll: 0 deg}}", 0, ("motion[0].free.through[1].tilt",)),
+        ("  - free: {through: [{spin: 0 deg}, {tilt: -178 deg}], to: {depth: 0 mm}}", 0, ("motion[0].free.through[1].tilt",)),
         ("  - spline: {through: [{tilt: -178 deg}], to: {tilt: -98 deg}}", 0, ("motion[0].spline.through[0].tilt = -178",)),
         ("  - line: {to: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}}", 0, ("motion[0].line.to.tip = 10 mm, 0 mm, 0 mm",)),
         ("  - arc: {through: {tip: [10 mm, 0 mm, 0 mm], spin: 0 deg}, to: {depth: 6 mm}}", 0, ("motion[0].arc.through.tip",)),
