@@ -17,8 +17,7 @@ OF_TIP = ("line", "arc", "retina")
 ALONE = ("roll", "tilt", "spin", "insert")
 """Straight motions of one coordinate."""
 SMALLEST_BLEND = 1e-5
-"""m: below it the robot all but stops in a corner, and no motion is found."""
-Blend = Annotated[float, Bound(at_least=SMALLEST_BLEND, unit="m")]
+"""m: below it the robot all but stops in a corner, and a motion takes minutes to be found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +80,11 @@ class Straight(Value):
     name: str = ""
     """By default the coordinate that moves (insert: depth), or straight."""
     line: Line | None = field(default=None, compare=False)
-    blend: Annotated[Blend, Quantity("length")] | None = None
+    blend: Annotated[Positive, Quantity("length")] | None = None
     """Distance of the tip from the end within which the corner to the next motion is rounded, 10 µm or more."""
 
     def _check(self) -> None:
+        _check_blend(self)
         if not self.to.given:
             raise self._wrong("to", "no point is given", "roll, tilt, spin or depth", "None")
         if not self.name:
@@ -137,7 +137,7 @@ class Follow(Value):
     line: Line | None = field(default=None, compare=False)
     duration: Positive | None = None
     """Of a line or an arc, asked for, s."""
-    blend: Blend | None = None
+    blend: Positive | None = None
     """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
     constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
     """Speed that the tip keeps all along a line or an arc, but for the ramps at its ends."""
@@ -145,6 +145,7 @@ class Follow(Value):
     """Of the tip from the retina, along which it goes; `to` says where the tool then points."""
 
     def _check(self) -> None:
+        _check_blend(self)
         if self.constant_speed is not None:
             self._check_constant()
         if (self.distance is None) == (self.curve == "retina"):
@@ -180,6 +181,14 @@ class Follow(Value):
     def blends(self) -> bool:
         """Corners at its ends may be rounded."""
         return self.curve in ("line", "arc") and self.constant_speed is None
+
+
+def _check_blend(motion: Straight | Follow) -> None:
+    if motion.blend is not None and motion.blend < SMALLEST_BLEND:
+        reason = "so near to its corner the robot all but stops"
+        raise motion._wrong(
+            "blend", reason, f"at least {1e3 * SMALLEST_BLEND:g} mm, or no blend", f"{1e3 * motion.blend:g} mm"
+        )
 
 
 def _check_given(motion: Free | Follow) -> None:

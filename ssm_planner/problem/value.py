@@ -24,7 +24,6 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.typing import Array
-from ssm_planner.units import shown
 
 V = TypeVar("V", bound="Value")
 
@@ -36,8 +35,6 @@ class Bound:
     above: float = -math.inf
     at_least: float = -math.inf
     at_most: float = math.inf
-    unit: str = ""
-    """SI, of the bounds in words."""
 
     @property
     def allowed(self) -> str:
@@ -45,9 +42,7 @@ class Bound:
         words = {"above": self.above, "at least": self.at_least, "at most": self.at_most}
         if math.isfinite(self.at_least) and math.isfinite(self.at_most):
             return f"from {self.at_least:g} to {self.at_most:g}"
-        unit, scale = shown(self.unit)
-        found = (f"{word} {scale * bound:g} {unit}" for word, bound in words.items() if math.isfinite(bound))
-        return " and ".join(text.rstrip() for text in found)
+        return " and ".join(f"{word} {bound:g}" for word, bound in words.items() if math.isfinite(bound))
 
     def fault(self, value: float) -> str | None:
         """What is wrong with a number; None where it keeps the bound."""

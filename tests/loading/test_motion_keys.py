@@ -162,7 +162,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ),
     (TILT, "  - free: {through: [{tilt: -90 deg}]}", ("motion[0].free.to", "missing")),
     # corners
-    (TILT, "  - tilt: {to: -135 deg, blend: 0 mm}", ("motion[0].tilt.blend = 0 mm", "too small")),
+    (TILT, "  - tilt: {to: -135 deg, blend: 0 mm}", ("motion[0].tilt.blend = 0 mm", "not greater than zero")),
     (TILT, "  - free: {to: {tilt: -135 deg}, blend: 1 mm}", ("free.blend", "unknown key")),
     (TILT, "  - straight: {to: {tilt: -135 deg}, through: [{roll: 5 deg}]}", ("straight.blend", "missing", "0.3 mm")),
     (
