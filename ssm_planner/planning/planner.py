@@ -36,7 +36,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion, stays_at
-from ssm_planner.planning.turning_points import PAYS, Turns, best_turns, passing_turns
+from ssm_planner.planning.turning_points import PAYS, SKETCHED, Turns, best_turns, passing_turns
 from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance, TipSpeed
 from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -422,7 +422,8 @@ class _PhasePlanner:
             return found
         if not too_short and (isinstance(found, Reason) or phase.motion.duration is not None):
             return found
-        if not isinstance(found, Reason) and (1 - PAYS) * found.duration <= found.lower_bound:
+        pays = PAYS if len(phase.points) > 2 else SKETCHED
+        if not isinstance(found, Reason) and (1 - pays) * found.duration <= found.lower_bound:
             return found
         if len(phase.points) > 2:
             return self._turning_at_points(phase, found)

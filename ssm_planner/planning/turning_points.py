@@ -54,8 +54,8 @@ PACE = 0.999
 TURNS, TRIED, COMPARABLE = 3, 2, 0.5
 """Most turning points of a motion, how many of the promising ones are worked out for each, and what these promise at least,
 as a share of the best."""
-PAYS = 2e-3
-"""Share of the duration that a turning point has to save."""
+PAYS, SKETCHED = 2e-3, 5e-4
+"""Share of the duration that a turning point has to save; that those of a sketch have to, which cost less to look for."""
 LEAST, SPARE = (2e-4, 1e-2), 0.3
 """Shares of what a joint moves at its largest velocity by which those of a sketch turn back at least; share of what that
 saves beyond which the second is tried too."""
@@ -120,7 +120,7 @@ def _sketched_turns(
     solve: Callable[[Turns, float], PhaseSolution | None],
 ) -> Turns | None:
     """The turning points of a sketch, with those that are small or without, where they pay; longest: without any, s."""
-    enough = (1 - PAYS) * longest
+    enough = (1 - SKETCHED) * longest
     if sketch.duration >= enough:
         return None
     velocity = np.array([joint.velocity for joint in problem.robot.joints])

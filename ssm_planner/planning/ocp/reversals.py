@@ -25,7 +25,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
-ELEMENTS, ROUNDS, ITERATIONS = 40, 6, 80
+ELEMENTS, ROUNDS, ITERATIONS = 80, 6, 120
 """Of a sketch; rounds at most, and iterations in each."""
 EXCEEDED = 1.005
 """A row larger than this becomes active."""
