@@ -388,16 +388,15 @@ class _PhasePlanner:
         reason = motor_too_weak_to_brake(self.problem, phase)
         if reason is not None:
             return reason
-        free = self._free_by_optimal_control(phase, useless=np.inf if self.sketch is None else self.sketch)
-        if isinstance(free, Reason) and free.limit is None and self.sketch is None:
-            free = self._free_by_optimal_control(phase, count=FINER_ELEMENTS)
-        if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
-            free = self._stopped_first(phase) or free
+        motion, turning = phase.motion, None
+        if len(phase.points) > 2 and isinstance(motion, Free) and motion.duration is None and self.cooling is None:
+            turning = self._turning_at_points(phase) if self._may_turn else None
+        free = turning or self._without_turns(phase)
         if not isinstance(free, Reason) and (
             self.cooling is not None or free.duration <= (1 + SHORTER) * free.lower_bound
         ):
             return free
-        free = self._turning_back(phase, free)
+        free = turning or self._turning_back(phase, free)
         if isinstance(free, Reason) and isinstance(free.limit, (RetinaClearance, LensClearance)):
             free = self._drawn_back(phase) or free
         straight = straight_instead(self.problem, self.mechanism, phase)
@@ -415,10 +414,30 @@ class _PhasePlanner:
             return found
         return free
 
+    def _without_turns(self, phase: Phase) -> PlannedPhase | Reason:
+        """A free motion whose joints turn back where they have to; if need be on a finer mesh, or after a stop."""
+        free = self._free_by_optimal_control(phase, useless=np.inf if self.sketch is None else self.sketch)
+        if isinstance(free, Reason) and free.limit is None and self.sketch is None:
+            free = self._free_by_optimal_control(phase, count=FINER_ELEMENTS)
+        if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
+            free = self._stopped_first(phase) or free
+        return free
+
+    @property
+    def _may_turn(self) -> bool:
+        """Joints may turn back where they need not."""
+        return self.turning and self.problem.stop_travel is None
+
+    @property
+    def _quick(self) -> _PhasePlanner:
+        """Of the fastest motions, not confirmed: tells which one is to be worked out."""
+        planner = "fast" if self.problem.planner == "optimal" else self.problem.planner
+        return replace(self, problem=unchecked(self.problem, planner=planner, objective="time"))
+
     def _turning_back(self, phase: Phase, found: PlannedPhase | Reason) -> PlannedPhase | Reason:
         """The motion of a free phase, or a faster one in which joints turn back between its points."""
         too_short = isinstance(found, Reason) and isinstance(found.limit, Duration)
-        if not (self.turning and isinstance(phase.motion, Free)) or self.problem.stop_travel is not None:
+        if not (self._may_turn and isinstance(phase.motion, Free)):
             return found
         if not too_short and (isinstance(found, Reason) or phase.motion.duration is not None):
             return found
@@ -426,7 +445,7 @@ class _PhasePlanner:
         if not isinstance(found, Reason) and (1 - pays) * found.duration <= found.lower_bound:
             return found
         if len(phase.points) > 2:
-            return self._turning_at_points(phase, found)
+            return (self._turning_at_points(phase) if too_short else None) or found
         if phase.qd_start.any() or phase.qd_end.any():
             return found
         fastest = replace(self, problem=replace(self.problem, objective="time"))
@@ -455,15 +474,22 @@ class _PhasePlanner:
         better = self._free_by_optimal_control(phase, turns)
         return found if isinstance(better, Reason) else better
 
-    def _turning_at_points(self, phase: Phase, found: PlannedPhase | Reason) -> PlannedPhase | Reason:
-        """The motion of a free phase with points on its way, or a faster one in which joints turn back beside them."""
+    def _turning_at_points(self, phase: Phase) -> PlannedPhase | None:
+        """A motion of a free phase with points on its way in which joints turn back beside them; None where none pays.
+
+        Without a duration asked for it has to be faster than the one without, which is planned quickly to know that.
+        """
         turns = passing_turns(self.problem, phase)
         if turns is None:
-            return found
-        timed = isinstance(found, Reason) or phase.motion.duration is not None
-        enough = np.inf if timed else (1 - PAYS) * found.duration  # type: ignore[union-attr]
-        better = self._free_by_optimal_control(phase, turns, useless=enough)
-        return found if isinstance(better, Reason) or not better.duration < enough else better
+            return None
+        enough = np.inf
+        if phase.motion.duration is None:
+            without = self._quick._free_by_optimal_control(phase)
+            if isinstance(without, Reason) or (1 - PAYS) * without.duration <= without.lower_bound:
+                return None
+            enough = (1 - PAYS) * without.duration
+        found = self._free_by_optimal_control(phase, turns, useless=enough)
+        return None if isinstance(found, Reason) or not found.duration < enough else found
 
     def _stopped_first(self, phase: Phase) -> PlannedPhase | None:
         """A free motion that begins at speed, as a stop and a motion from rest, named so; None where one is not found."""

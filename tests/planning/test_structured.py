@@ -116,7 +116,7 @@ def test_ipopt_solves_where_it_does_not_converge(tilt_insert: Problem, monkeypat
 
 def test_joints_that_turn_back_at_points_need_no_ipopt(monkeypatch: pytest.MonkeyPatch, solves: list[Solve]) -> None:
     monkeypatch.delattr(Transcription, "solve")
-    planned = plan_motion(fast(dataclasses.replace(load_problem("problems/waypoints.yaml"), objective="time")))
+    planned = plan_motion(fast(load_problem("problems/waypoints.yaml")))
     assert planned.status == "solved"
     assert any(structure.coordinates > 1 and len(structure.moves) > 4 for structure, *_ in solves)
     assert all(own.solved for *_, own in solves)
@@ -157,6 +157,16 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
     assert len(said) == 1
     assert "Ipopt confirms" in said[0]
     assert "agree within" in said[0]
+
+
+def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
+    waypoints = load_problem("problems/waypoints.yaml")
+    planned = plan_motion(dataclasses.replace(waypoints, motion=waypoints.motion[:1])).phases[0]
+    assert planned.turns_back
+    assert planned.motion.solver == "structured"
+    assert planned.motion.confirmation is not None
+    assert planned.motion.confirmation.iterations <= 8
+    assert abs(planned.motion.confirmation.difference) <= SAME
 
 
 def test_ipopt_alone_where_there_is_nothing_to_confirm(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:

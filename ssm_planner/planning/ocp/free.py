@@ -115,10 +115,10 @@ def solve_free(
     at_port = problem.eye is not None and bool(np.abs(points[:, 3]).min() < BEYOND * problem.eye.port)
     # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
     at_rest = not (ends[0].any() or ends[1].any())
-    # through points under a jerk limit one time for each way is up to 0.13 % longer than one for each arc
+    # with one time for each way these are up to 0.13 % longer than with one for each arc
     jerk_on_way = limits_jerk(robot) and len(way) > 1
     alone = method in ("structured", "sketched")
-    structured = alone or (method == "confirmed" and not (at_port or jerk_on_way))
+    structured = alone or (method == "confirmed" and not at_port)
     one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
     finer = structured and not alone and at_rest and not loose
     if count is None and limits_jerk(robot) and not at_rest:
@@ -144,10 +144,12 @@ def solve_free(
         given[k] = (way[k - 1] == 0) | (way[k] == 0)
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
-    hard = turning or bool(pull.any())
-    # with a jerk limit the structured solver begins at q̈ = 0 alone, and turns later than it need
-    turns_back = (alone or sketch is not None) and not limits_jerk(robot)
-    structured = structured and (not hard or turns_back or method == "sketched")
+    # with a jerk limit the structured solver begins at q̈ = 0 alone
+    structured = structured and (not pull.any() or method == "sketched")
+    # else a time for each arc: joints that turn back, and the retina's row at the port, switch where they are told
+    few_times = (
+        structured and not at_port and (method == "sketched" or sketch is not None or not (turning or jerk_on_way))
+    )
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
@@ -156,10 +158,7 @@ def solve_free(
         structure = NlpStructure(
             moves=tuple(tuple((d[moving] != 0).tolist()) for d in directions),
             segment_sizes=sizes,
-            # one time for each segment; at the port of an eye more of them, for the retina's row switches there
-            block_sizes=sizes
-            if one_time or (structured and not at_port)
-            else blocks_of([n for guess in guesses for n in guess.arcs]),
+            block_sizes=sizes if one_time or few_times else blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
             velocity_limits=True,
             joints=True,

@@ -164,6 +164,17 @@ class OcpProblem(ABC):
         fractions = np.repeat(self.fractions / counts, counts)
         return replace(self, structure=self.structure.split(counts), fractions=fractions)
 
+    def with_one_time(self, lengths: Array) -> OcpProblem:
+        """The same problem with one time for all elements, in the proportion of these lengths (n,)."""
+        structure = replace(self.structure, block_sizes=(len(lengths),))
+        total = lengths.sum(keepdims=True)
+        return replace(self, structure=structure, fractions=lengths / total, times=total)
+
+    @property
+    def turns_back(self) -> bool:
+        """Borders are unknown, for joints turn back there."""
+        return bool(np.isnan(self.boundary.points).any())
+
     @property
     def always_active(self) -> frozenset[RowName]:
         """Rows that are active whatever their value in the guess."""
@@ -242,6 +253,12 @@ def optimise(
     reached = Guess(fastest.solution.elements, fastest.solution.times)
     if duration is None:
         begin = fastest.state.restarted(reached)
+        last = fastest.state.problem
+        if fastest.solution.solver == "structured" and last.turns_back and not last.structure.smooth:
+            # heat hardly depends on when joints turn: their ways would shrink to nothing, over many iterations
+            lengths = reached.elements[:, -1]
+            one_time = last.with_one_time(lengths)
+            begin = replace(begin, problem=one_time).restarted(replace(reached, times=one_time.times))
         longest = np.inf if cooled else (1 + LONGER) * total
         best = _refined(begin, "cooling" if cooled else "heat", (0.0, longest))
         if not (best.solution.solved and best.feasible):

@@ -20,7 +20,9 @@ from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
 from ssm_planner.typing import Array, Indices, Mask
 
 ITERATIONS = 120
-"""At most; then Ipopt solves."""
+"""At most, each way; then Ipopt solves."""
+SLOWLY = 1.1
+"""Exponent of the barrier where the usual one does not converge."""
 PATIENT = 1.2, 1.1, 1.3
 """Exponents of the barrier where a row has a rounded edge, as the retina's at the port: one or another passes it."""
 SLOWER = 1.2
@@ -43,12 +45,15 @@ def solve_structured(
 ) -> NlpSolution:
     """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged.
 
-    switching: a row has a rounded edge, at which it takes patience: several ways of lowering the barrier are tried.
+    Where a neighbour's multipliers mislead, its motion alone is tried as a start. Several ways of lowering the barrier are
+    tried unless fewer iterations are allowed than usual; switching: a row has a rounded edge, at which it takes patience.
     """
     program, warm, used = program_of(structure, element, data), start.structured, 0
     begin = _point(program, structure, data, start.x)
-    # where a neighbour's multipliers mislead, its motion alone is a good start
-    for superlinear in PATIENT if switching else (SUPERLINEAR,) * (1 if warm is None else 2):
+    ways: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
+    if iterations < ITERATIONS:
+        ways = ways[:1]
+    for superlinear in ways if warm is None else (ways[0], *ways):
         outcome = solve(program, begin, warm=warm, iterations=iterations, superlinear=superlinear)
         used += outcome.iterations
         if outcome.converged:
