@@ -229,7 +229,6 @@ _BY_TASKS = {
 _CONSTANT = {"constant_speed": optional(reading(Follow, "constant_speed"), "Of the tip all along, but for the ramps.")}
 _FROM_RETINA = Annotated[Any, quantity("length", Bound(above=0.0))]
 _OVER = _CONSTANT | {"distance": (_FROM_RETINA, Field(description="Of the tip from the retina, m."))}
-_STOPS = ("blend", "duration")
 _BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
 EntryModel = model_from(
     {
@@ -244,7 +243,7 @@ EntryModel = model_from(
         ),
         "arc": _motion_to(_part(PointModel), "The tip on a circle, spin in proportion to the way.", _BY | _CONSTANT),
         "retina": _motion_to(_part(TaskModel), "Along the retina, the tip at a distance from it.", _OVER, ("blend",)),
-        "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, _STOPS),
+        "spline": _motion_to(_part(PointModel), "The joints on a smooth curve through points.", _PASSED, ("blend",)),
         "path": optional(Text, "CSV of joints, task coordinates or tip and spin, units in the headings."),
         "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
         "scan": optional(_part(ScanModel), "Spots on the retina."),
@@ -410,7 +409,7 @@ def _motion(section: Section, entry: Any) -> Motion:
             through = tuple(_point(here.sub("through", k), point) for k, point in enumerate(model.through))
             end = _point(here.sub("to"), model.to)
             return (
-                Follow(end, through, name, line=line)
+                Follow(end, through, name, line=line, duration=model.duration)
                 if name == "spline"
                 else Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
             )

@@ -209,7 +209,7 @@ def _curved_phases(problem: Problem, mechanism: Mechanism, motion: Follow, at: t
     points = without_repeats(points)
     runs = smooth_runs(points, scale) if motion.curve == "samples" else [points] if len(points) > 1 else []
     for k, run in enumerate(runs, 1):
-        path = SplinePath(mechanism, run, scale)
+        path = SplinePath(mechanism, run, scale, pieces=problem.by_optimal_control(motion))
         knots = path.sample(path.directions[0]).q
         end = start
         for point in knots[1:]:

@@ -237,7 +237,8 @@ class _PhasePlanner:
             return self._at_constant_speed(phase, phase.path, phase.motion.constant_speed)
         # along a curve the rates of task coordinates limit the speed from place to place, which optimal control does roughly
         rated = bool(self.problem.rates) and self._may_be_retimed(phase)
-        if self.problem.planner != "toppra" and not isinstance(phase.path, SplinePath) and not rated:
+        samples = isinstance(phase.path, SplinePath) and not phase.path.pieces
+        if self.problem.planner != "toppra" and not samples and not rated:
             return self._straight(phase, phase.path)
         return self._retimed(phase, phase.path)
 

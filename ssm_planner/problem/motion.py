@@ -130,13 +130,13 @@ class Follow(Value):
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
     """A natural cubic spline in joint space, over the distance from point to point in joint velocities; the same through
-    samples, at rest where these turn by more than 30°: both timed by TOPP-RA; a line or an arc of the tip, spin in
+    samples, at rest where these turn by more than 30°, timed by TOPP-RA; a line or an arc of the tip, spin in
     proportion to the way; or along the retina on a great circle, the tip at a distance from it."""
     file: str | None = field(default=None, compare=False)
     """Table that the points come from, whose lines are theirs."""
     line: Line | None = field(default=None, compare=False)
     duration: Positive | None = None
-    """Of a line or an arc, asked for, s."""
+    """Asked for, s; not of samples."""
     blend: Positive | None = None
     """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
     constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
@@ -153,8 +153,8 @@ class Follow(Value):
         if self.distance is not None and not (isinstance(self.to, Task) and self.to.depth is None):
             reason = "how deep the tip goes is what distance says"
             raise self._wrong("to", reason, "roll, tilt, spin", type(self.to).__name__)
-        if self.duration is not None and self.curve not in OF_TIP:
-            raise self._wrong("duration", f"not for a curve of this kind ({self.curve}), which TOPP-RA times", "None")
+        if self.duration is not None and self.curve == "samples":
+            raise self._wrong("duration", "not for samples, which TOPP-RA alone times", "None")
         if self.blend is not None and not self.blends:
             raise self._wrong("blend", f"not for a curve of this kind ({self.curve})", "None")
         counts = {"line": 0, "arc": 1, "retina": 0}
@@ -171,11 +171,6 @@ class Follow(Value):
         if self.duration is not None or self.blend is not None:
             reason = "a duration or a rounded corner leaves no constant speed"
             raise self._wrong("constant_speed", reason, "none of these, or no constant_speed", speed)
-
-    @property
-    def timed_by_toppra(self) -> bool:
-        """TOPP-RA alone times it."""
-        return self.curve in ("spline", "samples") or self.constant_speed is not None
 
     @property
     def blends(self) -> bool:

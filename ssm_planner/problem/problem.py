@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
-from ssm_planner.problem.motion import OF_TIP, Dwell, Follow, Free, Joints, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import OF_TIP, Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
 from ssm_planner.problem.robot import Robot, check_rotation
 from ssm_planner.problem.value import (
     Interval,
@@ -27,6 +27,8 @@ from ssm_planner.problem.value import (
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
+MOST_OF_SPLINE = 20
+"""Points of a spline that optimal control times."""
 SLACK = 1e-9
 """rad or m, so that a point may sit on a limit."""
 
@@ -282,10 +284,7 @@ class Problem(Value, Limited):
         self._check_durations()
         self._check_range()
         self._check_stops()
-        if self.planner == "toppra" or any(
-            isinstance(entry, Follow) and entry.timed_by_toppra for entry in self.motion
-        ):
-            self._check_for_toppra()
+        self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
         """The ranges of the robot, of the travel of joint 4 and of the problem, each narrowed by the others."""
@@ -425,16 +424,36 @@ class Problem(Value, Limited):
             raise self._wrong("duration", f"dwells and timed motions alone take {fixed:g} s", "more than that")
 
     def _check_for_toppra(self) -> None:
-        moving = [entry for entry in self.motion if not isinstance(entry, Dwell)]
+        """TOPP-RA is asked for nothing but the fastest motion along a path, without jerk limits."""
         asks = [f"a jerk limit of joint {joint.name}" for joint in self.robot.joints if joint.jerk is not None]
-        if self.planner == "toppra":
-            asks += [
-                f"a {entry.kind} motion ({entry.name})" for entry in moving if not isinstance(entry, (Straight, Follow))
-            ]
-            asks += [f"a duration of {entry.name}" for entry in moving if entry.duration is not None]
         if self.duration is not None or self.objective == "effort":
             asks.append("a duration or effort as the objective")
-        if asks:
-            raise self._wrong(
-                "planner", f"TOPP-RA cannot take {asks[0]}", "straight motions and paths as fast as possible"
-            )
+        if self.planner == "toppra":
+            moving = [entry for entry in self.motion if not isinstance(entry, Dwell)]
+            free = [each for each in moving if not isinstance(each, (Straight, Follow))]
+            asks += [f"a {each.kind} motion ({each.name})" for each in free]
+            asks += [f"a duration of {each.name}" for each in moving if each.duration is not None]
+            if asks:
+                allowed = "straight motions and paths as fast as possible"
+                raise self._wrong("planner", f"TOPP-RA cannot take {asks[0]}", allowed)
+        for i, entry in enumerate(self.motion):
+            own = [*asks, *["a duration"] * (entry.duration is not None)]
+            if not own or not isinstance(entry, Follow):
+                continue
+            reason = f"TOPP-RA alone times it, and cannot take {own[0]}"
+            if entry.constant_speed is not None:
+                allowed = "no constant_speed; or motions as fast as possible, without jerk limits"
+                raise self._wrong(f"motion[{i}].constant_speed", reason, allowed)
+            points = len(entry.through) + 1
+            if entry.curve == "samples" or (entry.curve == "spline" and points > MOST_OF_SPLINE):
+                allowed = (
+                    f"a spline through {MOST_OF_SPLINE} points at most; or as fast as possible, without jerk limits"
+                )
+                raise self._wrong(f"motion[{i}]", reason, allowed, f"{points} points")
+
+    def by_optimal_control(self, motion: Motion) -> bool:
+        """A spline that TOPP-RA does not time: where jerk is limited, or a duration or the least effort asked for."""
+        if not isinstance(motion, Follow) or motion.curve != "spline":
+            return False
+        slower = self.duration is not None or motion.duration is not None or self.objective == "effort"
+        return slower or any(joint.jerk is not None for joint in self.robot.joints)

@@ -81,7 +81,6 @@ def test_mistakes_in_a_table(tmp_path: Path, table: str, place: str, message: st
             "spline: {to: {tilt: -96 deg}, through: [{tilt: -95 deg}, {tilt: -150 deg}]}",
             "motion[0].spline.through[1].tilt",
         ),
-        ("spline: {to: {tilt: -96 deg}, duration: 2 s}", "motion[0].spline.duration"),
     ],
 )
 def test_mistakes_in_the_problem(tmp_path: Path, entry: str, message: str) -> None:

@@ -152,8 +152,56 @@ def test_a_constant_speed_goes_with_no_other_timing(base: Problem) -> None:
         replace(line, duration=2.0)
     with pytest.raises(ProblemError, match="not for a curve of this kind"):
         replace(line, curve="spline")
-    with pytest.raises(ProblemError, match="TOPP-RA cannot take a duration"):
+    with pytest.raises(ProblemError, match="and cannot take a duration"):
         replace(base, motion=(line,), duration=20.0)
+
+
+BENT = tuple(Task(np.radians(3 * np.sin(k)), np.radians(-95 - 7 * k), 0.0, 0.005 + 0.0015 * k) for k in range(1, 5))
+
+
+def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Problem) -> None:
+    spline = Follow(BENT[-1], BENT[:-1], "spline")
+    fastest = plan(replace(base, motion=(spline,), objective="time"))
+    mechanism = Mechanism.from_geometry(base.robot.geometry)
+    durations = []
+    for jerk in (1e4, 20.0):
+        joints = tuple(replace(joint, jerk=jerk * joint.acceleration) for joint in base.robot.joints)
+        robot = replace(base.robot, joints=joints)
+        found = plan(replace(base, robot=robot, motion=(spline,), objective="time"))
+        assert found.passed, found.reason
+        assert "jerk" in {limit.name for limit in found.certificate.limits}  # type: ignore[union-attr]
+        durations.append(found.motion.duration)
+        # the points are met, to the spacing of the samples
+        tasks = task_from_joints(mechanism, found.motion.sample(np.linspace(0, durations[-1], 20_001)).q)
+        for point in BENT:
+            assert np.abs(tasks - list(point.given.values())).max(axis=1).min() < 1e-4
+    # as the limit grows the time becomes TOPP-RA's
+    assert 1.0 <= durations[0] / fastest.motion.duration < 1.005
+    assert durations[1] > 1.02 * durations[0]
+    for timed in (
+        replace(base, motion=(replace(spline, duration=2.0),)),
+        replace(base, motion=(spline,), duration=2.0, objective="effort"),
+    ):
+        slow = plan(timed)
+        assert slow.passed, slow.reason
+        assert slow.duration == pytest.approx(2.0, rel=1e-6)
+
+
+def test_what_toppra_alone_times_says_so_at_its_place(base: Problem) -> None:
+    joints = tuple(replace(joint, jerk=20 * joint.acceleration) for joint in base.robot.joints)
+    jerky = replace(base, robot=replace(base.robot, joints=joints))
+    points = tuple(Task(tilt=np.radians(-95 - k)) for k in range(1, 23))
+    table = Follow(points[-1], points[:-1], "samples")
+    long = Follow(points[-1], points[:-1], "spline")
+    line = Follow(Task(depth=0.015), curve="line", constant_speed=0.002)
+    for problem, motion, message in (
+        (jerky, table, r"motion\[1\] = 22 points: .* a jerk limit of joint roll .* through 20 points at most"),
+        (jerky, long, r"motion\[1\] = 22 points: .* a jerk limit of joint roll"),
+        (base, replace(long, duration=9.0), r"motion\[1\] = 22 points: .* cannot take a duration"),
+        (jerky, line, r"motion\[1\]\.constant_speed: .* a jerk limit of joint roll"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            replace(problem, motion=(Straight(tilt=np.radians(-95.5)), motion))
 
 
 @pytest.mark.parametrize(

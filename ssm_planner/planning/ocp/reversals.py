@@ -16,6 +16,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.ocp.constraints import joint_limits, limits_jerk
 from ssm_planner.planning.ocp.free import MOVES, FreeProblem, jerk_for_all
 from ssm_planner.planning.ocp.mesh import sampled_guess
+from ssm_planner.planning.ocp.natively import compiled
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution, NlpStructure, PhaseSolution, cubics
 from ssm_planner.planning.ocp.refinement import NEAR, SHORTEST, chosen_rows
 from ssm_planner.planning.ocp.structured import solve_structured
@@ -57,6 +58,8 @@ def sketched(
 
     strict: as for `solve_free`.
     """
+    if compiled() is None:
+        return None
     robot, n = problem.robot, ELEMENTS
     limits, scale = joint_limits(strict), motion.duration
     if "depth" in problem.rates:

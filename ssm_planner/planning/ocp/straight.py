@@ -37,7 +37,7 @@ from ssm_planner.planning.ocp.nlp import (
     cubics,
 )
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
-from ssm_planner.planning.retiming.paths import JointPath, StraightPath
+from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, ToolLimit
 from ssm_planner.problem.problem import Objective, TaskLimits
@@ -47,6 +47,8 @@ from ssm_planner.typing import Array
 
 ELEMENTS = 72
 """Of a smooth path; of one whose corners are rounded half as many for every end of a rounding too."""
+OF_PIECE = 18
+"""Of every piece of a spline."""
 FINER = 2
 """Times as many where jerk is limited, on the mesh made for the motion found first."""
 SUBDIVISION = 4
@@ -77,7 +79,8 @@ def solve_straight(
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
-    count = count or len(path.breaks) * ELEMENTS // 2
+    each = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
+    count = count or max(len(path.breaks) * each, ELEMENTS)
     mesh = Mesh.along(guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None)
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     fastest = rate_ceiling(path, limits.rates) * scale

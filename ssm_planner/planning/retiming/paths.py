@@ -345,6 +345,12 @@ class SplinePath(JointPath):
     mechanism: Mechanism
     points: Array
     scale: Array
+    pieces: bool = False
+    """Its pieces are told apart: optimal control needs to know where q''' jumps."""
+
+    @property
+    def breaks(self) -> Array:
+        return self.nodes if self.pieces else super().breaks
 
     @cached_property
     def nodes(self) -> Array:
@@ -376,6 +382,7 @@ class SplinePath(JointPath):
         roots = np.concatenate([np.zeros(0), *(slope.roots(extrapolate=False)[i] for i in moving)])
         knots = np.unique(np.round(roots[np.isfinite(roots)], 12))
         knots = np.array([0.0, *knots[(knots > 1e-6) & (knots < 1 - 1e-6)], 1.0])
+        knots = with_knots(self.nodes, knots[1:-1]) if self.pieces else knots
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq)
 
     @property
