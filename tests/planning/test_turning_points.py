@@ -123,6 +123,15 @@ def test_turning_joints_stay_in_their_range(tilt_insert: Problem, planner: Any) 
     assert free_to_turn.duration < result.duration < without(problem)
 
 
+def test_without_the_compiled_part_joints_turn_back_too(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is no sketch then: turning points are found one after the other."""
+    monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
+    problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.012))
+    result = plan_motion(problem)
+    assert result.trajectory is not None
+    assert result.trajectory.duration < 0.97 * without(problem)
+
+
 def test_reversals_of_a_motion_are_told() -> None:
     """Of sines: where they are largest and smallest, unless they go back by less than is asked."""
     t = np.linspace(0.0, 1.0, 41)

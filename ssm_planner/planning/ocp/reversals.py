@@ -54,7 +54,9 @@ class _EitherWay(FreeProblem):
 def sketched(
     problem: Problem, mechanism: Mechanism, points: Array, motion: PhaseSolution, strict: Robot
 ) -> Trajectory | None:
-    """About the fastest motion between two points (2, 4), near one that is known; None where none is found.
+    """About the fastest motion between two points (2, 4), near one that is known.
+
+    None where none is found, and where nothing is compiled.
 
     strict: as for `solve_free`.
     """
