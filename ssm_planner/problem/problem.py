@@ -350,6 +350,9 @@ class Problem(Value, Limited):
         if scan.distance is not None and scan.distance < eye.clearance:
             allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
             raise self._wrong(f"{place}.distance", "nearer to the retina than the clearance", allowed, scan.distance)
+        if scan.distance is not None and scan.distance >= eye.radius:
+            reason = "farther from the retina than the middle of the eye"
+            raise self._wrong(f"{place}.distance", reason, f"below {_mm(eye.radius)}", scan.distance)
         for diameter in scan.diameters if isinstance(scan, Scan) else ():
             if diameter >= eye.radius:
                 reason = "larger than the eye's radius"

@@ -118,7 +118,7 @@ def test_a_line_of_the_tip_takes_durations_and_jerk_limits(tilt_insert: Problem,
     ("motion", "message"),
     [
         ((Straight(tilt=-1.8, blend=5e-3), Straight(depth=0.006)), r"blend = 5 mm: the corner .* up to 0\.3547 mm here"),
-        ((Straight(tilt=-1.8, blend=1e-3), Straight(spin=0.3)), "motions that move the tip"),
+        ((Straight(tilt=-1.8, blend=1e-3), Straight(spin=0.3)), "does not move the tip, so there is no corner"),
         ((Straight(tilt=-1.8, blend=1e-4), Straight(tilt=-1.7)), "goes back the way of the first"),
         ((Straight(tilt=-1.8, blend=1e-4), Straight(tilt=-1.8)), "no corner"),
     ],

@@ -258,6 +258,8 @@ def test_a_curve_along_the_retina_needs_one(base: Problem, laser_scan: Problem) 
         replace(base, motion=(motion,))
     with pytest.raises(ProblemError, match="nearer to the retina than the clearance"):
         replace(laser_scan, motion=(replace(motion, distance=0.5e-3),))
+    with pytest.raises(ProblemError, match="farther from the retina than the middle of the eye"):
+        replace(laser_scan, motion=(replace(motion, distance=30e-3),))
     with pytest.raises(ProblemError, match="what distance says"):
         replace(motion, to=Task(depth=0.01))
     with pytest.raises(ProblemError, match="of a curve along the retina"):

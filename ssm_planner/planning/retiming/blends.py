@@ -158,7 +158,10 @@ def rounded(mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Seque
         room = min(most for _, most in shares)
         if not all(0 < share <= HALF for share, _ in shares):
             reason = "the corner would be rounded over more than half of one of the motions that meet there"
-            allowed = f"up to {np.floor(1e7 * room) / 1e4:g} mm here" if room > STILL else "motions that move the tip"
+            allowed = f"up to {np.floor(1e7 * room) / 1e4:g} mm here"
+            if room <= STILL:
+                reason = "one of the motions that meet there does not move the tip, so there is no corner"
+                allowed = "motions that move the tip, or no blend"
             raise ProblemError(reason, key=str(k), allowed=allowed)
         cuts.append([share for share, _ in shares])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
