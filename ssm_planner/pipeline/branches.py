@@ -59,14 +59,17 @@ def on_any_branch(
     progress: Callable[[str], None] = lambda _: None,
     *,
     stoppable: bool = False,
+    shortest: bool = True,
 ) -> tuple[Outcome, Problem, bool]:
     """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
 
     attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion. progress: told
     which is tried, and how long the best so far takes. stoppable: with a certified motion at hand the first Ctrl-C ends the
-    search, and the last value is True.
+    search, and the last value is True. shortest: otherwise any certified motion does.
     """
     search, stopped = _Search(problem, attempt, progress), False
+    if search.best[2] is None and not shortest:
+        return search.best, search.settled, stopped
     if stoppable and search.best[2] is None and targets(problem):
         search.hint = "; Ctrl-C takes it"
         with first_interruption() as came:

@@ -447,8 +447,12 @@ def _ignore(_: object) -> None:
     pass
 
 
+def _quiet(problem: Problem) -> Outcome:
+    return _attempt(problem, _ignore, _ignore)
+
+
 def _duration_or_reason(problem: Problem) -> float | Reason:
-    planned, _, reason = _attempt(quickly(problem), _ignore, _ignore)
+    (planned, _, reason), _, _ = on_any_branch(quickly(problem), _quiet, _ignore, shortest=False)
     if reason is not None or planned.trajectory is None:
         return reason or Reason(None, None, None, None, "no motion found")
     return planned.trajectory.duration

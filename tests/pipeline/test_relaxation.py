@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from random_problems import random_problem
 
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.relaxation import relaxation_for, search
@@ -16,6 +21,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import LensClearance, Limit, MotorTorque, RetinaClearance, SelfLocking
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
 from ssm_planner.units import shown
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 
@@ -151,3 +157,24 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
     assert cure.works
     less = cure.relaxation.problem(there + 0.9 * (cure.value - there))
     assert isinstance(attempt(less), Reason)
+
+
+def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
+    """With a motor of 92 % of the torque that the nearest joints need, others at the target do."""
+    problem = random_problem(tilt_insert, 61129, most=1)
+    reason = plan(problem).reason
+    assert reason is not None
+    assert reason.relaxation is not None
+    joints = problem.robot.joints
+    joint = next(each for each in joints if each.name == reason.joint)
+    assert joint.motor is not None
+    there, enough = joint.motor.max_torque, 1e-3 * typed_in(reason.relaxation)
+
+    def passes(torque: float) -> bool:
+        motor = unchecked(joint.motor, max_torque=torque)
+        changed = tuple(unchecked(each, motor=motor) if each is joint else each for each in joints)
+        robot = unchecked(problem.robot, joints=changed)
+        return plan(unchecked(problem, robot=robot), relaxations=False).passed
+
+    assert passes(enough)
+    assert not passes(there + 0.9 * (enough - there))
