@@ -16,8 +16,6 @@ from ssm_planner.codegen.namespace import Namespace
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.problem import Eye, Lens
 
-ROUNDING = 1e-3
-"""Of the edge in retina_row."""
 NO_LENGTH = 1e-12
 """Square of the scaled length below which a shaft is a point and has no direction."""
 
@@ -26,7 +24,7 @@ def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
     """Distance of the tip from the retina, m; must be at least eye.clearance.
 
     max(R − |p − c|, clearance + port − |p|): within the distance `port` of the remote centre there is no retina. It is
-    continuous, with kinks: for judging; optimisation takes retina_row.
+    continuous, with kinks: for judging; optimisation takes retina_row where the tip is beyond the port.
     """
     inside = eye.radius - xp.sqrt(_square(_minus(tip, eye.centre)))
     at_port = eye.clearance + eye.port - xp.sqrt(_square(tip))
@@ -60,17 +58,8 @@ def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]
 
 
 def retina_row(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """A row ≤ 0, smooth, no unit: the tip keeps its clearance from the retina.
-
-    With u = 1 − |p − c|²/(R − clearance)² and v = 1 − |p|²/port² the tip may be where u ≥ 0 or v ≥ 0, that is where
-    u + v + √(u² + v²) ≥ 0 (Rvachev's R-disjunction). The root is rounded off as (u² + v²)/√(u² + v² + ROUNDING²), which is
-    below it: the row allows nothing that retina_distance forbids, and forbids less than ROUNDING/3 of u or v where port and
-    clearance meet, ROUNDING²/2|v| of u at a distance from there.
-    """
-    u = 1.0 - _square(_minus(tip, eye.centre)) / (eye.radius - eye.clearance) ** 2
-    v = 1.0 - _square(tip) / eye.port**2
-    squares = u * u + v * v
-    return -(u + v + squares / xp.sqrt(squares + ROUNDING**2))
+    """A row ≤ 0, smooth, no unit: |p − c|²/(R − clearance)² − 1, for a tip beyond the port."""
+    return _square(_minus(tip, eye.centre)) / (eye.radius - eye.clearance) ** 2 - 1.0
 
 
 def lens_row(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,3 +29,21 @@ def test_a_switch_in_the_very_middle_of_an_element() -> None:
     """Joint 2 cannot keep step with a leader that cruises, and turns from speeding up to braking at half time."""
     for count in range(9, 40, 2):
         assert np.all(accelerations(np.array([-0.4, 0.24, 0.01, 0.0]), False, count) <= LIMITS[1] * (1 + 1e-9))
+
+
+@given(ways.filter(lambda way: way[3] > 1e-6), st.floats(0.0, 1.0), st.booleans(), st.integers(8, 60))
+def test_its_halves_meet_where_one_joint_passes_a_place(way: list[float], share: float, jerk: bool, count: int) -> None:
+    way_ = np.array(way) * [1, -1, 1, -0.02]
+    whole = closed_form_guess(way_, LIMITS, jerk, count, 2)
+    (first, second), middle = whole.halves(3, share * way_[3], 2)
+    assert first.duration == pytest.approx(second.duration)
+    assert first.duration + second.duration == pytest.approx(whole.duration)
+    assert middle[3] == share * way_[3]
+    for half, reached in ((first, middle), (second, way_ - middle)):
+        assert sum(half.arcs) == len(half.instants) - 1 == len(half.states[0])
+        assert not half.states[0][0].any()
+        q, qd, qdd, after = (state[-1] for state in half.states)
+        h = half.instants[-1] - half.instants[-2]
+        end = q + h * qd + h**2 * (qdd / 3 + after / 6)
+        assert np.abs(end - reached)[:3] == pytest.approx(0.0, abs=0.02 * np.abs(way_).max())
+        assert (np.diff(half.states[0][:, 3]) * way_[3] >= -1e-12).all()

@@ -24,7 +24,8 @@ from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.motion import Straight, Task
+from ssm_planner.problem.limits import TaskRate
+from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.text import verdicts
@@ -249,7 +250,7 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
 
 
 def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
-    """Where the retina's row switches several ways of lowering the barrier are tried; one of them ends at the optimum."""
+    """Where the tip passes the port the retina's row begins: at a border between two segments."""
     problem = load_problem("eye_approach")
     quick, long = plan(fast(problem)), plan(unchecked(problem, planner="ipopt"))
     assert quick.passed
@@ -257,6 +258,36 @@ def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
     assert solves
     assert all(solution.solved for *_, solution in solves)
     assert {phase.solver for phase in quick.phases} == {"structured"}
+    confirmed = plan(problem)
+    assert confirmed.confirmation is not None
+    assert abs(confirmed.confirmation[1]) <= SAME
+    assert confirmed.duration == pytest.approx(quick.duration, rel=2e-4)
+
+
+@pytest.mark.parametrize("clearance", [5e-4, 1e-3])
+@pytest.mark.parametrize("strength", [0.6, 1.0])
+def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
+    """The structured solver alone gets there and back, for other clearances, motors and rates too, in the same time."""
+    problem = load_problem("eye_approach")
+    assert problem.eye is not None
+    joints = tuple(
+        joint
+        if joint.motor is None
+        else dataclasses.replace(joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque))
+        for joint in problem.robot.joints
+    )
+    robot = dataclasses.replace(problem.robot, joints=joints)
+    limits = tuple(each for each in problem.limits if not isinstance(each, TaskRate))
+    eye = dataclasses.replace(problem.eye, clearance=clearance, lens=None)
+    deep = Task(roll=-0.1, tilt=-2.05, spin=0.3, depth=0.016)
+    durations = []
+    for start, goal in ((problem.start, deep), (deep, problem.start)):
+        there = dataclasses.replace(problem, robot=robot, limits=limits, eye=eye, start=start, motion=(Free(goal),))
+        found = plan(fast(there), relaxations=False)
+        assert found.passed
+        assert {phase.solver for phase in found.phases} == {"structured"}
+        durations.append(found.duration)
+    assert durations[0] == pytest.approx(durations[1], rel=1e-6)
 
 
 def faster_starting(problem: Problem, times: float, **to: float) -> Problem:

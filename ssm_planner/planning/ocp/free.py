@@ -8,8 +8,9 @@ are path constraints, active as far as they come near their limits.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -45,7 +46,7 @@ from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_guess
 from ssm_planner.planning.phases import joint_room
 from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.problem.limits import TASK, TaskRange, TaskRate
+from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
@@ -69,8 +70,8 @@ FAR, MORE = 2.0, 1.5
 is then known of where they are needed."""
 RAMP = 5e-4
 """Share of the time between two points in which a joint without a jerk limit reaches its acceleration, beside one with."""
-BEYOND = 1.2
-"""Depth in that of an eye's port from which on the retina's row is that of its ball alone."""
+EDGE = 1e-9
+"""A tip so near to the edge of an eye's port is on it, m."""
 KINEMATIC = ("velocity", "acceleration", "jerk")
 AT_LIMIT = 8e-7
 """Share by which rows may exceed their limit at an instant at which the motion begins or ends at speed."""
@@ -112,13 +113,12 @@ def solve_free(
     ends, pull = speeds or (np.zeros(4), np.zeros(4)), np.zeros(4) if pull is None else pull
     if limits_jerk(robot):
         limits["jerk"] = jerk_for_all(limits, way, ends)
-    at_port = problem.eye is not None and bool(np.abs(points[:, 3]).min() < BEYOND * problem.eye.port)
-    # beside an eye elements have to move, for its row switches at the port, and where jerk is limited its arcs end
+    # beside an eye elements have to move to where the tool may turn to, and where jerk is limited its arcs end
     at_rest = not (ends[0].any() or ends[1].any())
     # with one time for each way these are up to 0.13 % longer than with one for each arc
     jerk_on_way = limits_jerk(robot) and len(way) > 1
     alone = method in ("structured", "sketched")
-    structured = alone or (method == "confirmed" and not at_port)
+    structured = alone or method == "confirmed"
     one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
     finer = structured and not alone and at_rest and not loose
     if count is None and limits_jerk(robot) and not at_rest:
@@ -144,19 +144,22 @@ def solve_free(
         given[k] = (way[k - 1] == 0) | (way[k] == 0)
     directions = np.concatenate([each.directions for each in segments])
     turning = not bool(given.all())
+    port = None if problem.eye is None else problem.eye.port
     # with a jerk limit the structured solver begins at q̈ = 0 alone
     structured = structured and (not pull.any() or method == "sketched")
-    # else a time for each arc: joints that turn back, and the retina's row at the port, switch where they are told
-    few_times = (
-        structured and not at_port and (method == "sketched" or sketch is not None or not (turning or jerk_on_way))
-    )
+    # else a time for each arc: joints that turn back switch where they are told
+    few_times = structured and (method == "sketched" or sketch is not None or not (turning or jerk_on_way))
 
     def on_mesh_of(guesses: list[SegmentGuess]) -> FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
+        way = Way(np.concatenate(borders), given, directions, tuple(guesses))
+        if port is not None:
+            way = way.cut_at(port, partial(_is_outside, problem, mechanism), fewest)
+        guesses = list(way.guesses)
         sizes = tuple(sum(guess.arcs) for guess in guesses)
         moving = np.any(directions != 0, axis=0)
         structure = NlpStructure(
-            moves=tuple(tuple((d[moving] != 0).tolist()) for d in directions),
+            moves=tuple(tuple((d[moving] != 0).tolist()) for d in way.directions),
             segment_sizes=sizes,
             block_sizes=sizes if one_time or few_times else blocks_of([n for guess in guesses for n in guess.arcs]),
             smooth=limits_jerk(robot),
@@ -172,17 +175,14 @@ def solve_free(
             joint_limits=limits,
             time_scale=sum(guess.duration for guess in guesses),
             method=method if structured else "Ipopt",
-            directions=directions,
             problem=problem,
             mechanism=mechanism,
-            points=np.concatenate(borders),
-            given=given,
+            way=way,
+            directions=way.directions,
             speeds=ends,
             pull=pull,
             starting=ends[0] == 0.0,
-            shortest=SHORTEST if len(directions) == 1 else SHORTEST_TURNING if loose else SHORTEST_PASSING,
-            at_port=at_port,
-            guesses=tuple(guesses),
+            shortest=SHORTEST if len(way.directions) == 1 else SHORTEST_TURNING if loose else SHORTEST_PASSING,
         )
 
     guesses = [guess for each in segments for guess in each.guesses]
@@ -194,6 +194,12 @@ def solve_free(
     asked = None if duration is None else duration / ocp.time_scale
     guess = ocp.guess.stretched(STRETCHED) if one_time else ocp.guess
     return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale))
+
+
+def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
+    """Whether the tip of joints (4,) is where the port alone allows it."""
+    assert problem.eye is not None
+    return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)
 
 
 def _count(ways: int, *, finer: bool, one_time: bool, jerk: bool) -> int:
@@ -258,21 +264,72 @@ def jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array]
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
 
 
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The k segments of a free motion, and its guess."""
+
+    points: Array
+    """Where they begin and end, (k + 1, 4)."""
+    given: Mask
+    """Which of these are no guess, (k + 1, 4)."""
+    directions: Array
+    """Of every joint in every segment, (k, 4)."""
+    guesses: tuple[SegmentGuess, ...]
+    ports: tuple[int, ...] = ()
+    """Those of the points where the tip passes the port of an eye, at which joint 4 alone is given."""
+
+    def cut_at(self, port: float, is_outside: Callable[[Array], bool], fewest: int) -> Way:
+        """With a point more where joint 4 passes the port: only beyond it does the retina's row count.
+
+        Where it begins or ends at the port's edge it stands there until the others have turned to where it may go on, in the
+        guess as long as it then moves. is_outside: whether the retina's row forbids joints (4,).
+        """
+        points, given, ports = [self.points[0]], [self.given[0]], []
+        directions: list[Array] = []
+        guesses: list[SegmentGuess] = []
+        for k, guess in enumerate(self.guesses):
+            ends, sides = self.points[k : k + 2], np.tile(self.directions[k], (2, 1))
+            beyond = np.abs(ends[:, 3]) - port
+            near = int(beyond.argmin())
+            at_edge = bool(abs(beyond[near]) <= EDGE)
+            if beyond.max() > EDGE and (is_outside(ends[near]) if at_edge else beyond[near] < 0):
+                sides[near, 3] *= not at_edge
+                halves, place = guess.halves(3, np.copysign(port, ends[1 - near, 3]) - ends[0, 3], fewest)
+                ports.append(len(points))
+                points.append(ends[0] + place)
+                given.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
+                guesses += halves
+                directions += [*sides]
+            else:
+                guesses.append(guess)
+                directions.append(sides[0])
+            points.append(ends[1])
+            given.append(self.given[k + 1])
+        return Way(np.array(points), np.array(given), np.array(directions), tuple(guesses), tuple(ports))
+
+    def within(self, port: float) -> Mask:
+        """Segments in which the tip does not go beyond the port, (k,), wherever joints turn back."""
+        depths = np.abs(self.points[:, 3])
+        most, grows = np.where(self.given[:, 3], depths, np.inf), np.diff(depths)
+        for k in [*range(len(grows)), *reversed(range(len(grows)))]:
+            if grows[k] >= 0:
+                most[k] = min(most[k : k + 2])
+            if grows[k] <= 0:
+                most[k + 1] = min(most[k : k + 2])
+        return np.asarray(np.maximum(most[:-1], most[1:]) <= port + EDGE)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FreeProblem(OcpProblem):
     """With k segments: between the points, and where joints turn back on their way."""
 
     problem: Problem
     mechanism: Mechanism
-    points: Array
-    """Where the segments begin and end, (k + 1, 4)."""
-    given: Mask
-    """Which of these are no guess, (k + 1, 4)."""
+    way: Way
     speeds: tuple[Array, Array]
     """q̇ at both ends, (4,)."""
     pull: Array
     """q̈ at the start where jerk is limited, (4,)."""
-    guesses: tuple[SegmentGuess, ...]
 
     @cached_property
     def moving(self) -> Indices:
@@ -282,19 +339,19 @@ class FreeProblem(OcpProblem):
     @cached_property
     def unit(self) -> Array:
         """d: length of u = 1 by joint, (4,)."""
-        return np.asarray(np.abs(np.diff(self.points, axis=0)).max(axis=0))
+        return np.asarray(np.abs(np.diff(self.way.points, axis=0)).max(axis=0))
 
     @cached_property
     def room(self) -> Array:
         """Where joints may turn back, (2, 4)."""
-        return joint_room(self.problem, self.mechanism, self.points[self.given.all(axis=1)])
+        return joint_room(self.problem, self.mechanism, self.way.points[self.way.given.all(axis=1)])
 
     @property
     def boundary(self) -> BoundaryConditions:
-        start, end = (self._scaled(speed, 1) for speed in self.speeds)
-        points = self._scaled(np.where(self.given, self.points, np.nan) - self.points[0], 0)
-        room = self._scaled(self.room - self.points[0], 0)
-        pull = self._scaled(self.pull, 2)
+        start, end = (self.scaled(speed, 1) for speed in self.speeds)
+        points = self.scaled(np.where(self.way.given, self.way.points, np.nan) - self.way.points[0], 0)
+        room = self.scaled(self.room - self.way.points[0], 0)
+        pull = self.scaled(self.pull, 2)
         return BoundaryConditions(
             points, self.directions[:, self.moving], start, end, start_acceleration=pull, room=room
         )
@@ -302,7 +359,7 @@ class FreeProblem(OcpProblem):
     @property
     def limits(self) -> tuple[Array, Array, Array]:
         velocity, acceleration, jerk = (
-            self._scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
+            self.scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
         )
         return velocity, acceleration, jerk
 
@@ -310,10 +367,10 @@ class FreeProblem(OcpProblem):
     def guess(self) -> Guess:
         """The guesses of all segments, one after the other."""
         states = []
-        for guess, point in zip(self.guesses, self.points, strict=False):
+        for guess, point in zip(self.way.guesses, self.way.points, strict=False):
             position, *rates = guess.states
-            values = [position + point - self.points[0], *rates]
-            scaled = [self._scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)]
+            values = [position + point - self.way.points[0], *rates]
+            scaled = [self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)]
             states.append(np.hstack(scaled))
         lengths = self.times[self.structure.block] * self.fractions
         return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
@@ -324,12 +381,12 @@ class FreeProblem(OcpProblem):
         bound = found.path_bound.copy()
         rows = backoff.shape[1]
         if self.speeds[0].any():
-            bound[0, :rows] = 1 + AT_LIMIT
+            bound[0, :rows] = np.where(np.isfinite(bound[0, :rows]), 1 + AT_LIMIT, np.inf)
         if self.speeds[1].any():
-            bound[-1, -rows:] = 1 + AT_LIMIT
+            bound[-1, -rows:] = np.where(np.isfinite(bound[-1, -rows:]), 1 + AT_LIMIT, np.inf)
         return replace(found, path_bound=bound)
 
-    def _scaled(self, values: Array, order: int) -> Array:
+    def scaled(self, values: Array, order: int) -> Array:
         """A derivative of q − q0 (…, 4) as that of u (…, m) by scaled time."""
         return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[..., self.moving]
 
@@ -352,6 +409,17 @@ class FreeProblem(OcpProblem):
             )
         )
 
+    @cached_property
+    def idle(self) -> Mask:
+        found = super().idle.copy()
+        if self.problem.eye is not None:
+            found[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(self.problem.eye.port)
+        return found
+
+    def at_port(self, port: float) -> Mask:
+        """Elements in which the tip stays within the port, (n,)."""
+        return self.way.within(port)[self.structure.segment]
+
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
         return self.sigma, self._parameters
 
@@ -360,7 +428,7 @@ class FreeProblem(OcpProblem):
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-ANYWHERE, ANYWHERE)) for name in WATCHED])
         return FreeElement.layout.pack(
-            q0=self.points[0],
+            q0=self.way.points[0],
             d=self.unit,
             **self.joint_limits,
             **tool_limits(problem.speeds),
@@ -374,7 +442,7 @@ class FreeProblem(OcpProblem):
     @property
     def _whole_turns(self) -> Array:
         """From WATCHED at the first point to the values of the closed form, which rows use, there."""
-        first = self.points[0]
+        first = self.way.points[0]
         unwrapped = task_of_joints(NUMPY, self.mechanism, tuple(first))
         wrapped = task_from_joints(self.mechanism, first[None])
         return np.array([float(unwrapped[k]) - wrapped[0, k] for k in map(TASK.index, WATCHED)])
@@ -384,8 +452,10 @@ class FreeProblem(OcpProblem):
         """By how much the rounding of the retina's row forbids one of the points, which the limit itself allows."""
         if self.problem.eye is None:
             return 0.0
-        points = self.points[self.given.all(axis=1)]
-        return max(0.0, float(retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, points).T).max()))
+        in_eye = np.abs(self.way.points[:, 3]) > self.problem.eye.port + EDGE
+        points = self.way.points[self.way.given.all(axis=1) & in_eye]
+        rows = retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, points).T)
+        return float(rows.max(initial=0.0))
 
     def result(self, solution: NlpSolution) -> PhaseSolution:
         """The solution as joint polynomials; neighbours share position and velocity to the last digit."""
@@ -397,7 +467,7 @@ class FreeProblem(OcpProblem):
         def joints(values: Array, order: int) -> Array:
             full = np.zeros((n, 4))
             full[:, self.moving] = values * self.unit[self.moving] / self.time_scale**order
-            return full + (self.points[0] if order == 0 else 0.0)
+            return full + (self.way.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
         after = np.vstack([pieces.u[1:], boundary.points[-1]]), np.vstack([pieces.v[1:], boundary.end_velocity])
@@ -406,7 +476,9 @@ class FreeProblem(OcpProblem):
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
             (joints(after[0], 0), joints(after[1], 1), joints(pieces.a1, 2)),
         )
-        borders = breaks[[*solution.structure.borders, n]]
+        kept = [k for k in range(len(self.way.points)) if k not in self.way.ports]
+        borders = breaks[[*solution.structure.borders, n]][kept]
+        directions = np.sign(np.add.reduceat(self.directions, kept[:-1]))
         return PhaseSolution(
             "solved",
             solution.message,
@@ -415,6 +487,6 @@ class FreeProblem(OcpProblem):
             coefficients,
             solver=solution.solver,
             borders=borders,
-            directions=self.directions,
+            directions=directions,
             confirmation=solution.confirmation,
         )

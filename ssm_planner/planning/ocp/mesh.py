@@ -8,8 +8,10 @@ from keeping the other limits, from TOPP-RA's (`retimed_guess`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
@@ -20,7 +22,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import Retiming, retime
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Indices
 
 SHORTEST_ARC = 0.01
@@ -44,6 +46,8 @@ DENSEST = 5.0
 ROUNDING = 1 + 1e-12
 RETIMED_GRID = 200
 """Grid intervals of the re-timed guess."""
+Side = Literal["left", "right"]
+"""Of an instant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +247,48 @@ class SegmentGuess:
     """q − start, q̇, q̈ at the start and q̈ at the end of every element, (n, joints)."""
     arcs: tuple[int, ...]
     """Elements between two switching points."""
+
+    def halves(self, joint: int, place: float, fewest: int) -> tuple[tuple[SegmentGuess, SegmentGuess], Array]:
+        """Those between which this joint passes q − start = place, faster or slower before and after; q − start there."""
+        positions = np.append(self.states[0][:, joint], self._at(self.instants[-1:], "left")[0][0, joint])
+        side, middle = np.sign(positions[-1]), self.duration / 2
+        passes = float(np.interp(side * place, side * positions, self.instants))
+        first, reached = self._part((0.0, middle), joint, (0.0, passes), fewest)
+        second, _ = self._part((middle, self.duration), joint, (passes, self.duration), fewest)
+        reached[joint] = place
+        return (first, second), reached
+
+    def _part(
+        self, span: tuple[float, float], joint: int, own: tuple[float, float], fewest: int
+    ) -> tuple[SegmentGuess, Array]:
+        """What happens in a span of time, and with one joint in a span of its own; q − start at its end, (joints,)."""
+        begin, end = span
+        gap, switches = SHORTEST_ARC * self.duration, self.instants[np.cumsum(self.arcs)]
+        inside = [float(t) for t in switches if begin + gap < t < end - gap]
+        arcs, t = elements_between([begin, *inside, end], sum(self.arcs) / self.duration, fewest)
+        pace = (own[1] - own[0]) / (end - begin)
+
+        def paced(instants: Array, side: Side) -> tuple[Array, ...]:
+            states, of_joint = (self._at(at, side) for at in (instants, own[0] + pace * (instants - begin)))
+            for order in range(3):
+                states[order][:, joint] = pace**order * of_joint[order][:, joint]
+            return states
+
+        (q, qd, first), (reached, _, last) = paced(t[:-1], "right"), paced(t[1:], "left")
+        return SegmentGuess(end - begin, t - begin, (q - q[0], qd, first, last), arcs), reached[-1]
+
+    def _at(self, t: Array, side: Side) -> tuple[Array, Array, Array]:
+        """q − start, q̇ and q̈ at instants (n,), on one side of them, (n, joints)."""
+        k = np.clip(np.searchsorted(self.instants, t, side) - 1, 0, len(self.instants) - 2)
+        q, qd, first, last = (state[k] for state in self.states)
+        return Cubic(q, qd, first, last, np.diff(self.instants)[k, None]).at_time((t - self.instants[k])[:, None])
+
+
+def elements_between(switches: Sequence[float], density: float, fewest: int) -> tuple[tuple[int, ...], Array]:
+    """Of elements between switching points (k,), s, about `density` a second: numbers (k − 1,), and ends (n + 1,), s."""
+    arcs = tuple(max(fewest, round(density * (end - start))) for start, end in pairwise(switches))
+    parts = (np.linspace(start, end, n + 1)[1:] for (start, end), n in zip(pairwise(switches), arcs, strict=True))
+    return arcs, np.concatenate([switches[:1], *parts])
 
 
 def closed_form_guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> SegmentGuess:

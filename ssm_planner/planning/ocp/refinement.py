@@ -31,12 +31,10 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
-from ssm_planner.problem.limits import LensClearance, MotorTorque, RetinaClearance
+from ssm_planner.problem.limits import LensClearance, MotorTorque
 from ssm_planner.problem.problem import Objective
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask
 
-LOOKS_AT_PORT = 4
-"""Parts of an element that are looked at each by itself where the retina's row switches, which it does on a short way."""
 NEAR = 0.8
 """A row that stays below this share of its limit in the guess is not active until it is found violated."""
 TOLERANCE = 5e-7
@@ -62,7 +60,7 @@ SURPLUS = 5e-4
 GIVEN_BACK = 0.8
 """Share of it that is given back in one round, of at most BACK_ROUNDS; they start warm."""
 BACK_ROUNDS = 6
-GAIN, GAIN_AT_PORT = 1e-5, 2e-6
+GAIN = 1e-5
 """Share of the duration that the last of these rounds has to gain for another one."""
 SHORTEST = 0.2
 """Least time of a block, as a share of the guess's."""
@@ -74,8 +72,6 @@ SKETCH_ROUNDS, SKETCH_ITERATIONS = 3, 60
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
-OF_EYE = {RetinaClearance.name, LensClearance.name}
-"""Rows with rounded edges, beside which the structured solver may not converge; the retina's only at the port."""
 SAME, SAME_COST = 1e-6, 1e-5
 """Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
 SOLVE = 0.02
@@ -110,8 +106,6 @@ class OcpProblem(ABC):
     """By which solver."""
     shortest: float = SHORTEST
     """Least time of a block, as a share of the guess's."""
-    at_port: bool = False
-    """The motion may come near the port of an eye, where the retina's row switches."""
 
     @property
     @abstractmethod
@@ -190,6 +184,11 @@ class OcpProblem(ABC):
         """Of all r rows."""
         return self.complete_element.row_names
 
+    @property
+    def idle(self) -> Mask:
+        """Rows that do not count in an element, (n, r)."""
+        return np.zeros((self.structure.elements, len(self.row_names)), dtype=bool)
+
     @cached_property
     def _looked(self) -> list[tuple[Array, Array]]:
         """Elements last looked at by `row_maxima`, and what was found."""
@@ -202,13 +201,9 @@ class OcpProblem(ABC):
             return np.zeros((n, 0))
         if self._looked and np.array_equal(self._looked[0][0], elements):
             return self._looked[0][1]
-        parts = LOOKS_AT_PORT if self.at_port else 1
-        counts = np.full(n, parts)
-        looked = split(elements, counts) if parts > 1 else elements
-        parameters = [np.repeat(p, counts, axis=0) if p.ndim == 2 else p for p in self.element_parameters(elements)]
-        rows = rows_between(self.complete_element, looked, parameters)
-        found = parabolic_peak(rows.reshape(n * parts, len(DENSE), -1).transpose(0, 2, 1))
-        worst = np.asarray(found.reshape(n, parts, -1).max(axis=1))
+        rows = rows_between(self.complete_element, elements, self.element_parameters(elements))
+        found = parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
+        worst = np.where(self.idle, -np.inf, found)
         worst.setflags(write=False)
         self._looked[:] = [(elements.copy(), worst)]
         return worst
@@ -322,7 +317,8 @@ class _Refinement:
         """What is to be solved next."""
         structure, element = self.problem.structure, self.problem.element(self.active, aim)
         is_active = [name in self.active for name in self.problem.row_names]
-        data = self.problem.data(self.elements, self.backoff[:, is_active])
+        backoff = np.where(self.problem.idle, -np.inf, self.backoff)
+        data = self.problem.data(self.elements, backoff[:, is_active])
         if duration is not None:
             data = data.least_cost(duration, time=float(aim == "cooling"))
         return structure, element, data
@@ -330,8 +326,7 @@ class _Refinement:
     def solve(self, program: NlpProgram, aim: Aim) -> NlpSolution:
         """The program's solution, by the solver that is asked for."""
         structure, element, data = program
-        switching = OF_EYE if self.problem.at_port else OF_EYE - {RetinaClearance.name}
-        beside_eye = any(name in switching for name, _ in self.active)
+        beside_eye = any(name == LensClearance.name for name, _ in self.active)
         after_ipopt = self.start.multipliers is not None  # who starts warm from there
         alone = self.problem.method == "sketched" or (self.problem.method == "confirmed" and aim == "time")
         tried = self.problem.method == "structured" or (self.problem.method != "Ipopt" and not beside_eye)
@@ -495,7 +490,7 @@ def _given_back(found: _Refined) -> _Refined:
         found = replace(
             again, solution=replace(again.solution, iterations=solution.iterations + again.solution.iterations)
         )
-        if total > (1 - (GAIN_AT_PORT if state.problem.at_port else GAIN)) * before:
+        if total > (1 - GAIN) * before:
             break
     return found
 

@@ -14,17 +14,17 @@ import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.ocp.constraints import joint_limits, limits_jerk
-from ssm_planner.planning.ocp.free import MOVES, FreeProblem, jerk_for_all
+from ssm_planner.planning.ocp.free import EDGE, MOVES, FreeProblem, Way, jerk_for_all
 from ssm_planner.planning.ocp.mesh import sampled_guess
 from ssm_planner.planning.ocp.natively import compiled
-from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution, NlpStructure, PhaseSolution, cubics
+from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, PhaseSolution, cubics
 from ssm_planner.planning.ocp.refinement import NEAR, SHORTEST, chosen_rows
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.phases import joint_room
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Mask
 
 ELEMENTS, ROUNDS, ITERATIONS = 80, 6, 120
 """Of a sketch; rounds at most, and iterations in each."""
@@ -41,6 +41,23 @@ class _EitherWay(FreeProblem):
     """One segment; `sense`: the direction that friction has, of every joint in every element, (n, 4)."""
 
     sense: Array
+    depths: Array
+    """Of the tip at the ends of the elements in the round before, (n + 1,): what was within the port stays there."""
+
+    def at_port(self, port: float) -> Mask:
+        return np.asarray(np.maximum(self.depths[:-1], self.depths[1:]) <= port + EDGE)
+
+    def data(self, elements: Array, backoff: Array) -> NlpData:
+        found, eye = super().data(elements, backoff), self.problem.eye
+        if eye is None or 3 not in self.moving:
+            return found
+        column, within = list(self.moving).index(3), self.at_port(eye.port)
+        held = within | np.append(False, within[:-1])
+        edges = self.scaled(np.array([[-eye.port], [eye.port]]) - self.way.points[0], 0)[:, column]
+        lower, upper = found.lower.copy(), found.upper.copy()
+        lower[held, column] = np.maximum(lower[held, column], edges[0])
+        upper[held, column] = np.minimum(upper[held, column], edges[1])
+        return replace(found, lower=lower, upper=upper)
 
     @property
     def sigma(self) -> Array:
@@ -90,14 +107,13 @@ def sketched(
         directions=directions,
         problem=problem,
         mechanism=mechanism,
-        points=points,
-        given=np.ones((2, 4), dtype=bool),
+        way=Way(points, np.ones((2, 4), dtype=bool), directions, (guess,)),
         speeds=(np.zeros(4), np.zeros(4)),
         pull=np.zeros(4),
         starting=np.zeros(4, dtype=bool),
         shortest=SHORTEST,
-        guesses=(guess,),
         sense=np.sign(middle),
+        depths=np.abs(known.sample(guess.instants).q[:, 3]),
     )
     found = _settled(ocp)
     return None if found is None else Trajectory(found.breaks, found.coefficients, ())
@@ -109,11 +125,14 @@ def _settled(ocp: _EitherWay) -> PhaseSolution | None:
     active = chosen_rows(ocp.row_names, ocp.row_maxima(elements), NEAR)
     for _ in range(ROUNDS):
         element = ocp.element(active, "time")
-        data = ocp.data(elements, np.zeros((ELEMENTS, len(element.row_names))))
+        backoff = np.where(ocp.idle, -np.inf, 0.0)[:, [name in active for name in ocp.row_names]]
+        data = ocp.data(elements, backoff)
         found = solve_structured(ocp.structure, element, data, start, iterations=ITERATIONS)
         if not found.solved:
             return None
-        ocp, before = replace(ocp, sense=_sense(ocp, found)), ocp.sense
+        motion, before = ocp.result(found), ocp.sense
+        depths = np.abs(Trajectory(motion.breaks, motion.coefficients, ()).sample(motion.breaks).q[:, 3])
+        ocp = replace(ocp, sense=_sense(ocp, found), depths=depths)
         elements = found.elements
         missed = chosen_rows(ocp.row_names, ocp.row_maxima(elements), EXCEEDED) - active
         if not missed and np.array_equal(ocp.sense, before):

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.lower_bound import SCurve, fastest
-from ssm_planner.planning.ocp.mesh import SegmentGuess
+from ssm_planner.planning.ocp.mesh import SegmentGuess, elements_between
 from ssm_planner.typing import Array, Mask
 
 STANDS = 1e-9
@@ -170,9 +170,7 @@ def turning_guess(way: Array, speeds: tuple[Array, Array], limits: Array, *, cou
 
 def _guess_between(curves: list[SCurve | None], switches: list[float], density: float, fewest: int) -> SegmentGuess:
     """The part of a motion between the first and the last of some instants, with so many elements a second."""
-    arcs = tuple(max(fewest, round(density * (end - start))) for start, end in pairwise(switches))
-    parts = [np.linspace(start, end, n + 1)[1:] for (start, end), n in zip(pairwise(switches), arcs, strict=True)]
-    t = np.concatenate([[switches[0]], *parts])
+    arcs, t = elements_between(switches, density, fewest)
     middle, size = (t[1:] + t[:-1]) / 2, (len(t) - 1, len(curves))
     states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     for i, curve in enumerate(curves):
