@@ -90,7 +90,8 @@ def quickest_stops(motion: Trajectory, robot: Robot, instants: int | Array = INS
     times = np.linspace(0.0, motion.duration, instants) if isinstance(instants, int) else np.asarray(instants, float)
     path = _Path.of(motion, robot, times)
     first = np.clip(np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1)
-    motions = _stops(path, robot, first)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a bound is none
+        motions = _stops(path, robot, first)
     duration, travel = np.zeros(len(times)), np.zeros(len(times))
     moving = [(k, found) for k, found in enumerate(motions) if found is not None]
     if moving:
@@ -146,8 +147,7 @@ def _least(path: _Path, robot: Robot, k: Indices, x: Array, length: Array, *, en
     # q̈ = a s̈ + b
     a, b = path.dq[at] + grows[:, None] * path.ddq[at], path.ddq[at] * square[:, None]
     limit = np.sign(a) * np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        bounds = [np.where(a == 0, -np.inf, -(limit + b) / a).max(axis=1)]
+    bounds = [np.where(a == 0, -np.inf, -(limit + b) / a).max(axis=1)]
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None and joint.motor is not None:
             bounds.append(_torque_bound(path, joint, (*at, i), (a[:, i], b[:, i]), square=square, grows=grows))
@@ -156,8 +156,7 @@ def _least(path: _Path, robot: Robot, k: Indices, x: Array, length: Array, *, en
 
 def _above(slope: Array, value: Array, limit: float) -> Array:
     """The least u (n,) with slope · u + value ≤ limit; −∞ where only a largest one follows."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return np.where(slope < 0, (limit - value) / slope, -np.inf)
+    return np.where(slope < 0, (limit - value) / slope, -np.inf)
 
 
 def _torque_bound(
