@@ -9,7 +9,7 @@ import ctypes
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from itertools import accumulate, chain, pairwise
+from itertools import accumulate, pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -163,8 +163,14 @@ class Vectorised:
         ]
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
-        self._parts = list(pairwise([0, *bounds.tolist(), len(codes)]))
-        """Operations from where to where are all native, or all are not."""
+        self._parts = []
+        """From where to where, and where the codes of operations begin that are all native, and how many these are."""
+        for first, last in pairwise([0, *bounds.tolist(), len(codes)]):
+            code = ctypes.c_void_p(self._codes[first:].ctypes.data) if self._codes[first, 0] >= 0 else None
+            self._parts.append((first, last, code, ctypes.c_long(last - first)))
+        sizes = self._registers, len(constants), *self.rows_in, *self.rows_out
+        self._slots = [(table, row) for table, size in enumerate(sizes) for row in range(size)]
+        """Registers, constants, arguments and results: which of these, and which row of it."""
         self._seen = sorted(
             {k for _, *slots in (codes[i] for i in np.flatnonzero(self._codes[:, 0] < 0)) for k in slots}
         )
@@ -183,31 +189,31 @@ class Vectorised:
         size = self._registers * min(n, BLOCK)
         kept = _KEPT.pop() if _KEPT else np.empty(0)
         memory = kept if len(kept) >= size else np.empty(size)
-        work = memory[:size].reshape(self._registers, -1)
+        work = memory[:size].reshape(self._registers, min(n, BLOCK))
         self._run(work, [*(np.asarray(each, dtype=float).T for each in arguments), *results], n)
         _KEPT[:] = [memory]
         return [result.T for result in results]
 
     def _run(self, work: Array, given: list[Array], n: int) -> None:
         """All operations, block by block; work: the registers, given: rows (k, n) of the arguments and results."""
-        slots = [*work, *self._constants, *chain.from_iterable(given)]
         tables = [work, self._constants, *given]
         at = np.concatenate([each.ctypes.data + np.arange(len(each)) * each.strides[0] for each in tables])
         stride = np.repeat([1, 0, *(each.strides[1] // 8 for each in given)], [*map(len, tables)])
         moves = 8 * stride
         moves[: len(work)] = 0
         native = library.load()
-        seen = range(len(slots)) if native is None else self._seen
+        seen = range(len(at)) if native is None else self._seen
+        apart = ctypes.c_void_p(stride.ctypes.data)
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, BLOCK):
                 count = min(BLOCK, n - start)
-                part, places = (slice(start, start + count), slice(count)), at + start * moves
-                rows = {k: slots[k][part[k < len(work)]] if slots[k].ndim else slots[k] for k in seen}
-                for first, last in self._parts:
-                    if native is not None and self._codes[first, 0] >= 0:
-                        address = self._codes.ctypes.data + first * self._codes.strides[0]
-                        pointers = (ctypes.c_void_p(each) for each in (address, places.ctypes.data, stride.ctypes.data))
-                        native.ssm_operations(*pointers, ctypes.c_long(last - first), ctypes.c_long(count))
+                places, samples = at + start * moves, ctypes.c_long(count)
+                begin = ctypes.c_void_p(places.ctypes.data)
+                chosen = [slice(count), (), *[slice(start, start + count)] * len(given)]
+                rows = {k: tables[of][row][chosen[of]] for k, (of, row) in ((k, self._slots[k]) for k in seen)}
+                for first, last, code, size in self._parts:
+                    if native is not None and code is not None:
+                        native.ssm_operations(code, begin, apart, size, samples)
                         continue
                     for operation, one, other, out in self._program[first:last]:
                         if other < 0:
