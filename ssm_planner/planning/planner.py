@@ -36,7 +36,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion, stays_at
-from ssm_planner.planning.turning_points import PAYS, SKETCHED, Turns, best_turns, passing_turns
+from ssm_planner.planning.turning_points import PAYS, PAYS_IPOPT, SKETCHED, Turns, best_turns, passing_turns
 from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance, TipSpeed
 from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -377,11 +377,14 @@ class _PhasePlanner:
         curved = phase.path is not None and not isinstance(phase.path, StraightPath)
         return curved and phase.motion.duration is None and not limits_jerk(self.problem.robot)
 
-    def _solved(self, solve: Callable[..., PhaseSolution]) -> PhaseSolution:
-        """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms."""
+    def _solved(self, solve: Callable[..., PhaseSolution], *, needed: bool = True) -> PhaseSolution:
+        """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms.
+
+        needed: it is worth Ipopt's time, for there is no other motion yet, or a much longer one.
+        """
         method: Method = "sketched" if self.sketch is not None else METHODS[self.problem.planner]
         found = solve(method=method if compiled() is not None else "Ipopt")
-        given_up = not found.solved and found.solver == "structured" and self.sketch is None
+        given_up = needed and not found.solved and found.solver == "structured" and self.sketch is None
         return solve(method="Ipopt") if given_up else found
 
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
@@ -568,7 +571,7 @@ class _PhasePlanner:
             count=count,
             sketch=None if turns is None else turns.sketch,
         )
-        motion = self._solved(solve)
+        motion = self._solved(solve, needed=turns is None or turns.sketch is None or turns.gain > PAYS_IPOPT)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:

@@ -54,8 +54,9 @@ PACE = 0.999
 TURNS, TRIED, COMPARABLE = 3, 2, 0.5
 """Most turning points of a motion, how many of the promising ones are worked out for each, and what these promise at least,
 as a share of the best."""
-PAYS, SKETCHED = 2e-3, 5e-4
-"""Share of the duration that a turning point has to save; that those of a sketch have to, which cost less to look for."""
+PAYS, SKETCHED, PAYS_IPOPT = 2e-3, 5e-4, 1e-2
+"""Share of the duration that a turning point has to save; that those of a sketch have to, which cost less to look for; and
+that a sketch has to promise where Ipopt alone would solve it."""
 LEAST, SPARE = (2e-4, 1e-2), 0.3
 """Shares of what a joint moves at its largest velocity by which those of a sketch turn back at least; share of what that
 saves beyond which the second is tried too."""
@@ -134,7 +135,8 @@ def _sketched_turns(
         instants = np.concatenate([[0.0], within, [sketch.duration]])
         points = sketch.sample(instants).q
         points[[0, -1]] = phase.points
-        turns = Turns(points, tuple(range(1, len(within) + 1)), 0.0, None, (sketch, instants))
+        gain = 1 - sketch.duration / longest
+        turns = Turns(points, tuple(range(1, len(within) + 1)), gain, None, (sketch, instants))
         motion = solve(turns, enough)
         if motion is not None and motion.duration < enough:
             found.append((motion.duration, turns))

@@ -16,10 +16,12 @@ from random_problems import random_problem
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.interior.solve import available
+from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp import refinement, straight
+from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
@@ -158,6 +160,18 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
     assert len(said) == 1
     assert "Ipopt confirms" in said[0]
     assert "agree within" in said[0]
+
+
+def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
+) -> None:
+    monkeypatch.delattr(Transcription, "solve")
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    found = solve_free(tilt_insert, mechanism, points, method="confirmed", useless=1e-3)
+    assert found.solved
+    assert found.duration > 1e-3
+    assert [element.aim for _, element, *_ in solves] == ["time"]
 
 
 def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:

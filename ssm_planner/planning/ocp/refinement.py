@@ -69,9 +69,12 @@ HEAT_ROUNDS = 4
 """The fastest motion is a good one already: what takes longer to cool it is not worth the wait."""
 SKETCH_ROUNDS, SKETCH_ITERATIONS = 3, 60
 """Of a sketch, and in each of its rounds."""
+WORTH, WORTH_TRYING = 4.0, 2.5
+"""Effort after which the fastest motion is taken as far as it is refined; and after which one that is of use only where it is
+faster than another is given up."""
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
-NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
+NOT_CONFIRMED, GIVEN_UP = "Not_Confirmed_By_Ipopt", "Not_Worth_Its_Effort"
 SAME, SAME_COST = 1e-6, 1e-5
 """Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
 SOLVE = 0.02
@@ -236,6 +239,8 @@ def optimise(
     hopeless = useless if duration is None else HOPELESS * duration
     first = _Refinement.begin(problem, guess)
     found = _given_back(_refine(first, "time", hopeless=hopeless))
+    if not found.solution.solved or (duration is None and found.solution.times.sum() > hopeless):
+        return found.solution
     finer = _remeshed(found)
     confirmed = (finer and _confirmed(finer, "time")) or _confirmed(found, "time")
     if confirmed is None:
@@ -382,7 +387,7 @@ def _refine(
     only makes it longer.
     """
     rounds = HEAT_ROUNDS if aim == "heat" else SKETCH_ROUNDS if state.problem.method == "sketched" else ROUNDS
-    iterations, feasible = 0, False
+    iterations, feasible, begin, worth = 0, False, EFFORT.spent, WORTH if hopeless == np.inf else WORTH_TRYING
     for k in range(1, rounds + 1):
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
@@ -394,6 +399,9 @@ def _refine(
         violation = state.problem.row_maxima(solution.elements) - 1
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
         if feasible or k == rounds:
+            break
+        if EFFORT.beyond(begin, worth):
+            solution = solution if hopeless == np.inf else replace(solution, message=GIVEN_UP)
             break
         state = _next(state, solution, violation, k, may_cut=aim != "heat")
     return _Refined(replace(solution, iterations=iterations), state, feasible, program)

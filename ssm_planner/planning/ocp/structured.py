@@ -19,7 +19,7 @@ from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, Nlp
 from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
 from ssm_planner.typing import Array, Indices, Mask
 
-ITERATIONS = 120
+ITERATIONS = 200
 """At most, each way; then Ipopt solves."""
 SLOWLY = 1.1
 """Exponent of the barrier where the usual one does not converge."""

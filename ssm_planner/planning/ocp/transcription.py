@@ -29,6 +29,8 @@ EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 ITERATIONS, HEAT_ITERATIONS, COOLING_ITERATIONS = 300, 150, 150
 """At most; the least heat, and less of it, are given up sooner, for the fastest motion is at hand."""
+JOINT_ITERATIONS, LEAST_ITERATIONS = 6e4, 100
+"""Times elements and joints of a free motion, at most: one or two seconds; and those that are always allowed."""
 IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
@@ -156,6 +158,9 @@ class Transcription:
             "duration": duration,
         }
         native = mapped_elements(element, n)
+        most = max(ITERATIONS, 2 * n)
+        if structure.joints:
+            most = int(max(LEAST_ITERATIONS, min(ITERATIONS, JOINT_ITERATIONS / (n * m))))
         solver = _solvers(
             x=ca.vertcat(ca.vec(x), times),
             p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
@@ -167,9 +172,7 @@ class Transcription:
             functions=element_functions(element),
             native=native,
             first={} if structure.joints and structure.smooth else FROM_BARRIER,
-            iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
-                element.aim, max(ITERATIONS, 2 * n)
-            ),
+            iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(element.aim, most),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, solver=solver, native=native, parameters=layout, sizes=sizes)
