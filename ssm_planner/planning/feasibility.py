@@ -50,6 +50,8 @@ from ssm_planner.units import shown
 
 SAMPLES = 201
 """Of a path."""
+CLOSE = 2001
+"""Of a path that takes the place of a free motion beside an eye."""
 TOLERANCE = 1e-9
 """Share of a range, or m and shares of the lens, by which a joint or the tip may miss it; of a speed or acceleration."""
 AT_POINTS = 1e-6
@@ -188,7 +190,25 @@ def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Ph
     if np.abs(path.sample(np.array([1.0])).q[0] - last).max() > TOLERANCE:
         return None
     straight = replace(phase, path=path)
-    return None if infeasible_place(problem, mechanism, (straight,)) is not None else straight
+    if infeasible_place(problem, mechanism, (straight,)) is not None or _grazes_eye(problem, path):
+        return None
+    return straight
+
+
+def _grazes_eye(problem: Problem, path: JointPath) -> bool:
+    """Whether a path comes too near to retina or lens between its samples: at the port the distance has a sharp corner."""
+    if problem.eye is None:
+        return False
+    s = np.linspace(0.0, 1.0, CLOSE)
+    for name in (limit.name for limit in problem.eye.limits):
+        for _ in range(2):
+            values, least = eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, path.sample(s).q).T)[name]
+            k = int(np.argmin(values))
+            if values[k] < least - TOLERANCE:
+                return True
+            s = np.linspace(s[max(k - 1, 0)], s[min(k + 1, len(s) - 1)], SAMPLES)
+        s = np.linspace(0.0, 1.0, CLOSE)
+    return False
 
 
 def with_boundary_rates(

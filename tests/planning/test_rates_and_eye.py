@@ -11,6 +11,7 @@ import pytest
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.planner import feasible_phases
@@ -209,3 +210,11 @@ def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
     depths = -result.trajectory.uniform(500.0).q[:, 3]
     assert depths.min() < ball[0]
     assert result.lower_bound <= result.duration
+
+
+def test_a_straight_motion_that_grazes_the_retina_does_not_stand_in_for_a_free_one() -> None:
+    """Its line comes 3 µm too near at the port's edge, between its samples."""
+    problem = load_problem("problems/eye_approach.yaml")
+    assert problem.eye is not None
+    eye = dataclasses.replace(problem.eye, clearance=0.928e-3)
+    assert plan(dataclasses.replace(problem, eye=eye, planner="fast"), relaxations=False).passed
