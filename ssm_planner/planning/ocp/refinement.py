@@ -254,7 +254,7 @@ def optimise(
     if duration is None:
         begin = fastest.state.restarted(reached)
         last = fastest.state.problem
-        if fastest.solution.solver == "structured" and last.turns_back and not last.structure.smooth:
+        if fastest.solution.solver == "structured" and last.turns_back:
             # heat hardly depends on when joints turn: their ways would shrink to nothing, over many iterations
             lengths = reached.elements[:, -1]
             one_time = last.with_one_time(lengths)
