@@ -29,7 +29,7 @@ EVEN = 1e-5
 """Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
 ITERATIONS, HEAT_ITERATIONS, COOLING_ITERATIONS = 300, 150, 150
 """At most; the least heat, and less of it, are given up sooner, for the fastest motion is at hand."""
-JOINT_ITERATIONS, LEAST_ITERATIONS = 6e4, 100
+JOINT_ITERATIONS, LEAST_ITERATIONS = 6e4, 200
 """Times elements and joints of a free motion, at most: one or two seconds; and those that are always allowed."""
 IPOPT: dict[str, Any] = {
     "print_level": 0,
