@@ -22,8 +22,8 @@ from ssm_planner.typing import Array, Indices, Mask
 ITERATIONS = 200
 """At most, each way; then Ipopt solves."""
 SLOWLY = 1.2
-"""Exponent of the barrier where the usual one does not converge; the first one of motions with several times, on which the
-usual one fails more often and takes more iterations."""
+"""Exponent of the barrier where the usual one does not converge; the first one of motions with several times and
+without jerk limits, on which the usual one fails more often and takes more iterations."""
 PATIENT = 1.2, 1.1, 1.3
 """Exponents of the barrier where a row has a rounded edge, as the retina's at the port: one or another passes it."""
 SLOWER = 1.2
@@ -52,7 +52,7 @@ def solve_structured(
     program, warm, used = program_of(structure, element, data), start.structured, 0
     begin = _point(program, structure, data, start.x)
     ways: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
-    if not switching and len(data.least_times) > 1:
+    if not switching and not structure.smooth and len(data.least_times) > 1:
         ways = ways[::-1]
     if iterations < ITERATIONS:
         ways = ways[:1]
