@@ -5,6 +5,9 @@ import sys
 if sys.path and os.path.realpath(sys.path[0] or ".") != os.path.dirname(os.path.dirname(os.path.realpath(__file__))):
     sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry or ".") != os.path.realpath(".")]
 
-from ssm_planner.cli import main
+try:
+    from ssm_planner.cli import main
+except KeyboardInterrupt:  # before the command line is there to say so
+    sys.exit(130)
 
 sys.exit(main())

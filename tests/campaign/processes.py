@@ -166,7 +166,7 @@ def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
 
 def _said(number: signal.Signals, status: int, said: str, out: Path, earlier: dict[str, str]) -> str | None:
     """What is wrong with the words, the status and the folder that a process leaves that was asked to end."""
-    begun = "reading" in said
+    begun = "] reading" in said
     if "Traceback" in said and begun:
         return f"traceback: {said[-300:]}"
     if status not in (0, STATUS[number]) and begun:

@@ -359,3 +359,17 @@ sys.exit(cli.main())
     assert done.returncode == status, done.stderr
     assert "written whole before that" in done.stderr
     assert not list(tmp_path.rglob(".out-*"))
+
+
+def test_an_interruption_while_the_command_line_is_loaded_leaves_no_traceback():
+    script = """
+import runpy, sys
+class Interrupts:
+    def find_spec(self, name, *_):
+        if name == "ssm_planner.cli":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupts())
+runpy.run_module("ssm_planner", run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "")
