@@ -170,7 +170,7 @@ class Plan:
     file_sha256: str | None = field(default=None, init=False)
     """Of the bytes of that file."""
     doubt: str | None = field(default=None, init=False)
-    """Why a certificate that was given is not shown; see verification/seal.py."""
+    """Why a certificate that was given is not shown; see verification/certificate.py."""
 
     def __post_init__(self) -> None:
         if self.certificate is None or self.trajectory is None:

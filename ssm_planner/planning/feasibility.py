@@ -199,15 +199,14 @@ def _grazes_eye(problem: Problem, path: JointPath) -> bool:
     """Whether a path comes too near to retina or lens between its samples: at the port the distance has a sharp corner."""
     if problem.eye is None:
         return False
-    s = np.linspace(0.0, 1.0, CLOSE)
     for name in (limit.name for limit in problem.eye.limits):
+        s = np.linspace(0.0, 1.0, CLOSE)
         for _ in range(2):
             values, least = eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, path.sample(s).q).T)[name]
             k = int(np.argmin(values))
             if values[k] < least - TOLERANCE:
                 return True
             s = np.linspace(s[max(k - 1, 0)], s[min(k + 1, len(s) - 1)], SAMPLES)
-        s = np.linspace(0.0, 1.0, CLOSE)
     return False
 
 

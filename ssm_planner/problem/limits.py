@@ -517,7 +517,7 @@ class ConstantSpeed(OfPath):
     unit = "m/s"
 
 
-PROMISES = tuple(f"{kind.name}" for kind in OfPath.__subclasses__())
+PROMISES = tuple(str(kind.name) for kind in OfPath.__subclasses__())
 """Names of what a problem promises of the tip's way."""
 ENDS = ("start velocity", "end velocity")
 JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)), *ENDS)

@@ -449,7 +449,7 @@ class FreeProblem(OcpProblem):
 
     @property
     def _retina_easing(self) -> float:
-        """By how much the rounding of the retina's row forbids one of the points, which the limit itself allows."""
+        """By how much the retina's row forbids one of the points, which the tolerance of its limit allows."""
         if self.problem.eye is None:
             return 0.0
         in_eye = np.abs(self.way.points[:, 3]) > self.problem.eye.port + EDGE

@@ -168,8 +168,8 @@ class OcpProblem(ABC):
         return replace(self, structure=structure, fractions=lengths / total, times=total)
 
     @property
-    def turns_back(self) -> bool:
-        """Borders are unknown, for joints turn back there."""
+    def has_free_borders(self) -> bool:
+        """Borders are unknown: where joints turn back, or the tip passes the port of an eye."""
         return bool(np.isnan(self.boundary.points).any())
 
     @property
@@ -254,8 +254,8 @@ def optimise(
     if duration is None:
         begin = fastest.state.restarted(reached)
         last = fastest.state.problem
-        if fastest.solution.solver == "structured" and last.turns_back:
-            # heat hardly depends on when joints turn: their ways would shrink to nothing, over many iterations
+        if fastest.solution.solver == "structured" and last.has_free_borders:
+            # heat hardly depends on when borders are passed: ways between them would shrink to nothing, over many iterations
             lengths = reached.elements[:, -1]
             one_time = last.with_one_time(lengths)
             begin = replace(begin, problem=one_time).restarted(replace(reached, times=one_time.times))

@@ -25,7 +25,7 @@ SLOWLY = 1.2
 """Exponent of the barrier where the usual one does not converge; the first one of motions with several times and
 without jerk limits, on which the usual one fails more often and takes more iterations."""
 PATIENT = 1.2, 1.1, 1.3
-"""Exponents of the barrier where a row has a rounded edge, as the retina's at the port: one or another passes it."""
+"""Exponents of the barrier where a row has a rounded edge, as that of the lens: one or another passes it."""
 SLOWER = 1.2
 """By how much a guess is slowed down: fewer of its rows are exceeded then."""
 SAME = 1e-12
