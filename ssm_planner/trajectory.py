@@ -106,15 +106,28 @@ class Trajectory:
 
     def sample_pieces(self, piece: Indices, local: Array) -> Samples:
         """The motion at local time (n,) after the start of each piece (n,)."""
-        derivatives = []
-        coefficients = self.pieces(piece)
-        for order in range(4):
-            value = coefficients[:, DEGREE - order].copy()
+        q, qd, qdd, qddd = self._derivatives(piece, local, 3)
+        return Samples(self.breaks[piece] + local, q, qd, qdd, qddd)
+
+    def positions(self, t: Array) -> Array:
+        """q (n, 4) alone at times t (n,), as `sample` gives it."""
+        piece = self.piece_of(t)
+        return self._derivatives(piece, t - self.breaks[piece], 0)[0]
+
+    def _derivatives(self, piece: Indices, local: Array, highest: int) -> list[Array]:
+        """q and its derivatives up to an order, (n, 4) each, at local time (n,) after the start of each piece (n,)."""
+        found = []
+        # each coefficient's values lie together in memory: operations run along them
+        coefficients = np.ascontiguousarray(self.pieces(piece).transpose(1, 2, 0))
+        for order in range(highest + 1):
+            value = coefficients[DEGREE - order].copy()
             for k in range(DEGREE - order - 1, -1, -1):
-                value = value * local[:, None] + coefficients[:, k]
-            derivatives.append(value)
-            coefficients = coefficients[:, 1:] * np.arange(1, DEGREE + 1 - order)[:, None]
-        return Samples(self.breaks[piece] + local, *derivatives)
+                value *= local
+                value += coefficients[k]
+            found.append(value.T)
+            if order < highest:
+                coefficients = coefficients[1:] * np.arange(1, DEGREE + 1 - order)[:, None, None]
+        return found
 
     def uniform(self, rate: float) -> Samples:
         """Samples at a fixed rate in Hz from the start, at a break what follows it; the last one is the end exactly."""

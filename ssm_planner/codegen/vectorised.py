@@ -169,12 +169,14 @@ class Vectorised:
             code = ctypes.c_void_p(self._codes[first:].ctypes.data) if self._codes[first, 0] >= 0 else None
             self._parts.append((first, last, code, ctypes.c_long(last - first)))
         sizes = self._registers, len(constants), *self.rows_in, *self.rows_out
-        self._slots = [(table, row) for table, size in enumerate(sizes) for row in range(size)]
-        """Registers, constants, arguments and results: which of these, and which row of it."""
+        self._table = np.repeat(np.arange(len(sizes)), sizes)
+        self._row = np.concatenate([np.arange(size) for size in sizes])
+        """Of every slot: registers, constants, arguments and results, which of these, and which row of it."""
         self._seen = sorted(
             {k for _, *slots in (codes[i] for i in np.flatnonzero(self._codes[:, 0] < 0)) for k in slots}
         )
         """Slots of those that are not."""
+        self._places = list(zip(self._table.tolist(), self._row.tolist(), strict=True))
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Results (n, elements) of arguments (n, elements).
@@ -197,23 +199,28 @@ class Vectorised:
     def _run(self, work: Array, given: list[Array], n: int) -> None:
         """All operations, block by block; work: the registers, given: rows (k, n) of the arguments and results."""
         tables = [work, self._constants, *given]
-        at = np.concatenate([each.ctypes.data + np.arange(len(each)) * each.strides[0] for each in tables])
-        stride = np.repeat([1, 0, *(each.strides[1] // 8 for each in given)], [*map(len, tables)])
-        moves = 8 * stride
+        starts = np.array([each.__array_interface__["data"][0] for each in tables])
+        rows_apart, apart = np.array([(each.strides[0], each.strides[-1]) for each in tables]).T
+        at = starts[self._table] + rows_apart[self._table] * self._row
+        apart[1] = 0  # a constant is the same for all samples
+        moves = apart[self._table]
+        stride = moves // 8
         moves[: len(work)] = 0
         native = library.load()
         seen = range(len(at)) if native is None else self._seen
-        apart = ctypes.c_void_p(stride.ctypes.data)
+        steps = ctypes.c_void_p(stride.ctypes.data)
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, BLOCK):
                 count = min(BLOCK, n - start)
                 places, samples = at + start * moves, ctypes.c_long(count)
                 begin = ctypes.c_void_p(places.ctypes.data)
-                chosen = [slice(count), (), *[slice(start, start + count)] * len(given)]
-                rows = {k: tables[of][row][chosen[of]] for k, (of, row) in ((k, self._slots[k]) for k in seen)}
+                rows = {k: tables[of][row] for k, (of, row) in ((k, self._places[k]) for k in seen)}
+                if n > BLOCK:
+                    chosen = [slice(count), (), *[slice(start, start + count)] * len(given)]
+                    rows = {k: row[chosen[self._places[k][0]]] for k, row in rows.items()}
                 for first, last, code, size in self._parts:
                     if native is not None and code is not None:
-                        native.ssm_operations(code, begin, apart, size, samples)
+                        native.ssm_operations(code, begin, steps, size, samples)
                         continue
                     for operation, one, other, out in self._program[first:last]:
                         if other < 0:
@@ -254,13 +261,12 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     transposed batch without a word when it happens to be square, so the shapes are checked here.
     Raises GeometryError naming function, argument and both shapes.
     """
-    if len(arguments) != function.n_in():
-        raise GeometryError(f"{function.name()} takes {function.n_in()} arguments, got {len(arguments)}")
+    sizes = _sizes(function)
+    if len(arguments) != len(sizes):
+        raise GeometryError(f"{function.name()} takes {len(sizes)} arguments, got {len(arguments)}")
     samples = np.shape(arguments[0])[0] if np.ndim(arguments[0]) == 2 else -1
-    for i, argument in enumerate(arguments):
-        expected = (samples, function.size1_in(i))
-        if np.shape(argument) != expected:
-            size = expected[1]
+    for i, (argument, size) in enumerate(zip(arguments, sizes, strict=True)):
+        if np.shape(argument) != (samples, size):
             raise GeometryError(
                 f"{function.name()}: argument {function.name_in(i)} has shape {np.shape(argument)}, expected (n, {size})"
                 + ("" if i == 0 or samples < 0 else f" with n = {samples}")
@@ -269,9 +275,14 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
         return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))
     vectorised = _vectorised(function) if samples >= MANY else None
     if vectorised is not None:
-        return tuple(map(np.ascontiguousarray, vectorised(*(np.asarray(a, dtype=float) for a in arguments))))
+        return tuple(vectorised(*(np.asarray(a, dtype=float) for a in arguments)))
     first, *others = (np.asarray(argument, dtype=float) for argument in arguments)
     return tuple(Mapped(function, others, samples)(first))
+
+
+@lru_cache(maxsize=256)
+def _sizes(function: ca.Function) -> tuple[int, ...]:
+    return tuple(function.size1_in(i) for i in range(function.n_in()))
 
 
 @lru_cache(maxsize=64)

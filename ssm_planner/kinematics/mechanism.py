@@ -108,6 +108,12 @@ class Mechanism:
         return frozen(np.column_stack((self.omega1, self.tilt_axis, np.cross(self.omega1, self.tilt_axis))), (3, 3))
 
     @cached_property
+    def tip_axes(self) -> Array:
+        """ω1, t × ω1 and ω1 × (t × ω1), row by row, (3, 3): the tool at roll and tilt 0, and towards where it tilts."""
+        across = np.cross(self.tilt_axis, self.omega1)
+        return frozen([self.omega1, across, np.cross(self.omega1, across)], (3, 3))
+
+    @cached_property
     def delta(self) -> float:
         """δ: the θ2, in [−π, π], at which cos φ is largest (the tool nearest to ω1), the zero of x = θ2 − δ."""
         toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis

@@ -126,10 +126,12 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
 
 def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     """The tip position (n, 3) of `pose_from_task` alone, of task coordinates (n, 4), t̂ being perpendicular to ω1."""
-    across = np.cross(mechanism.tilt_axis, mechanism.omega1)
-    aside = np.cos(task[:, :1]) * across + np.sin(task[:, :1]) * np.cross(mechanism.omega1, across)
-    pointing = np.cos(task[:, 1:2]) * mechanism.omega1 + np.sin(task[:, 1:2]) * aside
-    return np.asarray(mechanism.insertion_sign * task[:, 3:] * pointing)
+    roll, tilt, _, depth = np.ascontiguousarray(task.T)
+    along, across, upwards = (axis[:, None] for axis in mechanism.tip_axes)
+    # row by row, so that operations run along many values
+    aside = np.cos(roll) * across + np.sin(roll) * upwards
+    pointing = np.cos(tilt) * along + np.sin(tilt) * aside
+    return np.asarray(mechanism.insertion_sign * depth * pointing).T
 
 
 def joints_from_task_symbolic(

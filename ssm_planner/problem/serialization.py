@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,32 +25,22 @@ PRIMITIVE = {type(None), bool, int, float, str}
 
 def plain(value: Any) -> Any:
     """Dataclasses, arrays and mappings as JSON types; limits by the names of what they limit."""
-    if type(value) in PRIMITIVE:
+    kind: Any = type(value)
+    if kind in PRIMITIVE:
         return value
-    if isinstance(value, Robot):
-        fields = {**_fields(value), "limits": plain(value.ranges)}
-        del fields["corners"], fields["lightest"]  # of a planner's making
-        return fields
-    if isinstance(value, Problem):
-        stated = {field: bound for field, bound in limits_to_plain(value).items() if field != "eye"}
-        return {**_fields(value), **stated}
-    if isinstance(value, TaskLimits):
-        return limits_to_plain(value)
-    if isinstance(value, (Task, Joints, Tip)):
-        return _point(value)
-    if isinstance(value, (Straight, Free, Follow, Dwell, Scan)):
-        return _motion(value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return _fields(value)
-    if isinstance(value, np.ndarray):
+    if kind is tuple or kind is list:
+        return [plain(item) for item in value]
+    if kind is np.ndarray:
         return value.tolist()
+    if kind in _SPECIAL:
+        return _SPECIAL[kind](value)
+    if names := _names(kind):
+        return {name: plain(getattr(value, name)) for name in names}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def robot_hash(robot: Robot) -> str:
@@ -75,8 +66,21 @@ def _without_files(data: Any) -> Any:
     return [_without_files(item) for item in data] if isinstance(data, list) else data
 
 
-def _fields(value: Any) -> dict[str, Any]:
-    return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+@cache
+def _names(cls: Any) -> tuple[str, ...]:
+    """Of the fields of a dataclass; none of another class."""
+    return tuple(field.name for field in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else ()
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    # corners and lightest are of a planner's making
+    own = {name: plain(getattr(robot, name)) for name in _names(Robot) if name not in ("corners", "lightest")}
+    return own | {"limits": plain(robot.ranges)}
+
+
+def _problem(problem: Problem) -> dict[str, Any]:
+    stated = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
+    return {name: plain(getattr(problem, name)) for name in _names(Problem)} | stated
 
 
 def _point(point: Point) -> dict[str, Any]:
@@ -173,6 +177,16 @@ def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
     stated = {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
     return stated | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
+
+
+_SPECIAL: dict[type, Callable[[Any], dict[str, Any]]] = {
+    Robot: _robot,
+    Problem: _problem,
+    TaskLimits: limits_to_plain,
+    **dict.fromkeys((Task, Joints, Tip), _point),
+    **dict.fromkeys((Straight, Free, Follow, Dwell, Scan), _motion),
+}
+"""Values whose fields are not their keys."""
 
 
 @contextmanager

@@ -18,6 +18,10 @@ from ssm_planner.typing import Array, Indices
 
 DEPTH = 48
 """Halvings after which an interval counts as a point."""
+BISECTIONS = 54
+"""Of an interval with one zero."""
+FEW = 8
+"""Polynomials up to which numbers are faster than arrays of them."""
 
 
 def from_powers(powers: Array) -> Array:
@@ -125,12 +129,32 @@ def _changes(coefficients: Array) -> Indices:
 def _bisect(coefficients: Array) -> Array:
     """The one zero in [0, 1] of each polynomial (m, n + 1), its ends of opposite sign; (m,)."""
     powers = to_powers(coefficients)
+    if len(powers) <= FEW:
+        return np.array(
+            [_bisected(own, bool(first > 0)) for own, first in zip(powers.tolist(), coefficients[:, 0], strict=True)]
+        )
     low, high = np.zeros(len(powers)), np.ones(len(powers))
     first = np.sign(coefficients[:, 0])
-    for _ in range(54):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         ahead = np.sign(evaluate(powers, middle)) == first
         low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+    return high
+
+
+def _bisected(powers: list[float], falling: bool) -> float:
+    """The zero of one polynomial, as `_bisect` finds it."""
+    low, high = 0.0, 1.0
+    last, *others = powers[::-1]
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        value = last
+        for coefficient in others:
+            value = value * middle + coefficient
+        if (value > 0) if falling else (value < 0):
+            low = middle
+        else:
+            high = middle
     return high
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, replace
+from operator import is_
 from typing import Any
+from weakref import ref
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.limits import PROMISES, Limit
@@ -127,7 +129,14 @@ class Certificate:
 
 def sealed(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> Certificate:
     """The certificate with the seal of what it was found for."""
-    return replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
+    global _last
+    found = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
+    _last = tuple(map(ref, (found, trajectory, robot, limits)))
+    return found
+
+
+_last: tuple[ref[Any], ...] = ()
+"""The certificate that was sealed last, and for what: values never change, so that its seal holds for these objects."""
 
 
 def broken_seal(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> str | None:
@@ -136,6 +145,9 @@ def broken_seal(certificate: Certificate, trajectory: Trajectory, robot: Robot, 
         return "its certificate names no limits"
     if certificate.sha256 is None:
         return "its certificate has no seal (of an earlier version, or removed): it says nothing of this trajectory"
+    sealed_for = tuple(each() for each in _last)
+    if sealed_for and all(map(is_, sealed_for, (certificate, trajectory, robot, limits))):
+        return None
     if certificate.sha256 != _digest(certificate, trajectory, robot, limits):
         return "the trajectory, the robot, a limit or the certificate was changed after the check"
     return None

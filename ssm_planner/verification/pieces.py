@@ -74,16 +74,12 @@ class Pieces:
 
     def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
         """(piece, from, to): the pieces, cut where a joint turns back within one, so that directions keep."""
-        slowest = still(robot)
-        coefficients = self.bernstein[1]
-        cuts_piece, cuts_s = [np.empty(0, dtype=np.intp)], [np.empty(0)]
-        for i in range(4):
-            piece, s = bernstein.sign_changes(coefficients[:, :, i], slowest[i])
-            cuts_piece.append(piece)
-            cuts_s.append(s)
         whole = np.arange(len(self.start))
-        piece = np.concatenate([whole, *cuts_piece])
-        begin = np.concatenate([np.zeros(len(whole)), *cuts_s])
+        # the joints one below the other
+        speeds = self.bernstein[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
+        cuts, s = bernstein.sign_changes(speeds, np.repeat(still(robot), len(whole)))
+        piece = np.concatenate([whole, cuts % len(whole)])
+        begin = np.concatenate([np.zeros(len(whole)), s])
         order = np.lexsort((begin, piece))
         piece, begin = piece[order], begin[order]
         end = np.append(np.where(piece[1:] == piece[:-1], begin[1:], 1.0), 1.0)

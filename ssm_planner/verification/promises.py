@@ -158,13 +158,14 @@ def _way(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: li
 
 def _begun(motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span) -> tuple[Array, int]:
     """Task coordinates (4,) where a phase begins, rolls counted as its motions do, and the branch."""
-    inner = motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)]
-    tasks = task_from_joints(mechanism, motion.sample([span.start, *inner, span.end]).q)
     named = [entry.to.roll for entry in chain if isinstance(entry, Straight) and entry.to.roll is not None]
+    inner = motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)] if named else ()
+    q = motion.positions(np.array([span.start, *inner, span.end]))
+    tasks = task_from_joints(mechanism, q)
     if named:
         rolls = np.unwrap(tasks[:, 0])
         tasks[0, 0] += 2 * np.pi * np.round((named[-1] - rolls[-1]) / (2 * np.pi))
-    return tasks[0], int(mechanism.branch_of(motion.sample(span.start).q[0]))
+    return tasks[0], int(mechanism.branch_of(q[0]))
 
 
 def _task_at(mechanism: Mechanism, point: Point, held: Array, branch: int) -> Array:
@@ -217,8 +218,8 @@ def _off(line: Curve, tips: Array) -> Array:
     places = line(shares)
     s = shares[np.argmin((places**2).sum(axis=1) - 2 * tips @ places.T, axis=1)]
     for _ in range(STEPS):
-        at = line(s)
-        along = (line(s + STEP) - at) / STEP
+        at, ahead = np.split(line(np.concatenate([s, s + STEP])), 2)
+        along = (ahead - at) / STEP
         square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
         s = np.clip(s + ((tips - at) * along).sum(axis=1) / square, 0.0, 1.0)
     return np.asarray(np.linalg.norm(tips - line(s), axis=1))
@@ -227,8 +228,8 @@ def _off(line: Curve, tips: Array) -> Array:
 def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
     """One phase held against what is promised of it."""
     t = _instants(motion, mechanism, way)
-    blocks = [motion.sample(t[k : k + SOME]) for k in range(0, len(t), SOME)]
-    along = [tip_position(mechanism, block.q) for block in blocks]
+    blocks = [t[k : k + SOME] for k in range(0, len(t), SOME)]
+    along = [tip_position(mechanism, motion.positions(block)) for block in blocks]
     off = np.concatenate([np.min([_off(line, tips) for line in way.lines], axis=0) for tips in along])
     tips = np.vstack(along)
     missed = float(np.linalg.norm(tips[-1] - way.lines[-1](np.ones(1))[0]))
@@ -239,7 +240,8 @@ def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
         checks.append(_farthest_off(RetinaDistance(distance), ON, way, t, far))
     stretch = None
     if way.speed is not None:
-        speeds = np.concatenate([tool_speed(TipSpeed, mechanism, block.q, block.qd) for block in blocks])
+        samples = map(motion.sample, blocks)
+        speeds = np.concatenate([tool_speed(TipSpeed, mechanism, each.q, each.qd) for each in samples])
         check, stretch = _at_speed(way, way.speed, t, speeds)
         checks.append(check)
     return WayKept(way, tuple(checks), float(off.max()), stretch)
@@ -253,7 +255,7 @@ def _instants(motion: Trajectory, mechanism: Mechanism, way: Way) -> Array:
     t = np.append((breaks[:-1, None] + np.arange(looks) / looks * np.diff(breaks)[:, None]).ravel(), end)
     if not way.distances:
         return t
-    away = np.linalg.norm(tip_position(mechanism, motion.sample(t).q)[:, None] - way.corners, axis=2)
+    away = np.linalg.norm(tip_position(mechanism, motion.positions(t))[:, None] - way.corners, axis=2)
     about = [t]
     for near in (away < ABOUT * np.array(way.distances)).T:
         if near.any():

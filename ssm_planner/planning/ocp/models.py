@@ -168,7 +168,7 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
     curves = np.hstack([samples.dq, *(part for parts in load for part in parts), speeds])
     # node j of element n has the values Σ_d ξ_j^d a_nd
     inverse = np.linalg.inv(np.vander(chebyshev, increasing=True))
-    coefficients = np.einsum("dj,njk->ndk", inverse, curves.reshape(len(low), DEGREE + 1, -1))
+    coefficients = np.einsum("dj,njk->ndk", inverse, np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1))
     return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
 
 

@@ -14,6 +14,7 @@ T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²)); dynamics/transmission.py (
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -31,7 +32,7 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Indices, Mask
 
 ACTIVE = 0.998
 """A row counts as binding from this share of its limit on."""
@@ -102,9 +103,16 @@ class LinearConstraints:
 
     def tangent(self, speed_squared: Array) -> LinearConstraints:
         """Rows without k, at least as strict, exact at ṡ² = speed_squared (n,): √x ≤ √x₀/2 + x/(2 √x₀)."""
-        root = np.sqrt(speed_squared)[:, None]
-        b, c = self.b + self.k / (2 * root), self.c + self.k * (root / 2)
-        return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
+        root, k = np.sqrt(speed_squared)[:, None], self.k[:, self.curved]
+        b, c = self.b.copy(), self.c.copy()
+        b[:, self.curved] += k / (2 * root)
+        c[:, self.curved] += k * (root / 2)
+        return LinearConstraints(self.a, b, c, np.broadcast_to(0.0, c.shape), self.ceiling)
+
+    @cached_property
+    def curved(self) -> Indices:
+        """Rows with a k somewhere."""
+        return np.flatnonzero(self.k.any(axis=0))
 
     def part(self, points: slice) -> LinearConstraints:
         """At some of the points."""
@@ -120,16 +128,31 @@ class LinearConstraints:
     def active(self, grid: Array, speed_squared: Array) -> Array:
         """The row that binds on each interval of the grid (n,), or CEILING or NONE: (n − 1,)."""
 
+        every = slice(None)
+        value, ceiling = self._middle(grid, speed_squared, every), (self.ceiling[1:] + self.ceiling[:-1]) / 2
+        row = np.argmax(value, axis=1)
+        largest = value[np.arange(len(row)), row]
+        of_ceiling = (speed_squared[1:] + speed_squared[:-1]) / 2 / ceiling
+        row[of_ceiling > largest] = CEILING
+        return np.where(np.maximum(largest, of_ceiling) > ACTIVE, row, NONE)
+
+    def bind(self, rows: Indices, grid: Array, speed_squared: Array) -> bool:
+        """Whether some of these rows bind on an interval of the grid (n,)."""
+        if not len(rows) or not (self._middle(grid, speed_squared, rows) > ACTIVE).any():
+            return False
+        return bool(np.isin(self.active(grid, speed_squared), rows).any())
+
+    def _middle(self, grid: Array, speed_squared: Array, rows: Indices | slice) -> Array:
+        """Of these rows in the middle of each interval of the grid (n,), (n − 1, rows)."""
+
         def middle(values: Array) -> Array:
-            return (values[1:] + values[:-1]) / 2
+            own = values[:, rows]
+            return (own[1:] + own[:-1]) / 2
 
         acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
-        x = middle(speed_squared)[:, None]
-        value = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c) + middle(self.k) * np.sqrt(x)
-        value = np.column_stack([value, x[:, 0] / middle(self.ceiling)])
-        row = np.argmax(value, axis=1)
-        row[row == value.shape[1] - 1] = CEILING
-        return np.where(value.max(axis=1) > ACTIVE, row, NONE)
+        x = ((speed_squared[1:] + speed_squared[:-1]) / 2)[:, None]
+        value = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c)
+        return value + middle(self.k) * np.sqrt(x) if len(self.curved) else value
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,16 +179,45 @@ class _TorqueLaw:
     def driving(self) -> list[PathTerm]:
         return [(slope * self.effort + self.motor).without_negative_k() for slope in self.slopes]
 
-    def braking(self, speed_squared: Array, ceiling: Array) -> PathTerm:
-        """For ṡ² (n,) near the given one and up to the ceiling (n,)."""
+    def first_is_larger(self, speed_squared: Array) -> Mask:
+        """Which of the two functions is the larger one at ṡ² (n,)."""
         first, second = self.slopes
         _, b, c, _ = self.effort.values
         mesh = b * speed_squared + c
-        larger = np.where(first * mesh > second * mesh, first, second)
+        return np.asarray(first * mesh > second * mesh)
+
+    def braking(self, first: Mask, ceiling: Array) -> PathTerm:
+        """By the first function or the second one (n,), up to the ceiling of ṡ² (n,)."""
+        larger = np.where(first, *self.slopes)
         values = (larger * self.effort + self.motor).without_negative_k().values
         values[1] += values[3] / np.sqrt(ceiling)
         values[3] = 0.0
         return PathTerm(-values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """What one actuation's rows are made of."""
+
+    torque: _TorqueLaw
+    sides: tuple[int, ...]
+    first: Mask | None
+    """As `_TorqueLaw.first_is_larger`; None where braking does not count."""
+    limit: float
+
+    def rows(self, ceiling: Array) -> list[tuple[PathTerm, float]]:
+        """(term, limit), term ≤ limit."""
+        driving = self.torque.driving if 1 in self.sides else ()
+        braking = () if self.first is None else (self.torque.braking(self.first, ceiling),)
+        return [(term, self.limit) for term in (*driving, *braking)]
+
+    def same(self, other: _Law) -> bool:
+        """Whether the rows are the same, of one robot and actuation."""
+        if self.torque is not other.torque:
+            return False
+        if self.first is None or other.first is None:
+            return self.first is other.first
+        return np.array_equal(self.first, other.first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +242,8 @@ class PathLimits:
     """Others, at corners of a range of friction and payload: they get rows when a motion takes too much with them."""
     laws: dict[tuple[int, int, int], _TorqueLaw] = field(default_factory=dict)
     """Of every joint's loads and drives, as last asked for: most friction coefficients are the same in every pass."""
+    last: list[tuple[list[_Law], LinearConstraints]] = field(default_factory=list, init=False)
+    """The rows last asked for, and of which laws they are."""
 
     @classmethod
     def along(
@@ -226,6 +280,9 @@ class PathLimits:
 
         Acceleration: ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max, and (2) of `braking_travel`. Torque: see `_TorqueLaw`.
         """
+        laws = self._laws(self.actuations, speed_squared, static_start)
+        if self.last and all(map(_Law.same, self.last[0][0], laws)):
+            return self.last[0][1]
         rows: list[tuple[PathTerm, float]] = []
         for i, joint in enumerate(self.robot.joints):
             acceleration = self._term(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
@@ -233,13 +290,15 @@ class PathLimits:
             if self.stops is not None:
                 braking = self._term(b=self.stops * np.abs(self.samples.dq[:, i]))
                 rows.append((braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration))
-        for each in self.actuations:
-            rows += self._motor_rows(each, speed_squared, static_start)
-        return LinearConstraints.of(rows, self.ceiling)
+        for law in laws:
+            rows += law.rows(self.ceiling)
+        found = LinearConstraints.of(rows, self.ceiling)
+        self.last[:] = [(laws, found)]
+        return found
 
     def with_missed(self, grid: Array, speed_squared: Array, *, static_start: bool) -> PathLimits:
         """With rows for what a motion ṡ² (n,) on the grid takes too much with: of each joint what is worst somewhere."""
-        rows = [self._motor_rows(each, speed_squared, static_start) for each in self.left_out]
+        rows = [law.rows(self.ceiling) for law in self._laws(self.left_out, speed_squared, static_start)]
         if not rows:
             return self
         values = LinearConstraints.of([row for each in rows for row in each], self.ceiling).largest(grid, speed_squared)
@@ -256,25 +315,25 @@ class PathLimits:
         left_out = tuple(each for k, each in enumerate(self.left_out) if k not in missed)
         return replace(self, actuations=(*self.actuations, *more), left_out=left_out)
 
-    def _motor_rows(
-        self, actuation: Actuation, speed_squared: Array, static_start: bool
-    ) -> list[tuple[PathTerm, float]]:
-        i, load, drive, sides = actuation
-        motor = self.robot.joints[i].motor
-        if motor is None:
-            return []
-        mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-        law = self.laws.get((i, load, id(drive)))
-        if law is None or not np.array_equal(law.mu, mu):
-            law = self.laws[i, load, id(drive)] = self._torque_law(drive, i, mu, self.loads[load])
-        driving = law.driving if 1 in sides else ()
-        braking = [law.braking(speed_squared, self.ceiling)] if -1 in sides else []
-        return [(term, motor.max_torque) for term in (*driving, *braking)]
+    def _laws(self, actuations: Sequence[Actuation], speed_squared: Array, static_start: bool) -> list[_Law]:
+        """Of these, at the given ṡ² (n,)."""
+        found = []
+        for i, load, drive, sides in actuations:
+            motor = self.robot.joints[i].motor
+            mu = self._friction_coefficient(drive, i, speed_squared, static_start)
+            law = self.laws.get((i, load, id(drive)))
+            if law is None or not np.array_equal(law.mu, mu):
+                law = self.laws[i, load, id(drive)] = self._torque_law(drive, i, mu, self.loads[load])
+            first = law.first_is_larger(speed_squared) if -1 in sides else None
+            found.append(_Law(law, sides, first, np.inf if motor is None else motor.max_torque))
+        return found
 
     def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
         """μ (n,) of the drive of joint i at the given ṡ²; at a start from rest at least the static one."""
         friction = friction_of(drive)
-        w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
+        w: Array | float = 0.0  # where the speed does not count
+        if friction.stribeck_speed is not None:
+            w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
         starts = self.starts[:, i] if static_start else np.zeros_like(self.starts[:, i])
         return np.where(starts, np.asarray(breakaway_coefficient(friction, w)), friction_coefficient(friction, w))
 

@@ -218,11 +218,7 @@ def _retimed(
 
 def _bind(linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array) -> bool:
     """Whether a row binds that has a tangent."""
-    curved = np.asarray(rows.k.any(axis=0))
-    if not curved.any():
-        return False
-    binding = linear.active(grid, speed_squared)
-    return bool(curved[binding[binding >= 0]].any())
+    return linear.bind(rows.curved, grid, speed_squared)
 
 
 def _lifted(speed_squared: Array) -> Array:
