@@ -20,6 +20,8 @@ LAST_BARRIER = 11.0
 """tolerance in the last μ."""
 SUPERLINEAR = 1.5
 """Exponent of μ from one barrier problem to the next."""
+BARRIER = 1e-4
+"""First μ of a cold start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +66,12 @@ def solve(
     iterations: int = 300,
     tolerance: float = TOLERANCE,
     superlinear: float = SUPERLINEAR,
+    barrier: float = BARRIER,
 ) -> Outcome:
     """A local minimum of the program from a point, or from where the solve of a neighbour ended, if that is of its size.
 
-    superlinear: the exponent by which the barrier's weight falls at most; a smaller one takes more iterations.
+    superlinear: the exponent by which the barrier's weight falls at most; a smaller one takes more iterations. barrier: the
+    first weight of a cold start; a large one leads away from a point that is nearly the minimum.
     Raises RuntimeError without the compiled part.
     """
     native = library.load()
@@ -85,7 +89,7 @@ def solve(
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
     native_state = _State(*(each.ctypes.data for each in values))
     given = _Given(program)
-    patience = _Patience(iterations, tolerance, superlinear)
+    patience = _Patience(iterations, tolerance, superlinear, barrier)
     pointers = (ctypes.byref(each) for each in (given.program, native_state))
     status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(patience))
     given.raise_failure()
@@ -120,7 +124,7 @@ class _Program(ctypes.Structure):
 
 
 class _Patience(ctypes.Structure):
-    _fields_ = (("iterations", _L), ("tolerance", _D), ("superlinear", _D))
+    _fields_ = (("iterations", _L), ("tolerance", _D), ("superlinear", _D), ("barrier", _D))
 
 
 class _State(ctypes.Structure):

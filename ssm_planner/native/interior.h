@@ -134,10 +134,10 @@ typedef struct { /* where a solve begins, and where it ended */
 } State;
 
 enum { NOT_CONVERGED = 0, CONVERGED = 1, NO_VALUE = 2, NO_MEMORY = 3 };
-/* how long, to what residual, and mu's exponent from one barrier problem to the next */
+/* how long, to what residual, mu's exponent from one barrier problem to the next, and the first mu of a cold start */
 typedef struct {
     long iterations;
-    double tolerance, superlinear;
+    double tolerance, superlinear, barrier;
 } Patience;
 
 int ssm_solve(const Program *program, State *state, int warm, const Patience *patience);

@@ -23,7 +23,7 @@
 
 #include "interior.h"
 
-static const double COLD = 1e-4, WARM = 1e-7;             /* first mu */
+static const double WARM = 1e-7;                          /* first mu of a warm start */
 static const double PUSH = 1e-2, WARM_PUSH = 1e-8;        /* least first slack */
 static const double NEAR = 1e4;                           /* by which multipliers of a warm start may be off mu / s */
 static const double BARRIER = 100.0;                      /* a barrier problem is solved to this many mu */
@@ -139,12 +139,12 @@ static int reserve(Iteration *it)
     return ssm_system_new(&it->system, memory, e->size, e->b + e->equal_size, e->m, e->stride);
 }
 
-static void begin(Iteration *it, const State *state, int warm)
+static void begin(Iteration *it, const State *state, int warm, double barrier)
 {
     Evaluator *e = &it->evaluator;
     it->now = it->places;
     it->trial = it->places + 1;
-    it->mu = warm ? WARM : COLD;
+    it->mu = warm ? WARM : barrier;
     memcpy(it->now->c, state->c, (size_t)e->size * sizeof(double));
     memcpy(it->now->times, state->times, (size_t)e->b * sizeof(double));
     ssm_values(e, it->now);
@@ -315,7 +315,7 @@ SSM_API int ssm_solve(const Program *program, State *state, int warm, const Pati
         ssm_release(&it.evaluator.memory);
         return NO_MEMORY;
     }
-    begin(&it, state, warm);
+    begin(&it, state, warm, patience->barrier);
     for (; k < patience->iterations && !it.evaluator.failed; k++)
         if (error_of(&it, 0.0) <= it.tolerance || !step(&it))
             break;

@@ -192,7 +192,7 @@ def solve_free(
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
     asked = None if duration is None else duration / ocp.time_scale
-    guess = ocp.guess.stretched(STRETCHED) if one_time else ocp.guess
+    guess = ocp.guess.stretched(STRETCHED) if one_time else replace(ocp.guess, near=sketch is not None)
     return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale))
 
 

@@ -175,6 +175,8 @@ class InitialPoint:
     multipliers: tuple[Array, Array] | None = None
     structured: State | None = None
     """Of the structured solver."""
+    near: bool = False
+    """The variables are near a solution, though nothing is known of its multipliers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +185,13 @@ class Guess:
 
     elements: Array
     times: Array
+    near: bool = False
+    """It is near a solution."""
 
     @property
     def point(self) -> InitialPoint:
         """For a cold start."""
-        return InitialPoint(np.append(self.elements[:, :-1].ravel(), self.times))
+        return InitialPoint(np.append(self.elements[:, :-1].ravel(), self.times), near=self.near)
 
     def stretched(self, factor: float) -> Guess:
         """The same motion in `factor` times its time."""

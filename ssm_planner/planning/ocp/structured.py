@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import SUPERLINEAR, solve
+from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.element import ElementModel
 from ssm_planner.planning.ocp.natively import native_elements
@@ -28,6 +28,8 @@ PATIENT = 1.2, 1.1, 1.3
 """Exponents of the barrier where a row has a rounded edge, as that of the lens: one or another passes it."""
 SLOWER = 1.2
 """By how much a guess is slowed down: fewer of its rows are exceeded then."""
+NEAR_BARRIER, NEAR_SLOWER = 1e-6, 1.02
+"""The barrier's first weight, and the same of a guess that is near a solution: larger ones lead away from it."""
 SAME = 1e-12
 """Bounds that differ by less are one value."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
@@ -51,17 +53,21 @@ def solve_structured(
     """
     program, warm, used = program_of(structure, element, data), start.structured, 0
     begin = _point(program, structure, data, start.x)
+    near = _point(program, structure, data, start.x, NEAR_SLOWER) if start.near else None
     ways: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
     if not switching and not structure.smooth and len(data.least_times) > 1:
         ways = ways[::-1]
     if iterations < ITERATIONS:
         ways = ways[:1]
-    for superlinear in ways if warm is None else (ways[0], *ways):
-        outcome = solve(program, begin, warm=warm, iterations=iterations, superlinear=superlinear)
+    for superlinear in ways if warm is None and near is None else (ways[0], *ways):
+        barrier = BARRIER if near is None else NEAR_BARRIER
+        outcome = solve(
+            program, near or begin, warm=warm, iterations=iterations, superlinear=superlinear, barrier=barrier
+        )
         used += outcome.iterations
         if outcome.converged:
             break
-        warm = None
+        warm = near = None
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
@@ -196,14 +202,14 @@ def _same(data: NlpData) -> Mask:
     return np.asarray(data.upper - data.lower <= SAME)
 
 
-def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array) -> Point:
-    """Unknowns of a guess (variables of `transcription`)."""
+def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array, slower: float = SLOWER) -> Point:
+    """Unknowns of a guess (variables of `transcription`), slowed down."""
     n, m = structure.elements, structure.coordinates
     states, times = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
     times = np.maximum(times, 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
         orders = np.repeat([0, 1, 2, 2], m)
-        states, times = states / SLOWER**orders, times * SLOWER
+        states, times = states / slower**orders, times * slower
     h = times[structure.block] * data.fractions
     pieces = cubics(np.column_stack([states, h]))
     u, v = np.vstack([pieces.u, data.end[:m]]), np.vstack([pieces.v, data.end[m:]])
