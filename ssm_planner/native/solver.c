@@ -23,9 +23,8 @@
 
 #include "interior.h"
 
-static const double WARM = 1e-7;                          /* first mu of a warm start */
-static const double PUSH = 1e-2, WARM_PUSH = 1e-8;        /* least first slack */
-static const double NEAR = 1e4;                           /* by which multipliers of a warm start may be off mu / s */
+static const double PUSH = 1e-2;                          /* least first slack of a cold start */
+static const double NEAR = 100.0;                         /* by which multipliers of a warm start may be off mu / s */
 static const double BARRIER = 100.0;                      /* a barrier problem is solved to this many mu */
 static const double LINEAR = 0.2;                         /* mu becomes the least of LINEAR mu and mu^superlinear */
 static const double LAST_BARRIER = 11.0;                  /* tolerance in the last mu */
@@ -144,15 +143,16 @@ static void begin(Iteration *it, const State *state, int warm, double barrier)
     Evaluator *e = &it->evaluator;
     it->now = it->places;
     it->trial = it->places + 1;
-    it->mu = warm ? WARM : barrier;
+    it->mu = warm ? it->tolerance / LAST_BARRIER : barrier;
     memcpy(it->now->c, state->c, (size_t)e->size * sizeof(double));
     memcpy(it->now->times, state->times, (size_t)e->b * sizeof(double));
     ssm_values(e, it->now);
     for (long i = 0; i < e->active; i++) {
-        it->slacks[i] = larger(-it->now->rows[i], warm ? WARM_PUSH : PUSH);
+        const double known = warm ? state->multipliers[e->place_of[i]] : 0.0;
+        it->slacks[i] = larger(-it->now->rows[i], known > 0.0 ? fmin(it->mu / known, PUSH) : PUSH);
         it->lam[i] = it->mu / it->slacks[i];
         if (warm)
-            it->lam[i] = clipped(state->multipliers[e->place_of[i]], it->lam[i], NEAR);
+            it->lam[i] = clipped(known, it->lam[i], NEAR);
     }
     for (long i = 0; warm && i < e->equal_size; i++)
         it->nu[i] = state->equality_multipliers[i];
