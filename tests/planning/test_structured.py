@@ -26,7 +26,7 @@ from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.limits import TaskRate
+from ssm_planner.problem.limits import TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
@@ -136,6 +136,21 @@ def test_ipopt_solves_alone_without_the_compiled_part(
     assert {phase.solver for phase in found.phases} == {"Ipopt"}
     assert found.confirmation is None
     assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
+
+
+@pytest.mark.parametrize(("tilt", "speed"), [(-95.0, 8e-3), (-95.0, 0.012), (-125.0, 0.012)])
+def test_a_solution_is_where_its_neighbour_starts(
+    tilt: float, speed: float, solves: list[Solve], tilt_insert: Problem
+) -> None:
+    """Bounds lowered by little: a few iterations, none of them in vain."""
+    to = Task(roll=0.3, tilt=np.radians(tilt), spin=-0.4, depth=0.02)
+    problem = dataclasses.replace(
+        tilt_insert, motion=(Free(to),), limits=(*tilt_insert.limits, TipSpeed(speed)), objective="time"
+    )
+    assert plan_motion(fast(problem)).status == "solved"
+    warm = [own for _, _, _, start, own in solves if start.structured is not None]
+    assert warm
+    assert all(own.solved and own.iterations <= 20 for own in warm)
 
 
 def durations(problem: Problem, **changes: Any) -> list[float]:

@@ -130,14 +130,21 @@ def solve_free(
     table = np.stack([limits[name] for name in KINEMATIC])
     within = _passing_at_need(way, ends, table[1]) if passing is None else passing
     speeds_at = np.vstack([ends[0], within, ends[1]])
-    segments = [
-        _segment(
-            way[k], speeds_at[k : k + 2], table, each=each, fewest=fewest, jerk=limits_jerk(robot), pull=pull * (k == 0)
-        )
-        for k in range(len(way))
-    ]
     if sketch is not None:
         segments = _sketched_segments(*sketch, way, each * len(way) if len(way) > 1 else each, fewest)
+    else:
+        segments = [
+            _segment(
+                way[k],
+                speeds_at[k : k + 2],
+                table,
+                each=each,
+                fewest=fewest,
+                jerk=limits_jerk(robot),
+                pull=pull * (k == 0),
+            )
+            for k in range(len(way))
+        ]
     borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
     given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
     for k in loose:  # a joint that stands on one side of it is where it stands
