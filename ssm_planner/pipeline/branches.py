@@ -8,7 +8,9 @@ target after the other: what comes after it is reached with the nearest joints a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -17,15 +19,11 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
+from ssm_planner.planning.kept import kept
 from ssm_planner.planning.ocp.refinement import EFFORT
+from ssm_planner.planning.outlook import LONGER, bounded_duration, feasible_phases, geometry_of, least_duration
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
-from ssm_planner.planning.planner import (
-    PlannedPhase,
-    PlannerResult,
-    feasible_phases,
-    least_duration,
-    plan_motion,
-)
+from ssm_planner.planning.planner import PlannedPhase, PlannerResult, sketched_duration
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.motion import Free, Joints, Motion
 from ssm_planner.problem.problem import Problem
@@ -33,6 +31,7 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
+Enough = Literal["shortest", "nearest", "any"]
 Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
 """What was planned, its certificate, and the reason where it is none that passed."""
 SHORTER = 1e-5
@@ -59,16 +58,16 @@ def on_any_branch(
     progress: Callable[[str], None] = lambda _: None,
     *,
     stoppable: bool = False,
-    shortest: bool = True,
+    enough: Enough = "shortest",
 ) -> tuple[Outcome, Problem, bool]:
     """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
 
     attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion. progress: told
     which is tried, and how long the best so far takes. stoppable: with a certified motion at hand the first Ctrl-C ends the
-    search, and the last value is True. shortest: otherwise any certified motion does.
+    search, and the last value is True. enough: whether one with the nearest joints, or with any, is taken where there is one.
     """
-    search, stopped = _Search(problem, attempt, progress), False
-    if search.best[2] is None and not shortest:
+    search, stopped = _Search(problem, attempt, progress, any_does=enough == "any"), False
+    if search.best[2] is None and enough != "shortest":
         return search.best, search.settled, stopped
     if stoppable and search.best[2] is None and targets(problem):
         search.hint = "; Ctrl-C takes it"
@@ -90,9 +89,14 @@ class _Search:
     """Over other joints, one target after the other; best and settled: the best so far, and the problem with its joints."""
 
     def __init__(
-        self, problem: Problem, attempt: Callable[[Problem], Outcome], progress: Callable[[str], None]
+        self,
+        problem: Problem,
+        attempt: Callable[[Problem], Outcome],
+        progress: Callable[[str], None],
+        *,
+        any_does: bool,
     ) -> None:
-        self.problem, self.attempt, self.progress = problem, attempt, progress
+        self.problem, self.attempt, self.progress, self.any_does = problem, attempt, progress, any_does
         self.found = attempt(problem), problem
         self.hint = ""
 
@@ -124,6 +128,8 @@ class _Search:
                 found = attempt(other)
                 if found[2] is None and _duration(found) < longest:
                     self.found = found, other
+                    if self.any_does:
+                        return
             if self.best[2] is None and _frees_spin(problem, entry, place) and not EFFORT.beyond(begin, SEARCH):
                 self.found = _with_best_spin(self.settled, entry, self.best, attempt)
             if self.settled.motion[entry] is not problem.motion[entry]:
@@ -150,9 +156,7 @@ def _duration(outcome: Outcome) -> float:
 
 def _sketched(problem: Problem, longest: float) -> float:
     """About the duration of a motion, s, by the structured solver alone; infinite where that finds none that is shorter."""
-    nominal = unchecked(problem, objective="time", friction=None, payload=None)
-    trajectory = plan_motion(nominal, sketch=longest).trajectory
-    return np.inf if trajectory is None else trajectory.duration
+    return sketched_duration(unchecked(problem, friction=None, payload=None), longest)
 
 
 def _phases(problem: Problem) -> tuple[Phase, ...]:
@@ -179,23 +183,18 @@ def _others(
         ends = [_least_spun(problem, mechanism, phase, q) for q in [phase.points[-1], *ends]]
         ends = [q for q in ends if not np.array_equal(q, phase.points[-1])]
     velocity = np.array([joint.velocity for joint in problem.robot.joints])
+    known = entry, phases[0].q_start.tobytes(), *geometry_of(problem)
     for q in ends:
         if np.max(np.abs(q - phase.q_start) / velocity) >= _duration(best):
             continue
         own = replace(phase, points=np.stack([phase.q_start, q]))
         if stops and least_duration(problem, mechanism, own) >= _duration(best):
             continue
-        try:
-            other = _with_target(problem, entry, place, q)
-            theirs = phases_from(other, mechanism, phases[0].q_start)
-            if infeasible_place(problem, mechanism, theirs) is not None:
-                continue
-            theirs, reason = with_boundary_rates(other, mechanism, theirs)
-        except ProblemError:  # a straight motion after it has no line there
-            continue
-        bound = sum(_bound(problem, mechanism, each, best[0].phases) for each in theirs)
-        if reason is None and bound < _duration(best):
-            found.append((max(bound, problem.duration or 0.0), other, q))
+        way = kept((place, q.tobytes(), *known), partial(_Way.to, problem, mechanism, phases[0].q_start, at=at, q=q))
+        bound = way.bound(best[0].phases)
+        in_time = problem.duration is None or bound <= problem.duration * (1 + LONGER)
+        if in_time and bound < _duration(best):
+            found.append((max(bound, problem.duration or 0.0), unchecked(problem, motion=way.motion), q))
     found.sort(key=lambda each: each[0])
     if best[2] is None or _frees_spin(problem, entry, place):
         return [(bound, other) for bound, other, _ in found]
@@ -283,16 +282,47 @@ def _with_best_spin(
     return best, settled
 
 
-def _bound(problem: Problem, mechanism: Mechanism, phase: Phase, planned: tuple[PlannedPhase, ...]) -> float:
-    """What a phase takes at least, s; where it has been planned already, what it takes."""
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """A motion with other joints at one target, and its phases; none where it cannot be."""
+
+    motion: tuple[Motion, ...]
+    phases: tuple[Phase, ...] = ()
+    least: tuple[float, ...] = ()
+    """What they take at least, s, infinite where that is more than was asked for."""
+
+    @classmethod
+    def to(cls, problem: Problem, mechanism: Mechanism, start: Array, *, at: tuple[int, int], q: Array) -> _Way:
+        """From joints `start` (4,) on, with q (4,) as a target; at: of which entry, and which of its targets."""
+        other = _with_target(problem, *at, q)
+        try:
+            phases = phases_from(other, mechanism, start)
+            if infeasible_place(problem, mechanism, phases) is not None:
+                return cls(other.motion)
+            phases, reason = with_boundary_rates(other, mechanism, phases)
+        except ProblemError:  # a straight motion after it has no line there
+            return cls(other.motion)
+        if reason is not None:
+            return cls(other.motion)
+        return cls(other.motion, phases, tuple(bounded_duration(problem, mechanism, each) for each in phases))
+
+    def bound(self, planned: tuple[PlannedPhase, ...]) -> float:
+        """Of the duration, s: where a phase has been planned already, what it takes; infinite where there is no motion."""
+        if not self.phases:
+            return np.inf
+        return sum(_planned(each, planned, least) for each, least in zip(self.phases, self.least, strict=True))
+
+
+def _planned(phase: Phase, planned: tuple[PlannedPhase, ...], otherwise: float) -> float:
+    """How long a phase takes that has been planned, s."""
     if phase.motion.duration is not None or phase.stands:
-        return phase.motion.duration or 0.0
+        return otherwise
     same = (
         each.duration
         for each in planned
         if each.phase.motion is phase.motion and np.array_equal(each.phase.points, phase.points)
     )
-    return next(same, least_duration(problem, mechanism, phase))
+    return next(same, otherwise)
 
 
 def _with_target(problem: Problem, entry: int, place: int, q: Array) -> Problem:

@@ -158,25 +158,31 @@ class Cure:
 
 
 def search(
-    problem: Problem, reason: Reason, attempt: Attempt, duration: float | None = None, patience: float = PATIENCE
+    problem: Problem,
+    reason: Reason,
+    attempt: Attempt,
+    duration: float | None = None,
+    patience: float = PATIENCE,
+    *,
+    feasible: Attempt | None = None,
 ) -> Cure | None:
     """The smallest change of one limit, or of several together, with which a motion was found, and other cures.
 
     Where none is found, why that of the limit in the reason is not enough; None where nothing that was tried gave a motion.
     Every value is tried as it is printed. duration: of the motion in which a limit was found exceeded, s. patience:
-    effort after which no other attempt is begun.
+    effort after which no other attempt is begun. feasible: tells sooner than `attempt` whether there is a motion; that is
+    then planned with the values found alone.
     """
-    # the fastest motion is found soonest, but runs warmer than the one asked for
-    quick = problem.objective == "time then heat" and not isinstance(reason.limit, ContinuousTorque)
     begin = EFFORT.spent
+    # the fastest motion is found soonest, but runs warmer than the one asked for
+    quick = None if isinstance(reason.limit, ContinuousTorque) else feasible
 
     def patient() -> bool:
         return EFFORT.spent - begin < patience
 
     def tried(changed: Problem) -> float | Reason:
         EFFORT.spent += TRIAL
-        outcome = attempt(replace(changed, objective="time")) if quick else attempt(changed)
-        return attempt(changed) if quick and isinstance(outcome, float) else outcome
+        return (quick or attempt)(changed)
 
     known = relaxation_for(problem, reason)
     cure = _any(problem, tried, patient) if known is None else _together(known, tried, patient)
@@ -184,6 +190,10 @@ def search(
     working = [each for each in (cure, *others) if each is not None and each.works]
     if not working:
         return cure
+    if quick is not None:
+        working = [replace(each, outcome=attempt(each.problem)) for each in working]
+        if not all(each.works for each in working):
+            return search(problem, reason, attempt, duration, patience - (EFFORT.spent - begin))
     return replace(working[0], others=tuple(working[1:]))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from threading import RLock
@@ -14,10 +15,12 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
-from ssm_planner.pipeline.branches import Outcome, on_any_branch
+from ssm_planner.pipeline.branches import Enough, Outcome, on_any_branch
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.pipeline.relaxation import search
-from ssm_planner.planning.planner import PlannedPhase, PlannerResult, hopelessly_hot, plan_motion
+from ssm_planner.planning.kept import keeping
+from ssm_planner.planning.outlook import hopelessly_hot
+from ssm_planner.planning.planner import PlannedPhase, PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import JUMPS, TASK, ContinuousTorque, Jump, Limit, SelfLocking
@@ -68,7 +71,7 @@ def plan(
     change of a limit with which there is a motion. stoppable: the first Ctrl-C during the search for other joints ends that
     search, and the plan is the best one until then (`Plan.stopped`). Threads may call it; they wait for each other.
     """
-    with _ONE_AT_A_TIME:
+    with _ONE_AT_A_TIME, keeping():
         return _plan(problem, progress, found, cured, relaxations=relaxations, stoppable=stoppable)
 
 
@@ -99,7 +102,7 @@ def _plan(
     if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
-        cure = search(problem, reason, _duration_or_reason, duration)
+        cure = search(problem, reason, _duration_or_reason, duration, feasible=_any_duration_or_reason)
         if cure is not None:
             reason = replace(reason, relaxation=cure.text)
             if cure.works:
@@ -257,13 +260,18 @@ def _summary(planned: PlannedPhase, kept: WayKept | None) -> PhaseSummary:
 
 
 def _attempt(
-    problem: Problem, progress: Progress, found: Callable[[Trajectory], None], *, warm: bool = True
+    problem: Problem,
+    progress: Progress,
+    found: Callable[[Trajectory], None],
+    *,
+    warm: bool = True,
+    turning: bool = True,
 ) -> Outcome:
     """Plan, check, and where a motor gets too hot trade time for heat; the reason where there is no certified motion.
 
-    warm: plan a motion even where no motion is cool enough.
+    warm: plan a motion even where no motion is cool enough. turning: joints may turn back between points.
     """
-    outcome = _tightened(problem, progress, found, warm=warm)
+    outcome = _tightened(problem, progress, found, warm=warm, turning=turning)
     if not _excess(outcome) or hopelessly_hot(problem) is not None:
         return outcome
     progress("slowing down, for a motor gets too hot")
@@ -447,12 +455,21 @@ def _ignore(_: object) -> None:
     pass
 
 
-def _quiet(problem: Problem) -> Outcome:
-    return _attempt(problem, _ignore, _ignore)
-
-
 def _duration_or_reason(problem: Problem) -> float | Reason:
-    (planned, _, reason), _, _ = on_any_branch(quickly(problem), _quiet, _ignore, shortest=False)
+    return _tried(quickly(problem), partial(_attempt, progress=_ignore, found=_ignore), "nearest")
+
+
+def _any_duration_or_reason(problem: Problem) -> float | Reason:
+    """Of a motion, or the reason why there is none, with no effort to make it fast or cool."""
+    timed = problem.duration is not None or any(entry.duration is not None for entry in problem.motion)
+    if problem.objective == "time then heat":
+        problem = unchecked(problem, objective="time")
+    # where joints turn back a motion may be short enough
+    return _tried(quickly(problem), partial(_attempt, progress=_ignore, found=_ignore, turning=timed), "any")
+
+
+def _tried(problem: Problem, attempt: Callable[[Problem], Outcome], enough: Enough) -> float | Reason:
+    (planned, _, reason), _, _ = on_any_branch(problem, attempt, enough=enough)
     if reason is not None or planned.trajectory is None:
         return reason or Reason(None, None, None, None, "no motion found")
     return planned.trajectory.duration

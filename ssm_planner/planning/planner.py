@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import (
     duration_too_short,
@@ -22,16 +21,16 @@ from ssm_planner.planning.feasibility import (
     no_motion,
     not_constant,
     straight_instead,
-    with_boundary_rates,
 )
-from ssm_planner.planning.lower_bound import lower_bound, rate_bound
+from ssm_planner.planning.kept import SameObject, kept
 from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
 from ssm_planner.planning.ocp.free import FINER_ELEMENTS, solve_free
 from ssm_planner.planning.ocp.natively import compiled
 from ssm_planner.planning.ocp.nlp import Method, PhaseSolution
 from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
 from ssm_planner.planning.ocp.straight import retimed_pieces, solve_straight
-from ssm_planner.planning.phases import Phase, phases_from, start_configurations
+from ssm_planner.planning.outlook import LONGER, bounded_duration, feasible_phases, least_duration
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
@@ -68,8 +67,6 @@ SAME = 1e-5
 """Share by which durations may differ that are meant to be the same."""
 PACES = 2e-4
 """Share of the constant speed asked for to which the largest is found that can be had."""
-LONGER = 1e-6
-"""Share by which a motion may take longer than the duration asked for."""
 BETWEEN = 2e-5
 """By how much TOPP-RA's motion keeps off the limits, for what happens between its grid points."""
 
@@ -119,23 +116,19 @@ def plan_motion(
     warm: bool = True,
     turning: bool = True,
     paced: bool = True,
-    sketch: float | None = None,
 ) -> PlannerResult:
     """Plan every phase of a problem, each from rest to rest but for the speeds asked for at the two ends of all.
 
     strict: the problem's robot with stricter limits, which the motion is to keep; None: its own. cooling: time that is to be
     spent on less heat, by motor (4,), as in `ocp/constraints.LIMITS`. warm: also where a motor is hopelessly hot.
     turning: joints may turn back between points. paced: where TOPP-RA is faster along its path, a motion takes that pace.
-    sketch: no motion to be run, but about its duration where that is less than this, s, and quickly: by the structured solver
-    or not at all, and neither turning nor paced.
     Raises ProblemError for a point out of reach or a motion that goes nowhere.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     robot = with_corners(problem, problem.robot)
     stated, problem = problem, unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
-    allowed = {"turning": turning and sketch is None, "paced": paced and sketch is None}
-    planner = _PhasePlanner(problem, mechanism, strict, cooling, **allowed, sketch=sketch)
+    planner = _PhasePlanner(problem, mechanism, strict, cooling, turning=turning, paced=paced)
     phases, reason = feasible_phases(problem, mechanism)
     if reason is None and not warm:
         reason = motor_too_hot(stated, phases)
@@ -144,43 +137,34 @@ def plan_motion(
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
     planned: list[PlannedPhase] = []
-    # of a sketch: what every phase takes at least
-    least = [] if sketch is None else [each.motion.duration or planner._lower_bound(each) for each in phases]
     for k, phase in enumerate(phases, 1):
-        if sketch is not None:
-            planner = replace(planner, sketch=sketch - sum(each.duration for each in planned) - sum(least[k:]))
         progress(phase.motion.name if len(phases) == 1 else f"{phase.motion.name} ({k} of {len(phases)})")
         found = planner.plan(phase)
         if isinstance(found, Reason):
             return PlannerResult("not converged" if found.limit is None else "infeasible", None, tuple(planned), found)
-        if planner.sketch is not None and found.duration >= planner.sketch:
-            longer = Reason(None, None, None, None, "longer than what is known")
-            return PlannerResult("not converged", None, tuple(planned), longer)
         planned.append(planner.cross_checked(found))
     trajectory = join([(each.phase.motion.name, each.motion.breaks, each.motion.coefficients) for each in planned])
     return PlannerResult("solved", trajectory, tuple(planned), None)
 
 
-def feasible_phases(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
-    """The phases of a problem with the speeds at both ends, or the reason why no start configuration carries it.
+def sketched_duration(problem: Problem, longest: float = np.inf) -> float:
+    """About how long a motion of a problem takes, s, quickly; infinite where that is not less than `longest`.
 
-    Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
-    range all along is taken. Raises ProblemError for a point out of reach or a motion that goes nowhere.
+    By the structured solver or not at all, and without turning points. A duration asked for is what it takes.
     """
-    reasons = []
-    for q in start_configurations(problem, mechanism):
-        phases = phases_from(problem, mechanism, q)
-        reason = infeasible_place(problem, mechanism, phases)
-        if reason is None:
-            return with_boundary_rates(problem, mechanism, phases)
-        reasons.append(reason)
-    return (), reasons[0]
-
-
-def hopelessly_hot(problem: Problem) -> Reason | None:
-    """The motor whose continuous torque no motion keeps, however slow; None where that is not certain without planning."""
-    phases, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
-    return None if reason is not None else motor_too_hot(problem, phases)
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    phases, reason = feasible_phases(problem, mechanism)
+    longest = min(longest, np.inf if problem.duration is None else problem.duration * (1 + LONGER))
+    planner = _PhasePlanner(unchecked(problem, objective="time"), mechanism, problem.robot, turning=False, paced=False)
+    takes = [bounded_duration(problem, mechanism, phase) for phase in phases]
+    if reason is not None or sum(takes) >= longest or any(map(planner.is_hopeless, phases)):
+        return np.inf
+    # along a line it is soon known whether there is a motion
+    for k in sorted(range(len(phases)), key=lambda k: phases[k].path is None):
+        takes[k] = planner.sketched(phases[k], longest - sum(takes) + takes[k])
+        if sum(takes) >= longest:
+            return np.inf
+    return problem.duration or sum(takes)
 
 
 def _with_durations(
@@ -223,6 +207,36 @@ class _PhasePlanner:
     paced: bool = True
     sketch: float | None = None
     """A duration from which on a sketch is of no use, s; None: no sketch."""
+
+    def sketched(self, phase: Phase, useless: float) -> float:
+        """About how long a phase takes, s; infinite where that is not less than `useless`.
+
+        Other joints at one target leave most phases as they are, so what is known of them is kept.
+        """
+        if phase.stands:
+            return phase.motion.duration or 0.0
+        problem, path = self.problem, phase.path
+        by_ends = path is None or isinstance(path, StraightPath)
+        arrays = phase.points, phase.start, phase.end, phase.qd_start, phase.qd_end, phase.qdd_start
+        key = (
+            "sketch",
+            *map(SameObject, (problem.robot, problem.eye, None if by_ends else path)),
+            *(problem.limits, problem.planner, phase.motion.duration, path is None),
+            *(each.tobytes() for each in arrays),
+        )
+        known: list[tuple[float, float]] = kept(key, list)
+        for before, duration in known:
+            if duration < before or useless <= before:
+                return duration if duration < useless else np.inf
+        found = replace(self, sketch=useless).plan(phase)
+        known.append((useless, np.inf if isinstance(found, Reason) else found.duration))
+        return known[-1][1] if known[-1][1] < useless else np.inf
+
+    def is_hopeless(self, phase: Phase) -> bool:
+        """A free phase from rest to rest in which a motor is too weak to move at all, whatever way it takes."""
+        if phase.stands or phase.path is not None or phase.qd_start.any() or phase.qd_end.any():
+            return False
+        return motor_too_weak(self.problem, phase, PolylinePath(self.mechanism, phase.points)) is not None
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -601,14 +615,6 @@ class _PhasePlanner:
     def _lower_bound(self, phase: Phase) -> float:
         """A duration that no motion between the ends of the phase can beat, s."""
         return least_duration(self.problem, self.mechanism, phase)
-
-
-def least_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> float:
-    """A duration that no motion between the ends of a phase can beat, s."""
-    speeds = np.stack([phase.qd_start, phase.qd_end])
-    rates = task_rates(mechanism, phase.points[[0, -1]], speeds)
-    found = rate_bound(problem.robot, np.stack([phase.start, phase.end]), rates, problem.task_limits)
-    return max(lower_bound(problem.robot, phase.points, speeds, problem.task_limits), found)
 
 
 def _lasting(motion: Motion, duration: float) -> Motion:

@@ -464,14 +464,18 @@ class Duration(Limit):
     def words(self) -> str:
         return "a duration of"
 
+    @property
+    def key(self) -> tuple[str, str | None]:
+        return self.name, self.motion
+
     def on(self, problem: P) -> P:
         whole: Any = problem
-        if whole.duration is not None or self.motion is None:
-            return replaced(problem, duration=self.largest)
         asked = self.asked or self.largest
         short = [m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion]
-        if not any(short):
-            raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
+        if not any(short):  # a motion without one of its own has a share of that of all
+            if self.motion is not None and whole.duration is None:
+                raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
+            return replaced(problem, duration=self.largest)
         timed = (replace(m, duration=self.largest) if k else m for m, k in zip(whole.motion, short, strict=True))
         return replaced(problem, motion=tuple(timed))
 

@@ -22,8 +22,8 @@ from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.outlook import feasible_phases
 from ssm_planner.planning.phases import joint_room
-from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem

@@ -18,7 +18,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.folder import load_plan
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning import planner
+from ssm_planner.planning.kept import keeping
+from ssm_planner.planning.planner import sketched_duration
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
@@ -49,18 +51,30 @@ def ends(made: Plan) -> np.ndarray:
     return np.degrees(made.motion.sample(np.array([0.0, made.motion.duration])).q)
 
 
-def test_a_sketch_that_is_too_long_is_given_up(tilt_insert: Problem) -> None:
-    """After the phase that makes it so, by the bounds of those that follow."""
+def test_a_sketch_that_is_too_long_is_given_up(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the bounds of its phases before any is solved, or as soon as those that are take too long."""
     target = Free(Task(tilt=np.radians(-120.0), depth=0.01))
     problem = replace(tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time")
-    whole = plan_motion(problem, sketch=np.inf)
-    assert whole.trajectory is not None
-    longest = whole.trajectory.duration
-    assert plan_motion(problem, sketch=1.001 * longest).trajectory is not None
-    rest = sum(each.duration for each in whole.phases[1:])
-    cut = plan_motion(problem, sketch=0.9 * whole.phases[0].duration + rest)
-    assert cut.trajectory is None
-    assert len(cut.phases) == 0
+    whole = sketched_duration(problem)
+    assert np.isfinite(whole)
+    assert sketched_duration(problem, 1.001 * whole) == pytest.approx(whole, rel=1e-6)
+    assert sketched_duration(problem, 0.999 * whole) == np.inf
+    assert sketched_duration(replace(problem, duration=2 * whole)) == 2 * whole
+    solved: list[str] = []
+    for name in ("solve_free", "solve_straight"):
+        solve = getattr(planner, name)
+        monkeypatch.setattr(
+            planner, name, lambda *a, name=name, solve=solve, **k: [solved.append(name), solve(*a, **k)][1]
+        )
+    assert sketched_duration(replace(problem, duration=0.3 * whole)) == np.inf
+    assert solved == []
+    with keeping():
+        assert sketched_duration(problem) == whole
+        once = list(solved)
+        assert sketched_duration(problem, 1.001 * whole) == whole
+        assert sketched_duration(problem, 0.999 * whole) == np.inf
+    assert solved == once
+    assert once[:2] == ["solve_straight", "solve_straight"]
 
 
 def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> None:

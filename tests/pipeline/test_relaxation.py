@@ -159,6 +159,57 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
     assert isinstance(attempt(less), Reason)
 
 
+@pytest.mark.parametrize("needed", [0.3, 1.2])
+@pytest.mark.parametrize("more", [0.0, 0.5])
+def test_what_is_printed_is_planned_in_full(tilt_insert: Problem, needed: float, more: float) -> None:
+    """Once, where trials that only look whether there is a motion are right; else with every value.
+
+    needed: share of the relaxation that the reason asks for; more: of it that a trial does not see.
+    """
+    joint = tilt_insert.robot.joints[0]
+    limit = next(each for each in joint.limits if isinstance(each, MotorTorque))
+    there, required = limit.largest, 1.5 * limit.largest
+    planned: list[float] = []
+
+    def motion(problem: Problem, least: float) -> float | Reason:
+        motor = problem.robot.joints[0].motor
+        assert motor is not None
+        planned.append((motor.max_torque - there) / (required - there))
+        return 1.0 if planned[-1] >= least else Reason(None, None, None, None, "no motion")
+
+    def looked(problem: Problem) -> float | Reason:
+        found = motion(problem, needed)
+        planned.pop()
+        return found
+
+    cure = search(
+        tilt_insert,
+        Reason(limit, None, required, there, "too weak"),
+        lambda problem: motion(problem, needed + more),
+        feasible=looked,
+    )
+    assert cure is not None
+    assert cure.works
+    share = (cure.value - there) / (required - there)
+    assert needed + more <= share <= (needed + more) / 0.9 * 1.01
+    assert (planned == [pytest.approx(share)]) == (more == 0.0)
+
+
+def test_a_motion_that_is_too_short_is_longer_than_the_whole_was(tilt_insert: Problem) -> None:
+    """Both durations are relaxed: that of the motion, and that of all together."""
+    tilt, insert = tilt_insert.motion
+    problem = replace(tilt_insert, motion=(replace(tilt, duration=0.2), insert), duration=1.0, objective="effort")
+    reason = plan(problem).reason
+    assert reason is not None
+    assert reason.relaxation is not None
+    assert reason.relaxation.endswith(" s")
+    own, whole = (typed_in(part) for part in reason.relaxation.split(": tried together, takes")[0].split(" and "))
+    longer = replace(problem, motion=(replace(tilt, duration=own), insert), duration=whole)
+    assert plan(longer).passed
+    less = 0.2 + 0.9 * (own - 0.2)
+    assert not plan(replace(longer, motion=(replace(tilt, duration=less), insert)), relaxations=False).passed
+
+
 def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
     """With a motor of 92 % of the torque that the nearest joints need, others at the target do."""
     problem = random_problem(tilt_insert, 61129, most=1)

@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner import load_problem
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.planner import hopelessly_hot
+from ssm_planner.planning.outlook import hopelessly_hot
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
 from ssm_planner.sizing.size import size_motion

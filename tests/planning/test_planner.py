@@ -11,7 +11,8 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import planner
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.planner import PlannedPhase, feasible_phases
+from ssm_planner.planning.outlook import feasible_phases
+from ssm_planner.planning.planner import PlannedPhase
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem

@@ -14,7 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
-from ssm_planner.planning.planner import feasible_phases
+from ssm_planner.planning.outlook import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import LensClearance, Limit, RetinaClearance, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Straight, Task

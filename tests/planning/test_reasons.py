@@ -169,8 +169,8 @@ def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
     outcomes: dict[str, Outcome] = {}
     cures: list[Cure | None] = []
 
-    def recording(*arguments: Any) -> Cure | None:
-        cures.append(search(*arguments))
+    def recording(*arguments: Any, **named: Any) -> Cure | None:
+        cures.append(search(*arguments, **named))
         return cures[-1]
 
     def found(name: str) -> Outcome:
@@ -214,7 +214,7 @@ def test_its_relaxation_does_and_five_per_cent_less_does_not(unplanned: Unplanne
     assert f"takes {cure.outcome:.4g} s" in cure.text
     less = cure.relaxation.present + 0.95 * (cure.value - cure.relaxation.present)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "search", lambda *_: None)
+        patch.setattr(run, "search", lambda *_, **__: None)
         again = plan(cure.relaxation.problem(less))
     assert not again.passed
     assert again.reason is not None

@@ -10,7 +10,8 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.straight import solve_straight
-from ssm_planner.planning.planner import feasible_phases, plan_motion
+from ssm_planner.planning.outlook import feasible_phases
+from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
 from ssm_planner.planning.retiming.retime import durations, retime, retime_motion
 from ssm_planner.problem.motion import Free, Task

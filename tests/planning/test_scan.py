@@ -15,8 +15,8 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.outlook import feasible_phases
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.planner import feasible_phases
 from ssm_planner.planning.scan_pattern import shortest_order
 from ssm_planner.plans import Plan
 from ssm_planner.problem.motion import Scan, Task

@@ -153,6 +153,9 @@ def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
     assert [m.duration for m in longer.motion] == [5.0, *(m.duration for m in motion[1:])]
     whole = dataclasses.replace(timed, motion=tilt_insert.motion, duration=4.0)
     assert Duration(4.0).relaxed(6.0).on(whole).duration == 6.0
+    assert Duration(3.0, motion[0].name).relaxed(6.0).on(whole).duration == 6.0  # its share of that of all
+    both = Duration(2.0, motion[0].name).relaxed(5.0).on(dataclasses.replace(timed, duration=4.0))
+    assert (both.duration, [m.duration for m in both.motion]) == (4.0, [5.0, *(m.duration for m in motion[1:])])
     with pytest.raises(ProblemError, match="no motion other of 2 s"):
         Duration(2.0, "other").on(timed)
 

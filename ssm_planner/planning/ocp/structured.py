@@ -6,6 +6,7 @@ coordinate passes a point, or stands there, of a jerk-limited motion of several 
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from ssm_planner.interior.problem import Point, Program, RowGroup
 from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, solve
 from ssm_planner.interior.spline import Spline
+from ssm_planner.planning.kept import SameObject, kept
 from ssm_planner.planning.ocp.element import ElementModel
 from ssm_planner.planning.ocp.natively import native_elements
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, cubics
@@ -51,6 +53,29 @@ def solve_structured(
     Where a neighbour's multipliers mislead, its motion alone is tried as a start. Several ways of lowering the barrier are
     tried unless fewer iterations are allowed than usual; switching: a row has a rounded edge, at which it takes patience.
     """
+    key = structure, element, _content(data), start.x.tobytes(), SameObject(start.structured), iterations, switching
+    return kept(key, lambda: _solved(structure, element, data, start, iterations=iterations, switching=switching))
+
+
+def _content(data: NlpData) -> tuple[object, ...]:
+    """All that it holds, to compare."""
+    values = (getattr(data, each.name) for each in fields(data))
+    return tuple(_comparable(value) for value in values)
+
+
+def _comparable(value: Any) -> Any:
+    return tuple(map(_comparable, value)) if isinstance(value, tuple) else getattr(value, "tobytes", lambda: value)()
+
+
+def _solved(
+    structure: NlpStructure,
+    element: ElementModel,
+    data: NlpData,
+    start: InitialPoint,
+    *,
+    iterations: int,
+    switching: bool,
+) -> NlpSolution:
     program, warm, used = program_of(structure, element, data), start.structured, 0
     begin = _point(program, structure, data, start.x)
     near = _point(program, structure, data, start.x, NEAR_SLOWER) if start.near else None
