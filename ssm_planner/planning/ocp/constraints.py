@@ -9,7 +9,9 @@ from __future__ import annotations
 import pickle
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from operator import is_
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -90,17 +92,21 @@ def robot_key(robot: Robot) -> bytes:
     Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
     """
     global _last
+    drives = tuple(joint.drive for joint in robot.joints)
+    nominal = [None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints]
+    parts = robot.geometry, *robot.bodies, robot.gravity, *drives, robot.corners, robot.lightest
     known = _last
-    if known is not None and known[0] is robot:
-        return known[1]
-    joints = [(joint.drive, None if joint.motor is None else joint.motor.nominal_torque) for joint in robot.joints]
+    if known is not None and known[1] == nominal and all(map(is_, known[0], parts)):
+        return known[2]
+    joints = list(zip(drives, nominal, strict=True))
     corners = [load.bodies for load in robot.loads], [robot.actuations(i) for i in range(4)] if robot.corners else None
-    _last = robot, pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
-    return _last[1]
+    key = pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
+    _last = parts, nominal, key
+    return key
 
 
-_last: tuple[Robot, bytes] | None = None
-"""The robot that was asked for last, and its key."""
+_last: tuple[tuple[Any, ...], list[float | None], bytes] | None = None
+"""Parts of the robot that was asked for last, its nominal torques and its key."""
 
 
 def limits_jerk(robot: Robot) -> bool:

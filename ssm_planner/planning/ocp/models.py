@@ -161,15 +161,21 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
     first, last = breaks[piece], breaks[piece + 1]
     half_width = np.minimum(np.maximum(high - low, NARROWEST), (last - first) / 2)
     centre = np.clip(middle, first + half_width, last - half_width)
-    chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
+    chebyshev, inverse = _nodes()
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
     load = zip(*(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True)
     speeds = np.column_stack([tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS])
     curves = np.hstack([samples.dq, *(part for parts in load for part in parts), speeds])
     # node j of element n has the values Σ_d ξ_j^d a_nd
-    inverse = np.linalg.inv(np.vander(chebyshev, increasing=True))
     coefficients = np.einsum("dj,njk->ndk", inverse, np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1))
     return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
+
+
+@cache
+def _nodes() -> tuple[Array, Array]:
+    """Those of a fit, ξ_j (DEGREE + 1,), and the inverse of their powers ξ_j^d."""
+    chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
+    return chebyshev, np.linalg.inv(np.vander(chebyshev, increasing=True))
 
 
 def fits_hold(parameters: Array, low: Array, high: Array) -> Array:

@@ -9,7 +9,7 @@ import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -73,55 +73,36 @@ class NativeElements:
     def __init__(
         self, library: ctypes.CDLL, element: ElementModel, parameters: Sequence[Array], count: int, where: Where
     ) -> None:
-        figures = _figures(element)
-        straight = isinstance(element, StraightElement)
+        laid = _laid(element, where)
         sigma, *fits, packed = parameters
-        limits = element.layout.unpack(packed)
-        rows = element.row_places
-        if where == "breakaway":
-            rows = [row for row in element.all_rows if row[0] == MotorTorque.name]
-        slots = np.full(3 * len(figures.actuation) + element.first_actuation, -1)
-        slots[[place for *_, place in rows]] = np.arange(len(rows))
-        actuation, drives = figures.actuation.copy(), figures.drives[int(where == "breakaway")].copy()
-        if where == "breakaway":
-            actuation[:, 2] -= actuation[:, 2] % len(LAWS)
-        drives[:, DRIVE.slices["limit"]] = limits.torque[actuation[:, :1]]
-        costs = figures.cost if element.aim != "time" and where == "collocation" else figures.cost[:0]
-        weights = limits.cooling[costs[:, 0]] if element.aim == "cooling" else np.ones(len(costs))
-        arrays = {
-            "shares": SHARES[where],
-            "weights": SIMPSON,
-            "moving": element.moving if isinstance(element, FreeElement) else [0],
-            "slots": slots,
-            "actuation": actuation,
+        torque = packed[element.layout.slices["torque"]]
+        drives, costs = laid.arrays["drives"].copy(), laid.arrays["cost"]
+        drives[:, DRIVE.slices["limit"]] = torque[laid.arrays["actuation"][:, :1]]
+        cooling = element.aim == "cooling"
+        own: dict[str, Any] = {
             "drives": drives,
-            "cost": costs,
-            "cost_weights": weights,
+            "cost_weights": packed[element.layout.slices["cooling"]][costs[:, 0]] if cooling else np.ones(len(costs)),
             "limits": packed,
             "sigma": np.broadcast_to(sigma, (count, 4)),
             "fits": _in_lanes(np.broadcast_to(fits[0], (count, fits[0].shape[-1]))) if fits else [],
-            **figures.arrays,
         }
-        self._kept = {
-            name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float)
-            for name, values in arrays.items()
-        }
-        shares = SHARES[where]
+        self._laid, self._kept = laid, {name: np.ascontiguousarray(values, dtype=float) for name, values in own.items()}
+        points, rows = len(SHARES[where]), laid.rows
         self.context = _Context(
-            straight=straight,
+            straight=isinstance(element, StraightElement),
             count=count,
             m=element.coordinates,
-            rows=len(rows),
-            points=len(shares),
-            loads=len(element.robot.loads),
-            actuations=len(actuation),
+            rows=rows,
+            points=points,
+            loads=laid.loads,
+            actuations=len(drives),
             costs=len(costs),
             effort=element.aim == "effort",
             hull=where == "collocation",
-            offset=figures.offset,
-            **{name: values.ctypes.data for name, values in self._kept.items()},
+            offset=laid.offset,
+            **laid.addresses | _addresses(self._kept),
         )
-        size, all_rows = element.size, len(shares) * len(rows)
+        size, all_rows = element.size, points * rows
         self.shapes: dict[str, tuple[int, ...]] = {
             "rows": (count, all_rows),
             "jacobian": (count, all_rows, size),
@@ -141,6 +122,49 @@ class NativeElements:
         addresses = (ctypes.c_void_p(each.ctypes.data) for each in values)
         getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
         return values[-1]
+
+
+def _addresses(arrays: dict[str, Array]) -> dict[str, int]:
+    return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """What the functions of an element model are given whatever the parameters."""
+
+    arrays: dict[str, Array]
+    """By their names in `_Context`; the drives with limits to be filled in."""
+    addresses: dict[str, int]
+    rows: int
+    loads: int
+    offset: float
+
+
+@lru_cache(maxsize=64)
+def _laid(element: ElementModel, where: Where) -> _Laid:
+    figures = _figures(element)
+    rows = element.row_places
+    if where == "breakaway":
+        rows = [row for row in element.all_rows if row[0] == MotorTorque.name]
+    slots = np.full(3 * len(figures.actuation) + element.first_actuation, -1)
+    slots[[place for *_, place in rows]] = np.arange(len(rows))
+    actuation = figures.actuation.copy()
+    if where == "breakaway":
+        actuation[:, 2] -= actuation[:, 2] % len(LAWS)
+    given = {
+        "shares": SHARES[where],
+        "weights": SIMPSON,
+        "moving": element.moving if isinstance(element, FreeElement) else [0],
+        "slots": slots,
+        "actuation": actuation,
+        "drives": figures.drives[int(where == "breakaway")],
+        "cost": figures.cost if element.aim != "time" and where == "collocation" else figures.cost[:0],
+        **figures.arrays,
+    }
+    arrays = {
+        name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float) for name, values in given.items()
+    }
+    return _Laid(arrays, _addresses(arrays), len(rows), len(element.robot.loads), figures.offset)
 
 
 def _in_lanes(fits: Array) -> Array:

@@ -140,7 +140,9 @@ class LinearConstraints:
         """Whether some of these rows bind on an interval of the grid (n,)."""
         if not len(rows) or not (self._middle(grid, speed_squared, rows) > ACTIVE).any():
             return False
-        return bool(np.isin(self.active(grid, speed_squared), rows).any())
+        mine = np.zeros(self.a.shape[1] - NONE, dtype=bool)  # the last two are CEILING and NONE
+        mine[rows] = True
+        return bool(mine[self.active(grid, speed_squared)].any())
 
     def _middle(self, grid: Array, speed_squared: Array, rows: Indices | slice) -> Array:
         """Of these rows in the middle of each interval of the grid (n,), (n − 1, rows)."""
@@ -240,8 +242,9 @@ class PathLimits:
     """That have rows."""
     left_out: tuple[Actuation, ...] = ()
     """Others, at corners of a range of friction and payload: they get rows when a motion takes too much with them."""
-    laws: dict[tuple[int, int, int], _TorqueLaw] = field(default_factory=dict)
-    """Of every joint's loads and drives, as last asked for: most friction coefficients are the same in every pass."""
+    laws: dict[tuple[int, int, int, bool], _TorqueLaw] = field(default_factory=dict)
+    """Of every joint's loads and drives, at a static start or not, as last asked for: most friction coefficients are the
+    same in every pass."""
     last: list[tuple[list[_Law], LinearConstraints]] = field(default_factory=list, init=False)
     """The rows last asked for, and of which laws they are."""
 
@@ -320,10 +323,12 @@ class PathLimits:
         found = []
         for i, load, drive, sides in actuations:
             motor = self.robot.joints[i].motor
-            mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-            law = self.laws.get((i, load, id(drive)))
-            if law is None or not np.array_equal(law.mu, mu):
-                law = self.laws[i, load, id(drive)] = self._torque_law(drive, i, mu, self.loads[load])
+            key = i, load, id(drive), static_start
+            law = self.laws.get(key)
+            if law is None or friction_of(drive).stribeck_speed is not None:
+                mu = self._friction_coefficient(drive, i, speed_squared, static_start)
+                if law is None or not np.array_equal(law.mu, mu):
+                    law = self.laws[key] = self._torque_law(drive, i, mu, self.loads[load])
             first = law.first_is_larger(speed_squared) if -1 in sides else None
             found.append(_Law(law, sides, first, np.inf if motor is None else motor.max_torque))
         return found
