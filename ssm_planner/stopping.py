@@ -14,7 +14,7 @@ from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check_stops
 from ssm_planner.verification.stops import INSTANTS as INSTANTS
-from ssm_planner.verification.stops import quickest_stops
+from ssm_planner.verification.stops import StopMotions, quickest_stops
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,13 @@ class Stops:
     """(n,): largest distance of the tip from where it was, m."""
     certificate: Certificate
     """Of all stops together, with the limits of the motion itself."""
-    motions: tuple[Trajectory | None, ...]
-    """One for each instant; None where all joints rest already."""
+    found: StopMotions
+    """What they are made of."""
+
+    @property
+    def motions(self) -> tuple[Trajectory | None, ...]:
+        """One for each instant; None where all joints rest already."""
+        return self.found.motions
 
     @property
     def passed(self) -> bool:
@@ -58,4 +63,4 @@ def controlled_stops(
     limits = TaskLimits(robot.limits) if limits is None else limits
     found = quickest_stops(motion, robot, instants)
     certificate = check_stops(found, motion, robot, limits)
-    return Stops(found.time, found.duration, found.travel, certificate, found.motions)
+    return Stops(found.time, found.duration, found.travel, certificate, found)

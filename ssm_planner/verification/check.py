@@ -136,12 +136,10 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
 
 def check_stops(stops: StopMotions, motion: Trajectory, robot: Robot, limits: TaskLimits) -> Certificate:
     """Of all stops together, one after the other: what holds of a motion as a whole, and between two stops, left out."""
-    listed = [each for each in stops.motions if each is not None] or [motion]
-    breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([np.diff(each.breaks) for each in listed]))])
-    joined = Trajectory(breaks, np.concatenate([each.coefficients for each in listed]), ())
+    joined = stops.joined
     kept = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=kept, motion=())
-    found = check(joined, robot, limits, rate=RATE_OF_STOPS)
+    found = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
     whole = (*JUMPS, ContinuousTorque.name, *ENDS)
     of_stops = tuple(each for each in found.limits if each.name not in whole)
     return Certificate(of_stops, found.interpolation, found.instants, found.unchecked)

@@ -10,18 +10,20 @@ along the path within the limits goes less far. Speeds only become smaller.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.motors import motorised
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
+from ssm_planner.dynamics.transmission import TorqueRows, motor_torque_rows, output_effort
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import DEGREE, Trajectory, quintics
 from ssm_planner.typing import Array, Indices, Mask
 
 INSTANTS = 1000
@@ -45,10 +47,31 @@ class StopMotions:
     """(n,), s until all joints rest."""
     travel: Array
     """(n,): largest distance of the tip from where it was, m."""
-    motions: tuple[Trajectory | None, ...]
-    """One for each instant; None where all joints rest already."""
+    pieces: tuple[Array, Array]
+    """Of all stops, one after the other: their lengths (m,), s, and coefficients (m, 6, 4), as a `Trajectory` has them."""
+    edges: Indices
+    """Which of them are a stop's: from one edge to the next, (n + 1,); none where all joints rest already."""
     ends: bool
     """The motion ends at rest; where it does not, a stop may go on to its end and still move there."""
+
+    @cached_property
+    def motions(self) -> tuple[Trajectory | None, ...]:
+        """One for each instant; None where all joints rest already."""
+        lengths, coefficients = self.pieces
+        return tuple(
+            None if first == end else _motion(lengths[first:end], coefficients[first:end].copy())
+            for first, end in pairwise(self.edges.tolist())
+        )
+
+    @property
+    def joined(self) -> Trajectory | None:
+        """All of them as one, which jumps from a stop to the next; None where all joints rest all along."""
+        return _motion(*self.pieces) if len(self.pieces[0]) else None
+
+
+def _motion(lengths: Array, coefficients: Array) -> Trajectory:
+    """From 0 on."""
+    return Trajectory(np.concatenate([[0.0], np.cumsum(lengths)]), coefficients, ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,138 +114,214 @@ def quickest_stops(motion: Trajectory, robot: Robot, instants: int | Array = INS
     path = _Path.of(motion, robot, times)
     first = np.clip(np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a bound is none
-        motions = _stops(path, robot, first)
+        lengths, coefficients, edges = _stops(path, robot, first)
     duration, travel = np.zeros(len(times)), np.zeros(len(times))
-    moving = [(k, found) for k, found in enumerate(motions) if found is not None]
-    if moving:
-        lasting = np.array([found.breaks[-1] - found.breaks[-2] for _, found in moving])[:, None] ** np.arange(6)
-        ends = np.einsum("nk,nkj->nj", lasting, np.stack([found.coefficients[-1] for _, found in moving]))
-        q = np.concatenate(
-            [
-                part
-                for (_, found), end in zip(moving, ends, strict=True)
-                for part in (found.coefficients[:, 0], end[None])
-            ]
-        )
-        places, begin = tip_position(Mechanism.from_geometry(robot.geometry), q), 0
-        for k, found in moving:
-            way = places[begin : begin + len(found.breaks)]
-            begin += len(found.breaks)
-            duration[k], travel[k] = found.duration, float(np.linalg.norm(way - way[0], axis=1).max())
-    return StopMotions(path.s[first], duration, travel, motions, ends=bool(path.rests[-1]))
+    moving = np.flatnonzero(np.diff(edges))
+    if len(moving):
+        begins, last = edges[:-1][moving], edges[1:][moving] - 1
+        ends = _at(coefficients[last].transpose(1, 2, 0), lengths[last])
+        mechanism = Mechanism.from_geometry(robot.geometry)
+        places, final = tip_position(mechanism, coefficients[:, 0]), tip_position(mechanism, ends)
+        from_where = places[begins]
+        way = np.linalg.norm(places - np.repeat(from_where, np.diff(edges)[moving], axis=0), axis=1)
+        duration[moving] = np.add.reduceat(lengths, begins)
+        travel[moving] = np.maximum(np.maximum.reduceat(way, begins), np.linalg.norm(final - from_where, axis=1))
+    return StopMotions(path.s[first], duration, travel, (lengths, coefficients), edges=edges, ends=bool(path.rests[-1]))
 
 
-def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Trajectory | None, ...]:
-    """A motion for each stop from the nodes `first` (n,); None where all joints rest. All stops go on node by node together.
+def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Indices]:
+    """The pieces of the stops from the nodes `first` (n,), as `StopMotions` has them. All go on node by node together.
 
     A stop that the path is too short for goes on to its end, where it still moves.
     """
     last = len(path.s) - 1
     stop, k = np.arange(len(first)), first.copy()
     x: Array = np.ones(len(first))
+    bounds, lengths = _Bounds.of(path, robot), np.diff(path.s)
     rows: list[tuple[Any, ...]] = []
-    while len(stop):
+    while True:
         going = ~path.rests[k] & (k < last) & (x > 0)
         stop, k, x = stop[going], k[going], x[going]
-        length = path.s[k + 1] - path.s[k]
-        u = _least(path, robot, k, x, length, ends=False)
-        ends = x + 2 * u * length <= 0
-        if ends.any():
-            u[ends] = np.maximum(u[ends], _least(path, robot, k[ends], x[ends], length[ends], ends=True))
-            ends = x + 2 * u * length <= 0
-        after = np.where(ends, 0.0, x + 2 * u * length)
-        way = np.where(ends, x / np.where(ends, -2 * u, 1.0), length)
+        if not len(stop):
+            break
+        length = lengths[k]
+        u = bounds.least(k, x, ends=False)
+        ends = np.flatnonzero(x + 2 * u * length <= 0)
+        if len(ends):
+            u[ends] = np.maximum(u[ends], bounds.least(k[ends], x[ends], ends=True))
+        after = x + 2 * u * length
+        ended = after <= 0
+        after = np.where(ended, 0.0, after)
+        way = np.where(ended, x / np.where(ended, -2 * u, 1.0), length)
         rows.append((stop, k, x, u, after, way))
         k, x = k + 1, after
-    return _motions(path, len(first), [np.concatenate(column) for column in zip(*rows, strict=True)])
+    if not rows:
+        return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(first) + 1, dtype=int)
+    return _pieces(path, len(first), [np.concatenate(column) for column in zip(*rows, strict=True)])
 
 
-def _least(path: _Path, robot: Robot, k: Indices, x: Array, length: Array, *, ends: bool) -> Array:
-    """The least s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x, at both ends of each; ends: ṡ is 0 at its end."""
-    still = np.zeros(len(k))
-    # at one end of an interval ṡ² is that of the start, or nothing, and grows by s̈
-    places = [(0, x, still), (1, still, still), (0, still, still)] if ends else [(0, x, still), (1, x, 2 * length)]
-    at = np.repeat([end for end, *_ in places], len(k)), np.tile(k, len(places))
-    square, grows = (np.concatenate([place[i] for place in places]) for i in (1, 2))
-    # q̈ = a s̈ + b
-    a, b = path.dq[at] + grows[:, None] * path.ddq[at], path.ddq[at] * square[:, None]
-    limit = np.sign(a) * np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
-    bounds = [np.where(a == 0, -np.inf, -(limit + b) / a).max(axis=1)]
-    for i, joint in enumerate(robot.joints):
-        if joint.drive is not None and joint.motor is not None:
-            bounds.append(_torque_bound(path, joint, (*at, i), (a[:, i], b[:, i]), square=square, grows=grows))
-    return np.minimum(np.max(bounds, axis=0).reshape(len(places), -1).max(axis=0), 0.0)
+@dataclass(frozen=True, eq=False)
+class _Bounds:
+    """What bounds s̈ from below on the m intervals of a path.
+
+    At one end of an interval ṡ² = x is that of the start, or nothing, or that of the start and grows by s̈. There every
+    acceleration and torque is linear in s̈, x and √x, but for friction that depends on the speed.
+    """
+
+    path: _Path
+    robot: Robot
+    lengths: Array
+    terms: Array
+    """c₀, c₁, c₂ (3, rows, 3 m) of c₀ + c₁ x + c₂ √x, at the starts of the intervals, at their ends where x grows by s̈, and
+    at their ends."""
+    alone: int
+    """So many rows count each for itself; of the others the smaller of two, the first and second half of them."""
+    varying: tuple[int, ...]
+    """Joints whose friction depends on the speed: their torques have no rows."""
+
+    @classmethod
+    def of(cls, path: _Path, robot: Robot) -> _Bounds:
+        lengths = np.diff(path.s)
+        m = len(lengths)
+        end, interval = np.repeat([0, 1, 1], m), np.tile(np.arange(m), 3)
+        grows = np.concatenate([np.zeros(m), 2 * lengths, np.zeros(m)])
+        dq, ddq = path.dq[end, interval], path.ddq[end, interval]
+        a = dq + grows[:, None] * ddq
+        limit = np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
+        moves, none = a != 0, np.zeros_like(a)
+        alone = [np.stack([np.where(moves, -limit / np.abs(a), -np.inf), np.where(moves, -ddq / a, 0.0), none])]
+        halves: tuple[list[Array], list[Array]] = ([], [])
+        varying: list[int] = []
+        for i, drive, _ in motorised(robot.joints):
+            if friction_of(drive).stribeck_speed is not None:
+                varying.append(i)
+                continue
+            motor = _MotorAlong.of(path, robot.joints[i], (end, interval, i), grows)
+            zero, one = np.zeros(3 * m), np.ones(3 * m)
+            begins, squared, rooted, risen = (
+                motor.torques(*at)
+                for at in ((zero, zero, zero), (zero, one, zero), (zero, zero, one), (one, zero, zero))
+            )
+            for row in (0, 1):
+                own = np.stack([begins[row], squared[row] - begins[row], rooted[row] - begins[row]])
+                rises = risen[row] - begins[row]
+                driving, braking = (motor.bound(side * rises, side * own) for side in (1, -1))
+                alone.append(driving[:, :, None])
+                halves[row].append(braking[:, :, None])
+        terms = np.concatenate([*alone, *halves[0], *halves[1]], axis=2).transpose(0, 2, 1)
+        count = sum(each.shape[2] for each in alone)
+        return cls(path, robot, lengths, np.ascontiguousarray(terms), count, tuple(varying))
+
+    def least(self, k: Indices, x: Array, *, ends: bool) -> Array:
+        """The least s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x; ends: ṡ is 0 at its end."""
+        n, m = len(k), len(self.lengths)
+        still = np.zeros(n)
+        # which place of `terms`, and ṡ² there
+        places = [(0, x), (2, still), (0, still)] if ends else [(0, x), (1, x)]
+        square = np.concatenate([each for _, each in places])
+        at = np.concatenate([place * m + k for place, _ in places])
+        c0, c1, c2 = self.terms[:, :, at]
+        values = c0 + c1 * square + c2 * np.sqrt(square)
+        found = values[: self.alone].max(axis=0)
+        half = (len(values) - self.alone) // 2
+        if half:
+            pairs = np.minimum(values[self.alone : self.alone + half], values[self.alone + half :])
+            found = np.maximum(found, pairs.max(axis=0))
+        end, interval = np.repeat([min(place, 1) for place, _ in places], n), np.tile(k, len(places))
+        for i in self.varying:
+            grows = np.where(at // m == 1, 2 * self.lengths[interval], 0.0)
+            motor = _MotorAlong.of(self.path, self.robot.joints[i], (end, interval, i), grows, square)
+            found = np.maximum(found, motor.least(square))
+        return np.minimum(found.reshape(len(places), n).max(axis=0), 0.0)
 
 
-def _above(slope: Array, value: Array, limit: float) -> Array:
-    """The least u (n,) with slope · u + value ≤ limit; −∞ where only a largest one follows."""
-    return np.where(slope < 0, (limit - value) / slope, -np.inf)
+@dataclass(frozen=True, eq=False)
+class _MotorAlong:
+    """A motor at n places of a path: its torque in the direction σ of motion, by both rows of the friction law."""
 
+    joint: Joint
+    rows: TorqueRows
+    sigma: Array
+    dq: Array
+    ddq: Array
+    load: tuple[Array, Array, Array]
+    grows: Array
+    """By so much times s̈ is ṡ² larger."""
 
-def _torque_bound(
-    path: _Path,
-    joint: Joint,
-    at: tuple[Indices, Indices, int],
-    qdd: tuple[Array, Array],
-    *,
-    square: Array,
-    grows: Array,
-) -> Array:
-    """The least s̈ (n,) at which a motor keeps its largest torque in both directions, by the two rows of the friction law."""
-    drive, motor = joint.drive, joint.motor
-    if drive is None or motor is None:
-        return np.full(len(square), -np.inf)
-    inertia, velocity, gravity = (each[at] for each in path.load)
-    speed, sigma = path.dq[at] * np.sqrt(square), np.sign(path.dq[at])
-    rows = motor_torque_rows(drive, sigma, friction_coefficient(friction_of(drive), drive.ratio * speed))
-    limit = motor.max_torque * (1 - BACKOFF)
+    @classmethod
+    def of(
+        cls, path: _Path, joint: Joint, at: tuple[Indices, Indices, int], grows: Array, square: Array | float = 0.0
+    ) -> _MotorAlong:
+        """At these ends, intervals and of this joint; friction is that at ṡ² = square (n,)."""
+        assert joint.drive is not None
+        dq, inertia, velocity, gravity = (each[at] for each in (path.dq, *path.load))
+        sigma = np.sign(dq)
+        mu = friction_coefficient(friction_of(joint.drive), joint.drive.ratio * dq * np.sqrt(square))
+        rows = motor_torque_rows(joint.drive, sigma, mu)
+        return cls(joint, rows, sigma, dq=dq, ddq=path.ddq[at], load=(inertia, velocity, gravity), grows=grows)
 
-    def torques(u: float) -> list[Array]:
-        """In the direction of motion, by both rows."""
-        acceleration = qdd[0] * u + qdd[1]
-        rigid = inertia * u + velocity * (square + grows * u) + gravity
-        effort = np.asarray(output_effort(drive, rigid, speed, acceleration, sigma))
+    def torques(self, u: Array, square: Array, root: Array) -> list[Array]:
+        """At s̈ = u, ṡ² = square and ṡ = root, (n,) each."""
+        drive, (inertia, velocity, gravity) = self.joint.drive, self.load
+        assert drive is not None
+        speed, acceleration = self.dq * root, self.dq * u + self.ddq * (square + self.grows * u)
+        rigid = inertia * u + velocity * (square + self.grows * u) + gravity
+        effort = np.asarray(output_effort(drive, rigid, speed, acceleration, self.sigma))
         motion = drive.ratio * speed, drive.ratio * acceleration
-        return [np.asarray(sigma * rows.torque(np.asarray(slope) * effort, *motion)) for slope in rows.slope]
+        return [
+            np.asarray(self.sigma * self.rows.torque(np.asarray(slope) * effort, *motion)) for slope in self.rows.slope
+        ]
 
-    driving, braking = np.full(len(square), -np.inf), np.full(len(square), np.inf)
-    for begins, after in zip(torques(0.0), torques(1.0), strict=True):
-        rises = after - begins
-        driving = np.maximum(driving, _above(rises, begins, limit))
-        # either row is a lower bound of the torque in the direction of motion
-        braking = np.minimum(braking, _above(-rises, -begins, limit))
-    found = np.maximum(driving, braking)
-    return np.where(sigma == 0, -np.inf, found)
+    def bound(self, slope: Array, own: Array) -> Array:
+        """The least u with slope · u + own ≤ the largest torque, −∞ where only a largest one follows.
+
+        own (terms, n): a number and what grows with something; the bound has the same terms.
+        """
+        assert self.joint.motor is not None
+        limit = np.zeros((len(own), 1))
+        limit[0] = self.joint.motor.max_torque * (1 - BACKOFF)
+        bounds = (slope < 0) & (self.sigma != 0)
+        none = np.zeros_like(limit)
+        none[0] = -np.inf
+        return np.where(bounds, (limit - own) / slope, none)
+
+    def least(self, square: Array) -> Array:
+        """The least s̈ (n,) with which the motor keeps its largest torque in both directions, at ṡ² = square (n,)."""
+        root, zero, one = np.sqrt(square), np.zeros(len(square)), np.ones(len(square))
+        driving, braking = np.full(len(square), -np.inf), np.full(len(square), np.inf)
+        for begins, after in zip(self.torques(zero, square, root), self.torques(one, square, root), strict=True):
+            rises = after - begins
+            driving = np.maximum(driving, self.bound(rises, begins[None])[0])
+            # either row is a lower bound of the torque in the direction of motion
+            braking = np.minimum(braking, self.bound(-rises, -begins[None])[0])
+        return np.maximum(driving, braking)
 
 
-def _motions(path: _Path, count: int, columns: list[Array]) -> tuple[Trajectory | None, ...]:
-    """The rows (stop, interval, ṡ² before, s̈, ṡ² after, way), all of them (m,), as one motion for each stop."""
+def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array, Indices]:
+    """The rows (stop, interval, ṡ² before, s̈, ṡ² after, way), all of them (m,), as `StopMotions` has them."""
     order = np.argsort(columns[0], kind="stable")
     stop, k, x, u, after, way = (column[order] for column in columns)
-    k = k.astype(int)
-    dt = 2 * way / (np.sqrt(x) + np.sqrt(after))
-    # where a stop ends within an interval the path there follows from both its ends
+    # the values of a joint lie together: what follows runs along them
+    (q, q_end), (dq, dq_end), (ddq, ddq_end) = (
+        [np.asfortranarray(values[end, k]) for end in (0, 1)] for values in (path.q, path.dq, path.ddq)
+    )
     h = path.s[k + 1] - path.s[k]
-    between = hermite(
-        np.concatenate([[0.0], np.cumsum(h)]),
-        *(tuple(getattr(path, name)[end, k] for name in ("q", "dq", "ddq")) for end in (0, 1)),
-    )
-    powers = way[:, None] ** np.arange(6)
-    q = np.einsum("mkj,mk->mj", between, powers)
-    dq = np.einsum("mkj,mk->mj", between[:, 1:] * np.arange(1, 6)[:, None], powers[:, :5])
-    begin = (
-        path.q[0, k],
-        path.dq[0, k] * np.sqrt(x)[:, None],
-        path.dq[0, k] * u[:, None] + path.ddq[0, k] * x[:, None],
-    )
-    finish = (q, dq * np.sqrt(after)[:, None], dq * u[:, None] + path.ddq[1, k] * after[:, None])
-    edges = np.searchsorted(stop, np.arange(count + 1))
-    coefficients = hermite(np.concatenate([[0.0], np.cumsum(dt)]), begin, finish)
-    motions: list[Trajectory | None] = []
-    for first, end in pairwise(edges):
-        if first == end:
-            motions.append(None)
-            continue
-        breaks = np.concatenate([[0.0], np.cumsum(dt[first:end])])
-        motions.append(Trajectory(breaks, coefficients[first:end].copy(), ()))
-    return tuple(motions)
+    # where a stop ends within an interval the path there follows from both its ends
+    within = np.flatnonzero(way < h)
+    begins, ends = ((q[within], dq[within], ddq[within]), (q_end[within], dq_end[within], ddq_end[within]))
+    between = quintics(h[within], begins, ends).transpose(1, 2, 0)
+    q_end[within] = _at(between, way[within])
+    dq_end[within] = _at(between[1:] * np.arange(1, DEGREE + 1)[:, None, None], way[within])
+    root, root_after, u = np.sqrt(x)[:, None], np.sqrt(after)[:, None], u[:, None]
+    dt = 2 * way / (root + root_after)[:, 0]
+    begin = q, dq * root, dq * u + ddq * x[:, None]
+    finish = q_end, dq_end * root_after, dq_end * u + ddq_end * after[:, None]
+    return dt, quintics(dt, begin, finish), np.searchsorted(stop, np.arange(count + 1))
+
+
+def _at(coefficients: Array, t: Array) -> Array:
+    """Polynomials (k, 4, n) at t (n,): (n, 4)."""
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        value = value * t + coefficient
+    return value.T

@@ -128,3 +128,18 @@ def test_every_stop_of_a_shipped_plan_is_certified(name):
 def test_a_limit_that_the_motion_breaks_its_stops_break_too(plan):
     slow = TipSpeed(1e-3).on(plan.limits)
     assert not controlled_stops(plan.motion, plan.robot, slow, 50).passed
+
+
+def test_friction_that_depends_on_the_speed_by_nothing_makes_the_same_stops(plan):
+    """Constant friction is bounded by rows of its own, other friction by the law at every speed."""
+
+    def varying(joint):
+        if joint.drive is None:
+            return joint
+        friction = replace(joint.drive.friction, law="stribeck_exponential", mu_stribeck=0.0, stribeck_speed=50.0)
+        return replace(joint, drive=replace(joint.drive, friction=friction))
+
+    robot = replace(plan.robot, joints=tuple(map(varying, plan.robot.joints)))
+    one, other = (controlled_stops(plan.motion, each, instants=60) for each in (plan.robot, robot))
+    np.testing.assert_allclose(one.duration, other.duration, rtol=1e-9)
+    np.testing.assert_allclose(one.travel, other.travel, rtol=1e-9)
