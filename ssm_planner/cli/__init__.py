@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import errno
+import gc
 import importlib
 import io
 import os
@@ -22,6 +23,8 @@ BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 DEBUG = "SSM_PLANNER_DEBUG"
 """With this environment variable set, an internal fault shows its traceback."""
 ISSUES = "the issue list of ssm_planner"
+OBJECTS = 50_000
+"""New ones after which Python looks for those that nobody needs: modules that load make many, all of which stay."""
 AGAIN = 0.01
 """s after which an interruption that the interpreter ignored comes once more."""
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
@@ -56,6 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     # Before NumPy loads: on vectors as short as these, threads of its linear algebra wait for each other more than they work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if arguments is None:
+        gc.set_threshold(OBJECTS)
     _prepare_streams()
     words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     signals = _Signals(for_good=arguments is None)

@@ -38,8 +38,8 @@ MARGIN = 0.05
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER = 33
 """Bytes of a PNG file up to the end of its first chunk."""
-LEVEL = 4
-"""Of compression: files are as small as matplotlib's."""
+LEVEL = 2
+"""Of compression: a higher one takes twice as long for files smaller by a fifth."""
 
 
 def unit_of(unit: str) -> tuple[str, float]:
@@ -152,7 +152,7 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
 def _png(figure: Figure) -> bytes:
     """The figure as an opaque PNG image, each row as its difference from that above: most of these are zero.
 
-    Matplotlib's own way, which tries five kinds of differences on four channels, takes twice as long, for the same size.
+    Matplotlib's own way tries five kinds of differences on four channels and takes four times as long.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
