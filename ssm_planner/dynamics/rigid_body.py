@@ -9,6 +9,7 @@ import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import is_
 from typing import Any
 
 import casadi as ca
@@ -192,11 +193,12 @@ class RigidBody:
     def from_robot(cls, robot: Robot) -> RigidBody:
         """The same object for the same geometry, bodies and gravity, so that its Functions are built once."""
         global _last
-        parts, known = (robot.geometry, robot.gravity, *robot.bodies), _last
-        if known is None or any(one is not other for one, other in zip(known[0], parts, strict=True)):
+        # every robot copies its gravity
+        parts, gravity, known = (robot.geometry, *robot.bodies), robot.gravity.tobytes(), _last
+        if known is None or known[1] != gravity or not all(map(is_, known[0], parts)):
             content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
-            known = _last = parts, _rigid_body(content)
-        return known[1]
+            known = _last = parts, gravity, _rigid_body(content)
+        return known[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Joint efforts (n, 4) at q, qd, qdd (n, 4)."""
@@ -277,7 +279,7 @@ class RigidBody:
         return potential
 
 
-_last: tuple[tuple[Any, ...], RigidBody] | None = None
+_last: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
 """That was asked for last, and of what."""
 
 

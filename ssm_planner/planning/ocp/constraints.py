@@ -94,19 +94,22 @@ def robot_key(robot: Robot) -> bytes:
     global _last
     drives = tuple(joint.drive for joint in robot.joints)
     nominal = [None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints]
-    parts = robot.geometry, *robot.bodies, robot.gravity, *drives, robot.corners, robot.lightest
+    parts, numbers = (
+        (robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest),
+        (nominal, robot.gravity.tobytes()),
+    )
     known = _last
-    if known is not None and known[1] == nominal and all(map(is_, known[0], parts)):
+    if known is not None and known[1] == numbers and all(map(is_, known[0], parts)):
         return known[2]
     joints = list(zip(drives, nominal, strict=True))
     corners = [load.bodies for load in robot.loads], [robot.actuations(i) for i in range(4)] if robot.corners else None
     key = pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
-    _last = parts, nominal, key
+    _last = parts, numbers, key
     return key
 
 
-_last: tuple[tuple[Any, ...], list[float | None], bytes] | None = None
-"""Parts of the robot that was asked for last, its nominal torques and its key."""
+_last: tuple[tuple[Any, ...], tuple[list[float | None], bytes], bytes] | None = None
+"""Parts of the robot that was asked for last, its nominal torques and gravity, and its key."""
 
 
 def limits_jerk(robot: Robot) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -57,17 +58,17 @@ class NlpStructure:
         """m."""
         return len(self.moves[0])
 
-    @property
+    @cached_property
     def segment(self) -> Indices:
         """Segment of each element, (n,)."""
         return np.repeat(np.arange(len(self.segment_sizes)), self.segment_sizes)
 
-    @property
+    @cached_property
     def block(self) -> Indices:
         """Block of each element, (n,)."""
         return np.repeat(np.arange(len(self.block_sizes)), self.block_sizes)
 
-    @property
+    @cached_property
     def moving(self) -> Indices:
         """By element and coordinate: whether it moves there, (n, m)."""
         return np.array(self.moves)[self.segment]

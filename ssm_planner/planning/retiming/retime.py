@@ -77,19 +77,20 @@ def retime(
     speeds: tuple[float, float] = (0.0, 0.0),
     *,
     static: bool = True,
+    judged: bool = True,
 ) -> Retiming:
     """Time-optimal motion along the path on `points` grid intervals; speeds: ṡ at both ends, 1/s.
 
-    static: friction at a start from rest is static.
+    static: friction at a start from rest is static. judged: say which rows bind.
     """
-    rough = retime(path, robot, COARSE, limits, speeds, static=static) if points > COARSE else None
+    rough = retime(path, robot, COARSE, limits, speeds, static=static, judged=False) if points > COARSE else None
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.along(path, grid, robot, limits, None if rough is None else rough.limits)
     # the tangents of the rough motion are nearly settled, and its passes cost a fifth
     tangent = (
         path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
     )
-    return _retimed(grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0)
+    return _retimed(grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0, judged=judged)
 
 
 def stays_at(found: Retiming, path: JointPath, speed: float) -> bool:
@@ -168,7 +169,13 @@ def motion_along(path: MotionPath, found: Retiming) -> Trajectory:
 
 
 def _retimed(
-    grid: Array, path_limits: PathLimits, tangent: Array, speeds: tuple[float, float], *, static: bool
+    grid: Array,
+    path_limits: PathLimits,
+    tangent: Array,
+    speeds: tuple[float, float],
+    *,
+    static: bool,
+    judged: bool = True,
 ) -> Retiming:
     """TOPP-RA on the grid, pass after pass until the tangents, first those at ṡ² = tangent (n,), have settled."""
     message = "TOPP-RA finds no motion along the path within the limits"
@@ -213,7 +220,7 @@ def _retimed(
                 break
             path_limits, best = more, infeasible
         tangent = found
-    return replace(best, active=last.active(grid, best.speed_squared)) if last else best
+    return replace(best, active=last.active(grid, best.speed_squared)) if last and judged else best
 
 
 def _bind(linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array) -> bool:
