@@ -53,7 +53,8 @@ def solve_structured(
     Where a neighbour's multipliers mislead, its motion alone is tried as a start. Several ways of lowering the barrier are
     tried unless fewer iterations are allowed than usual; switching: a row has a rounded edge, at which it takes patience.
     """
-    key = structure, element, _content(data), start.x.tobytes(), SameObject(start.structured), iterations, switching
+    begin = start.x.tobytes(), start.near, SameObject(start.structured)
+    key = structure, element, _content(data), begin, iterations, switching
     return kept(key, lambda: _solved(structure, element, data, start, iterations=iterations, switching=switching))
 
 
