@@ -210,7 +210,7 @@ class _Bounds:
                 halves[row].append(braking[:, :, None])
         terms = np.concatenate([*alone, *halves[0], *halves[1]], axis=2).transpose(0, 2, 1)
         count = sum(each.shape[2] for each in alone)
-        return cls(path, robot, lengths, np.ascontiguousarray(terms), count, tuple(varying))
+        return cls(path, robot, lengths, np.ascontiguousarray(terms), alone=count, varying=tuple(varying))
 
     def least(self, k: Indices, x: Array, *, ends: bool) -> Array:
         """The least s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x; ends: ṡ is 0 at its end."""

@@ -7,6 +7,7 @@ Of a robot, its limits are parameters of the program (`joint_limits`), the rest 
 from __future__ import annotations
 
 import pickle
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from operator import is_
@@ -91,25 +92,22 @@ def robot_key(robot: Robot) -> bytes:
 
     Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
     """
-    global _last
     drives = tuple(joint.drive for joint in robot.joints)
     nominal = [None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints]
-    parts, numbers = (
-        (robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest),
-        (nominal, robot.gravity.tobytes()),
-    )
-    known = _last
-    if known is not None and known[1] == numbers and all(map(is_, known[0], parts)):
-        return known[2]
+    parts = robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest
+    numbers = nominal, robot.gravity.tobytes()  # every robot copies its gravity
+    for known in tuple(_known):
+        if known[1] == numbers and all(map(is_, known[0], parts)):
+            return known[2]
     joints = list(zip(drives, nominal, strict=True))
     corners = [load.bodies for load in robot.loads], [robot.actuations(i) for i in range(4)] if robot.corners else None
     key = pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
-    _last = parts, numbers, key
+    _known.appendleft((parts, numbers, key))
     return key
 
 
-_last: tuple[tuple[Any, ...], tuple[list[float | None], bytes], bytes] | None = None
-"""Parts of the robot that was asked for last, its nominal torques and gravity, and its key."""
+_known: deque[tuple[tuple[Any, ...], tuple[list[float | None], bytes], bytes]] = deque(maxlen=4)
+"""Parts of the robots that were asked for last, their nominal torques and gravity, and their keys."""
 
 
 def limits_jerk(robot: Robot) -> bool:
