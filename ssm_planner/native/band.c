@@ -57,16 +57,19 @@ SSM_API void ssm_release(Memory *memory)
 
 SSM_API int ssm_system_new(System *system, Memory *memory, long size, long columns, long pairs, long stride)
 {
+    if (pairs < 1 || pairs > COORDINATES || stride < 1 || stride > 2)
+        return 0;
     system->size = size;
-    system->width = LOCAL * pairs;
+    system->wide = stride * pairs;
+    system->high = LOCAL * pairs;
     system->columns = columns;
-    system->pairs = pairs;
-    system->stride = stride;
+    system->padded = size + system->high - system->wide;
     system->last = 0.0;
-    system->band = ssm_doubles(memory, size * system->width);
-    system->factor = ssm_doubles(memory, size * system->width);
-    system->border = ssm_doubles(memory, size * columns);
-    system->solved = ssm_doubles(memory, size * columns);
+    system->band = ssm_doubles(memory, system->padded * system->high);
+    system->factor = ssm_doubles(memory, system->padded * system->high);
+    system->border = ssm_doubles(memory, system->padded * columns);
+    system->solved = ssm_doubles(memory, system->padded * columns);
+    system->right = ssm_doubles(memory, system->padded);
     system->corner = ssm_doubles(memory, columns * columns);
     system->schur = ssm_doubles(memory, columns * columns);
     system->shifted = ssm_doubles(memory, columns * columns);
@@ -74,85 +77,128 @@ SSM_API int ssm_system_new(System *system, Memory *memory, long size, long colum
     return !memory->failed;
 }
 
-/* entries of column j of L, the diagonal included: no element that couples it reaches further */
-static long column_length(const System *system, long j)
+/* ---- the band, panel by panel. Widths and heights are constants where these bodies are inlined (PANELS). Rows beyond the
+ * last unknown are zero; what stands above the diagonal of a panel of L is not read. */
+
+#define UNROLLED _Pragma("GCC unroll 8")
+
+/* to -= the sum over columns j of share_j from_j; shares are `apart` */
+static ALWAYS_INLINE void subtract(double *to, const double *from, const double *share, long apart, long columns, long high,
+                                   long length)
 {
-    const long first = j / system->pairs / system->stride * system->stride;
-    const long end = (first + LOCAL) * system->pairs;
-    return (end < system->size ? end : system->size) - j;
+    double sum[LOCAL * COORDINATES];
+    for (long i = 0; i < length; i++)
+        sum[i] = to[i];
+    for (long j = 0; j < columns; j++)
+        for (long i = 0; i < length; i++)
+            sum[i] -= share[j * apart] * from[j * high + i];
+    for (long i = 0; i < length; i++)
+        to[i] = sum[i];
 }
 
-/* L, in place; 0 where it is not positive definite */
-static int band_factor(const System *system)
+/* L of K + delta I, with the reciprocals of its diagonal; 0 where that is not positive definite */
+static ALWAYS_INLINE int factor_of(const System *system, const unsigned char *is_free, double delta, long wide, long high)
 {
-    for (long j = 0; j < system->size; j++) {
-        double *column = system->factor + j * system->width;
-        const long length = column_length(system, j);
-        if (!(column[0] > 0.0) || !isfinite(column[0]))
-            return 0;
-        column[0] = sqrt(column[0]);
-        for (long i = 1; i < length; i++)
-            column[i] /= column[0];
-        for (long k = 1; k < length; k++) {
-            const double share = column[k];
-            double *later = column + k * system->width;
-            if (share != 0.0)
-                for (long i = k; i < length; i++)
-                    later[i - k] -= share * column[i];
+    memcpy(system->factor, system->band, (size_t)(system->size * high) * sizeof(double));
+    for (long first = 0; first < system->size; first += wide) {
+        double *panel = system->factor + first * high;
+        for (long c = 0; c < wide; c++) {
+            double *column = panel + c * high;
+            column[c] = is_free[first + c] ? column[c] + delta + POSITIVE : 1.0;
+            for (long off = wide; off < high && off <= first; off += wide)
+                subtract(column, panel - off * high + off, panel - off * high + off + c, high, wide, high, high - off);
+            subtract(column, panel, panel + c, high, c, high, high);
+            if (!(column[c] > 0.0) || !isfinite(column[c]))
+                return 0;
+            const double over = 1.0 / sqrt(column[c]);
+            for (long i = 0; i < high; i++)
+                column[i] *= over;
+            column[c] = over;
         }
     }
     return 1;
 }
 
-/* x (size x columns) becomes L^-1 x */
-static void band_forward(const System *system, double *x, long columns)
+/* x (padded) becomes L^-1 x */
+static ALWAYS_INLINE void forward(const System *system, double *x, long wide, long high)
 {
-    for (long j = 0; j < system->size; j++) {
-        const double *column = system->factor + j * system->width;
-        const long length = column_length(system, j);
-        double *own = x + j * columns;
-        for (long b = 0; b < columns; b++)
-            own[b] /= column[0];
-        for (long i = 1; i < length; i++)
-            if (column[i] != 0.0)
-                for (long b = 0; b < columns; b++)
-                    own[i * columns + b] -= column[i] * own[b];
+    const double *panel = system->factor;
+    for (long first = 0; first < system->size; first += wide, panel += wide * high, x += wide) {
+        double own[2 * COORDINATES];
+        UNROLLED for (long c = 0; c < wide; c++)
+        {
+            double sum = x[c];
+            UNROLLED for (long i = 0; i < c; i++) sum -= own[i] * panel[i * high + c];
+            x[c] = own[c] = sum * panel[c * high + c];
+        }
+        subtract(x + wide, panel + wide, own, 1, wide, high, high - wide);
     }
 }
 
-/* x (size) becomes L'^-1 x */
-static void band_backward(const System *system, double *x)
+/* x (padded) becomes L'^-1 x */
+static ALWAYS_INLINE void backward(const System *system, double *x, long wide, long high)
 {
-    for (long j = system->size - 1; j >= 0; j--) {
-        const double *column = system->factor + j * system->width;
-        const long length = column_length(system, j);
-        double sum = x[j];
-        for (long i = 1; i < length; i++)
-            sum -= column[i] * x[j + i];
-        x[j] = sum / column[0];
+    for (long first = system->size - wide; first >= 0; first -= wide) {
+        const double *panel = system->factor + first * high, *later = x + first + wide;
+        double own[2 * COORDINATES];
+        UNROLLED for (long c = wide - 1; c >= 0; c--)
+        {
+            double sum = x[first + c] - ssm_dot(panel + c * high + wide, later, high - wide);
+            UNROLLED for (long i = wide - 1; i > c; i--) sum -= own[i] * panel[c * high + i];
+            x[first + c] = own[c] = sum * panel[c * high + c];
+        }
     }
 }
+
+typedef struct {
+    int (*factor)(const System *system, const unsigned char *is_free, double delta);
+    void (*forward)(const System *system, double *x), (*backward)(const System *system, double *x);
+} Panels;
+
+#define PANELS(wide, high)                                                                                \
+    static int factor_##wide##_##high(const System *system, const unsigned char *is_free, double delta)   \
+    {                                                                                                     \
+        return factor_of(system, is_free, delta, wide, high);                                             \
+    }                                                                                                     \
+    static void forward_##wide##_##high(const System *system, double *x) { forward(system, x, wide, high); } \
+    static void backward_##wide##_##high(const System *system, double *x) { backward(system, x, wide, high); }
+PANELS(1, 4)
+PANELS(2, 4)
+PANELS(2, 8)
+PANELS(4, 8)
+PANELS(3, 12)
+PANELS(6, 12)
+PANELS(4, 16)
+PANELS(8, 16)
+
+#define OF_SIZES(wide, high) {factor_##wide##_##high, forward_##wide##_##high, backward_##wide##_##high}
+static const Panels BY_SIZES[COORDINATES][2] = {
+    {OF_SIZES(1, 4), OF_SIZES(2, 4)},
+    {OF_SIZES(2, 8), OF_SIZES(4, 8)},
+    {OF_SIZES(3, 12), OF_SIZES(6, 12)},
+    {OF_SIZES(4, 16), OF_SIZES(8, 16)},
+};
+
+static const Panels *panels_of(const System *system)
+{
+    const long pairs = system->high / LOCAL;
+    return &BY_SIZES[pairs - 1][system->wide / pairs - 1];
+}
+
+/* ---- the border */
 
 /* S = Q + delta I of its first entries - Y'Y, whole; 0 where it is not finite */
 static int schur_complement(System *system, double delta, long blocks)
 {
     const long n = system->columns;
     double *schur = system->schur;
-    memcpy(schur, system->corner, (size_t)(n * n) * sizeof(double));
-    for (long i = 0; i < blocks; i++)
-        schur[i * n + i] += delta;
-    for (long k = 0; k < system->size; k++) {
-        const double *row = system->solved + k * n;
-        for (long i = 0; i < n; i++)
-            if (row[i] != 0.0)
-                for (long j = 0; j <= i; j++)
-                    schur[i * n + j] -= row[i] * row[j];
-    }
     for (long i = 0; i < n; i++)
         for (long j = 0; j <= i; j++) {
+            const double *y = system->solved + i * system->padded, *other = system->solved + j * system->padded;
+            const double own = system->corner[i * n + j] + (i == j && i < blocks ? delta : 0.0);
+            schur[i * n + j] = schur[j * n + i] = own - ssm_dot(y, other, system->size);
             if (!isfinite(schur[i * n + j]))
                 return 0;
-            schur[j * n + i] = schur[i * n + j];
         }
     return 1;
 }
@@ -171,18 +217,13 @@ static int schur_is_a_minimums(System *system, long blocks)
 /* Factors of the system, made convex where it is not; 0 where nothing helps. What is not free stays where it is. */
 SSM_API int ssm_factorise(System *system, const unsigned char *is_free, long blocks)
 {
+    const Panels *panels = panels_of(system);
     double delta = 0.0;
-    const size_t band = (size_t)(system->size * system->width) * sizeof(double);
-    const size_t border = (size_t)(system->size * system->columns) * sizeof(double);
     while (delta < MOST) {
-        memcpy(system->factor, system->band, band);
-        for (long j = 0; j < system->size; j++) {
-            double *diagonal = system->factor + j * system->width;
-            *diagonal = is_free[j] ? *diagonal + delta + POSITIVE : 1.0;
-        }
-        if (band_factor(system)) {
-            memcpy(system->solved, system->border, border);
-            band_forward(system, system->solved, system->columns);
+        if (panels->factor(system, is_free, delta)) {
+            memcpy(system->solved, system->border, (size_t)(system->padded * system->columns) * sizeof(double));
+            for (long i = 0; i < system->columns; i++)
+                panels->forward(system, system->solved + i * system->padded);
             if (!schur_complement(system, delta, blocks))
                 return 0;
             if (schur_is_a_minimums(system, blocks)) {
@@ -201,16 +242,22 @@ SSM_API int ssm_factorise(System *system, const unsigned char *is_free, long blo
 /* (right, rest) becomes the solution of the system for it */
 SSM_API void ssm_solve_factors(const System *system, double *right, double *rest)
 {
-    const long n = system->columns;
-    band_forward(system, right, 1);
-    for (long k = 0; k < system->size; k++)
-        for (long i = 0; i < n; i++)
-            rest[i] -= system->solved[k * n + i] * right[k];
-    ssm_symmetric_solve(system->schur, n, system->pivots, rest);
-    for (long k = 0; k < system->size; k++)
-        for (long i = 0; i < n; i++)
-            right[k] -= system->solved[k * n + i] * rest[i];
-    band_backward(system, right);
+    const size_t size = (size_t)system->size * sizeof(double);
+    double *x = system->right;
+    memset(x, 0, (size_t)system->padded * sizeof(double));
+    memcpy(x, right, size);
+    panels_of(system)->forward(system, x);
+    for (long i = 0; i < system->columns; i++)
+        rest[i] -= ssm_dot(system->solved + i * system->padded, x, system->size);
+    ssm_symmetric_solve(system->schur, system->columns, system->pivots, rest);
+    memset(x + system->size, 0, (size_t)(system->padded - system->size) * sizeof(double));
+    for (long i = 0; i < system->columns; i++) {
+        const double *column = system->solved + i * system->padded;
+        for (long k = 0; k < system->size; k++)
+            x[k] -= column[k] * rest[i];
+    }
+    panels_of(system)->backward(system, x);
+    memcpy(right, x, size);
 }
 
 static void exchange(double *a, long n, long i, long j)

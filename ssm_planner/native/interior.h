@@ -6,7 +6,8 @@
 #include "elements.h"
 #include "native.h"
 
-enum { LOCAL = 4, GIVEN = 5, WIDEST = 5, TERMS = 9 };
+enum { LOCAL = 4, GIVEN = 5, WIDEST = 5, TERMS = 9, COORDINATES = 4 };
+#define ALWAYS_INLINE inline __attribute__((always_inline))
 enum { HERMITE = 0, BSPLINE = 1 };
 
 /* ---- memory: blocks that are freed together */
@@ -20,6 +21,20 @@ typedef struct {
 double *ssm_doubles(Memory *memory, long count); /* zero; where there is none, `failed` is set and NULL returned */
 long *ssm_longs(Memory *memory, long count);
 void ssm_release(Memory *memory);
+
+/* ---- sums in an order that a processor's width does not change */
+
+static inline double ssm_dot(const double *x, const double *y, long count)
+{
+    double lane[4] = {0.0};
+    long i = 0;
+    for (; i + 4 <= count; i += 4)
+        for (long k = 0; k < 4; k++)
+            lane[k] += x[i + k] * y[i + k];
+    for (long k = 0; i < count; i++, k++)
+        lane[k] += x[i] * y[i];
+    return (lane[0] + lane[1]) + (lane[2] + lane[3]);
+}
 
 /* ---- spline.c: M c = sum over terms f(eta) (row . c) */
 
@@ -37,14 +52,14 @@ void ssm_matrix(int kind, const double *eta, double matrix[GIVEN][LOCAL]);
 /* ---- band.c */
 
 typedef struct {
-    long size, width, columns; /* of K; LOCAL m; of the border */
-    long pairs, stride;        /* m; rows of unknowns between elements: what K has of its band */
-    double *band, *border;     /* K, column by column from the diagonal down; P, row by row */
-    double *corner;            /* Q, columns x columns */
-    double *factor, *solved;   /* L of K + delta I = L L'; L^-1 P */
-    double *schur, *shifted;   /* S and S - POSITIVE I, factorised */
-    long *pivots;              /* of S, twice */
-    double last;               /* delta that was needed last */
+    long size, wide, high, columns, padded; /* of K; of a panel: stride m, LOCAL m; of the border; size + high - wide */
+    double *band, *border;  /* K: columns in panels of `wide`, from the first row of the panel; P, column by column, padded */
+    double *corner;         /* Q, columns x columns */
+    double *factor, *solved; /* L of K + delta I = L L'; L^-1 P */
+    double *schur, *shifted; /* S and S - POSITIVE I, factorised */
+    double *right;           /* a right-hand side, padded */
+    long *pivots;            /* of S, twice */
+    double last;             /* delta that was needed last */
 } System;
 
 int ssm_system_new(System *system, Memory *memory, long size, long columns, long pairs, long stride);

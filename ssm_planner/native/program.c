@@ -590,7 +590,8 @@ static void add_to_band(const Evaluator *e, System *system, long k)
     const long m = e->m, width = LOCAL * m, size = e->states;
     const double *map = e->maps + k * GIVEN * LOCAL, *h = e->h;
     const unsigned char *is_free = e->program->is_free + k * e->stride * m;
-    double *t = e->t, *band = system->band + k * e->stride * m * system->width;
+    const long wide = system->wide, high = system->high;
+    double *t = e->t, *band = system->band + k * wide * high;
     for (long o = 0; o < GIVEN; o++)
         for (long i = 0; i < m; i++) {
             const double *row = h + entry(e, o, i) * size;
@@ -610,7 +611,7 @@ static void add_to_band(const Evaluator *e, System *system, long k)
                 for (long o = 0; o < GIVEN; o++)
                     sum += map[o * LOCAL + j] * t[(o * m + i) * width + column];
                 if (is_free[column])
-                    band[column * system->width + row - column] += sum;
+                    band[column * high + row - (column & -wide)] += sum;
             }
         }
 }
@@ -666,7 +667,7 @@ static inline void add_to_border_of(const Evaluator *e, System *system, long k, 
             }
             for (long x = 0; x < w; x++)
                 if (block[x] > -2)
-                    *(block[x] < 0 ? all + row : system->border + row * columns + block[x]) += share[x] * sum[x];
+                    (block[x] < 0 ? all : system->border + block[x] * system->padded)[row] += share[x] * sum[x];
         }
     for (long x = 0; x < w; x++)
         for (long y = 0; y < w; y++) {
@@ -701,7 +702,7 @@ static void add_equalities(const Evaluator *e, System *system)
         for (long j = 0; !length && j < LOCAL; j++) {
             const long unknown = (k * e->stride + j) * m + i;
             if (p->is_free[unknown])
-                system->border[unknown * columns + e->b + q] = e->maps[k * GIVEN * LOCAL + o * LOCAL + j];
+                system->border[(e->b + q) * system->padded + unknown] = e->maps[k * GIVEN * LOCAL + o * LOCAL + j];
         }
         for (long x = 0; x < e->w; x++) {
             double share = 0.0;
@@ -725,8 +726,8 @@ void ssm_newton_matrix(Evaluator *e, System *system, const double *lam, const do
     const Program *p = e->program;
     const long columns = system->columns;
     double *all = e->by_z, *with_all = e->dz; /* both are free here, and long enough: size <= n (5 m + 1) + 4 m */
-    memset(system->band, 0, (size_t)(e->size * system->width) * sizeof(double));
-    memset(system->border, 0, (size_t)(e->size * columns) * sizeof(double));
+    memset(system->band, 0, (size_t)(e->size * system->high) * sizeof(double));
+    memset(system->border, 0, (size_t)(system->padded * columns) * sizeof(double));
     memset(system->corner, 0, (size_t)(columns * columns) * sizeof(double));
     memset(all, 0, (size_t)e->size * sizeof(double));
     memset(with_all, 0, (size_t)(e->b + 1) * sizeof(double));
@@ -745,9 +746,9 @@ void ssm_newton_matrix(Evaluator *e, System *system, const double *lam, const do
         add_to_border(e, system, k, all, with_all);
     }
     if (p->stretched_from > 0.0 && e->kind == HERMITE)
-        for (long i = 0; i < e->size; i++)
-            for (long b = 0; b < e->b; b++)
-                system->border[i * columns + b] += all[i];
+        for (long b = 0; b < e->b; b++)
+            for (long i = 0; i < e->size; i++)
+                system->border[b * system->padded + i] += all[i];
     const double *times = sigma + e->first_time;
     double of_totals = with_all[e->b];
     for (long t = 0; t < e->total_count; t++)

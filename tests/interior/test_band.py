@@ -20,8 +20,8 @@ class System(ctypes.Structure):
     """The struct of this name."""
 
     _fields_ = (
-        *((name, L) for name in ("size", "width", "columns", "pairs", "stride")),
-        *((name, P) for name in ("band", "border", "corner", "factor", "solved", "schur", "shifted")),
+        *((name, L) for name in ("size", "wide", "high", "columns", "padded")),
+        *((name, P) for name in ("band", "border", "corner", "factor", "solved", "schur", "shifted", "right")),
         *(("pivots", ctypes.POINTER(L)), ("last", ctypes.c_double)),
     )
 
@@ -45,10 +45,11 @@ def solved(
     try:
         assert native.ssm_system_new(here, ctypes.byref(memory), *map(L, (size, columns, pairs, stride)))
         band = np.ctypeslib.as_array(system.band, (size, 4 * pairs))
+        wide = stride * pairs
         for k, block in enumerate(local):
             for i, j in zip(*np.tril_indices(len(block)), strict=True):
-                band[k * stride * pairs + j, i - j] += block[i, j]
-        np.ctypeslib.as_array(system.border, (size, columns))[:] = border
+                band[k * wide + j, i - j // wide * wide] += block[i, j]
+        np.ctypeslib.as_array(system.border, (columns, system.padded))[:, :size] = border.T
         np.ctypeslib.as_array(system.corner, (columns, columns))[:] = corner
         if not native.ssm_factorise(here, pointer(free.astype(np.uint8)), L(blocks)):
             return None
