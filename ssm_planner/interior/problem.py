@@ -11,7 +11,7 @@ Values and derivatives are taken in C: native/program.c.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -23,32 +23,24 @@ from ssm_planner.interior.spline import Spline
 from ssm_planner.typing import Array, Indices
 
 _P, _L = ctypes.c_void_p, ctypes.c_long
-_Plain = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P)
-_Weighted = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
-_KINDS: dict[str, Any] = {
-    "rows": _Plain,
-    "jacobian": _Plain,
-    "hessian": _Weighted,
-    "cost": _Plain,
-    "gradient": _Plain,
-}
+_Values = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
+_Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P, ctypes.POINTER(_P))
 
 
 class ElementGroup(ctypes.Structure):
     """The struct of this name in native/elements.h."""
 
     _fields_ = (
-        *(("context", _P), ("size_z", _L), ("rows", _L), ("count", _L)),
-        *((f"{name}_of", kind) for name, kind in _KINDS.items()),
+        *(("context", _P), ("size_z", _L), ("rows", _L), ("costs", _L), ("count", _L)),
+        *(("values_of", _Values), ("derivatives_of", _Derivatives)),
     )
 
     @classmethod
-    def of(
-        cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int], names: Iterable[str]
-    ) -> ElementGroup:
-        """Functions of elements.c by their names, and their context, which has to be kept; size of z, rows, elements."""
-        given = {f"{name}_of": ctypes.cast(getattr(library, f"ssm_{name}_of"), _KINDS[name]) for name in names}
-        return cls(ctypes.addressof(context), *sizes, **given)
+    def of(cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int, int]) -> ElementGroup:
+        """Elements of elements.c, by their context, which has to be kept; size of z, rows, costs, elements."""
+        values = ctypes.cast(library.ssm_values_of, _Values)
+        derivatives = ctypes.cast(library.ssm_derivatives_of, _Derivatives)
+        return cls(ctypes.addressof(context), *sizes, values, derivatives)
 
 
 class NativeGroup(Protocol):
@@ -76,33 +68,49 @@ class RowGroup:
 
 
 class Called:
-    """A group's functions as C calls them back. Their numbers stand row by row, those of one element after the other's."""
+    """A group's functions as C calls them. Their numbers stand row by row, those of one element after the other's."""
 
     def __init__(self, group: RowGroup) -> None:
         self.failures: list[BaseException] = []
         """What they raised, for C passes no exceptions on."""
-        self._mapped: dict[str, Mapped] = {}
         if group.native is not None:
             self.functions = group.native.group
             return
         count = len(group.elements)
         self._mapped = {name: Mapped(function, group.parameters, count) for name, function in group.functions.items()}
-        calls = (
-            kind(_call(self._mapped[name], self.failures)) if name in self._mapped else kind()
-            for name, kind in _KINDS.items()
-        )
-        self.functions = ElementGroup(None, group.functions["rows"].size1_in(0), group.bound.shape[1], count, *calls)
+        size, rows = group.functions["rows"].size1_in(0), group.bound.shape[1]
+        self._shape = count, rows, size
+        calls = _Values(self._caught(self._values)), _Derivatives(self._caught(self._derivatives))
+        self.functions = ElementGroup(None, size, rows, int("cost" in self._mapped), count, *calls)
+
+    def _caught(self, function: Callable[..., None]) -> Callable[..., int]:
+        def call(_: int, *addresses: Any) -> int:
+            try:
+                function(*addresses)
+            except BaseException as error:  # noqa: BLE001
+                self.failures.append(error)
+            return len(self.failures)
+
+        return call
+
+    def _values(self, z: int, rows: int, cost: int) -> None:
+        self._mapped["rows"].at(z, rows)
+        if "cost" in self._mapped:
+            self._mapped["cost"].at(z, cost)
+
+    def _derivatives(self, z: int, multipliers: int, sigma: int, found: Any) -> None:
+        count, rows, size = self._shape
+        self._mapped["jacobian"].at(z, found[0])
+        if "gradient" in self._mapped:
+            self._mapped["gradient"].at(z, found[1])
+        self._mapped["hessian"].at(z, multipliers, found[2])
+        jacobian, hessian = _array(found[0], (count, rows, size)), _array(found[2], (count, size, size))
+        hessian += np.einsum("kr,kri,krj->kij", _array(sigma, (count, rows)), jacobian, jacobian)
 
 
-def _call(mapped: Mapped, failures: list[BaseException]) -> Any:
-    def call(_: int, z: int, *others: int) -> int:
-        try:
-            mapped.at(z, *others)
-        except BaseException as error:  # noqa: BLE001
-            failures.append(error)
-        return len(failures)
-
-    return call
+def _array(address: int, shape: tuple[int, ...]) -> Array:
+    """Doubles of C at an address."""
+    return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), shape)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

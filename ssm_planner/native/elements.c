@@ -68,7 +68,6 @@ typedef struct {
 } Elements;
 
 enum { FREE_ACTUATIONS = 13, JOINT_ROWS = 10, STRAIGHT_ACTUATIONS = 1 + 4 * JOINT_ROWS };
-enum { ROWS, JACOBIAN, HESSIAN, COST, GRADIENT };
 
 typedef void (*At)(const real *drive, const real *sigma, const real *v, real *restrict g);
 typedef void (*By)(const real *drive, const real *sigma, const real *v, real *restrict g, real *restrict by);
@@ -90,12 +89,18 @@ static const Law PULLS[] = {
     LAW(antibacklash_screw_stribeck_gaussian_pull),
 };
 
+typedef struct { /* what is asked for; NULL: not */
+    double *rows, *jacobian, *hessian; /* hessian: of lam' rows, kappa times the cost, and J' diag(stiffness) J */
+    double *cost, *gradient;
+    const double *lam, *stiffness; /* stiffness: NULL for 0 */
+} Wanted;
+
 typedef struct {
     const Elements *of;
-    int mode, order; /* order of the derivatives that it takes */
+    Wanted wanted;
+    int order, costs; /* of the derivatives that it takes; whether the cost is asked for */
     long size, block, point;
-    const double *lam;
-    double *out;
+    long element[LANES]; /* of the block, the last one repeated */
     /* figures */
     real prepared[SSM_PREPARED], limits[SSM_FREE_SIZE], first[4];
     /* of the elements */
@@ -117,10 +122,7 @@ typedef struct {
 static real gather(const double *values, long stride, long entry, const Work *w)
 {
     real found;
-    for (long k = 0; k < LANES; k++) {
-        long element = w->block + k < w->of->count ? w->block + k : w->of->count - 1;
-        found[k] = values[element * stride + entry];
-    }
+    for (long k = 0; k < LANES; k++) found[k] = values[w->element[k] * stride + entry];
     return found;
 }
 
@@ -153,11 +155,15 @@ static void by_z(const Work *w, const real *by, real *found)
     found[w->size - 1] = length;
 }
 
-static real multiplier(const Work *w, long slot)
+/* what is given of a row at this point, 0 of one that is not among the rows; beside: further ones of an element */
+static real given(const Work *w, const double *values, long slot, long beside)
 {
     long row = w->of->slots[slot], all = w->of->points * w->of->rows;
-    return row < 0 ? R(0.0) : gather(w->lam, all + (w->of->costs > 0), w->point * w->of->rows + row, w);
+    return row < 0 || values == NULL ? R(0.0) : gather(values, all + beside, w->point * w->of->rows + row, w);
 }
+
+static real multiplier(const Work *w, long slot) { return given(w, w->wanted.lam, slot, w->of->costs > 0); }
+static real stiffness(const Work *w, long slot) { return given(w, w->wanted.stiffness, slot, 0); }
 
 static int active(const Work *w, long slot, long count)
 {
@@ -173,40 +179,56 @@ static void put(Work *w, long slot, real value, const real *by)
     real found[Z];
     if (row < 0) return;
     row += w->point * w->of->rows;
-    if (w->mode == ROWS) {
-        scatter(value, w->out, all, row, w);
-    } else if (w->mode == JACOBIAN) {
+    if (w->wanted.rows != NULL) scatter(value, w->wanted.rows, all, row, w);
+    if (w->wanted.jacobian != NULL) {
         by_z(w, by, found);
-        for (long e = 0; e < w->size; e++) scatter(found[e], w->out, all * w->size, row * w->size + e, w);
-    } else {
+        for (long e = 0; e < w->size; e++) scatter(found[e], w->wanted.jacobian, all * w->size, row * w->size + e, w);
+    }
+    if (w->order == 2) {
         real lam = multiplier(w, slot);
         for (long i = 0; i < w->ny; i++) w->phi_by[i] += lam * by[i];
     }
 }
 
-/* Rows g of quantities v, of which by_v (rows x count) is the Jacobian and v_by the gradients by y. */
-static void put_all(Work *w, long slot, long rows, const real *g, const real *by_v, long count, const real *const *v_by)
+/* Add a row's stiffness times the square of its gradient by y. */
+static void stiffen(Work *w, long slot, const real *by)
+{
+    if (w->wanted.stiffness == NULL || w->of->slots[slot] < 0) return;
+    real stiff = stiffness(w, slot);
+    for (long i = 0; i < w->ny; i++)
+        for (long j = i; j < w->ny; j++) w->bend[i * w->ny + j] += stiff * by[i] * by[j];
+}
+
+/* Rows g of quantities v, of which by_v (rows x count) is the Jacobian and v_by the gradients by y; bend (count x count):
+ * where their stiffness is added to the second derivatives by v, the upper triangle. */
+static void put_all(Work *w, long slot, long rows, const real *g, const real *by_v, long count, const real *const *v_by,
+                    real *bend)
 {
     real by[Y];
     for (long row = 0; row < rows; row++) {
+        const real *of = by_v + row * count;
         if (w->of->slots[slot + row] < 0) continue;
         if (w->order > 0)
             for (long i = 0; i < w->ny; i++) {
                 by[i] = R(0.0);
-                for (long k = 0; k < count; k++) by[i] += by_v[row * count + k] * v_by[k][i];
+                for (long k = 0; k < count; k++) by[i] += of[k] * v_by[k][i];
             }
         put(w, slot + row, g[row], by);
+        if (w->wanted.stiffness == NULL) continue;
+        real stiff = stiffness(w, slot + row);
+        for (long k = 0; k < count; k++)
+            for (long l = k; l < count; l++) bend[k * count + l] += stiff * of[k] * of[l];
     }
 }
 
-/* Add the second derivatives of quantities (upper triangle, 3 x 3) to those by y. */
-static void push(Work *w, const real *bend, const real *const *v_by)
+/* Add the second derivatives of quantities (upper triangle, count x count) to those by y. */
+static void push(Work *w, const real *bend, long count, const real *const *v_by)
 {
-    for (long k = 0; k < 3; k++) {
+    for (long k = 0; k < count; k++) {
         real along[Y];
         for (long i = 0; i < w->ny; i++) {
             along[i] = R(0.0);
-            for (long l = 0; l < 3; l++) along[i] += bend[k < l ? 3 * k + l : 3 * l + k] * v_by[l][i];
+            for (long l = 0; l < count; l++) along[i] += bend[k < l ? count * k + l : count * l + k] * v_by[l][i];
         }
         for (long i = 0; i < w->ny; i++)
             for (long j = i; j < w->ny; j++) w->bend[i * w->ny + j] += v_by[k][i] * along[j];
@@ -339,7 +361,10 @@ static void rates_of_joints(Work *w)
             name##_at(w->prepared, w->y, g);                                           \
         for (long k = 0; k < count; k++) put(w, slot + k, g[k], by + k * Y);           \
         if (w->order == 2) {                                                           \
-            for (long k = 0; k < count; k++) lam[k] = multiplier(w, slot + k);         \
+            for (long k = 0; k < count; k++) {                                         \
+                lam[k] = multiplier(w, slot + k);                                      \
+                stiffen(w, slot + k, by + k * Y);                                      \
+            }                                                                          \
             name##_bend(w->prepared, w->y, lam, w->bend);                              \
         }                                                                              \
     }
@@ -360,7 +385,10 @@ static void joint_rows(Work *w)
         real over = R(1.0 / limits[SSM_STRAIGHT_SPEEDS]), by[Y];
         for (long i = 0; i < w->ny; i++) by[i] = over * w->speed_by[i];
         put(w, 0, over * w->speed, by);
-        if (w->order == 2) w->speed_weight += over * multiplier(w, 0);
+        if (w->order == 2) {
+            w->speed_weight += over * multiplier(w, 0);
+            stiffen(w, 0, by);
+        }
     }
     for (long i = 0; i < 4; i++) {
         real bounds[4] = {R(limits[SSM_STRAIGHT_VELOCITY + i]), R(limits[SSM_STRAIGHT_ACCELERATION + i]),
@@ -372,10 +400,10 @@ static void joint_rows(Work *w)
             real v[3] = {w->rate[i][1], w->rate[i][2], w->speed}, g[3], by[9], lam[3], bend[9];
             const real *v_by[3] = {w->rate_by[i][1], w->rate_by[i][2], w->speed_by};
             memset(by, 0, sizeof by);
-            sense_by(bounds, &sense, v, g, by);
-            put_all(w, slot + 3 * side, 3, g, by, 3, v_by);
-            if (w->order < 2) continue;
             memset(bend, 0, sizeof bend);
+            sense_by(bounds, &sense, v, g, by);
+            put_all(w, slot + 3 * side, 3, g, by, 3, v_by, bend);
+            if (w->order < 2) continue;
             for (long k = 0; k < 3; k++) {
                 lam[k] = multiplier(w, slot + 3 * side + k);
                 w->rate_weight[i][1] += lam[k] * by[3 * k];
@@ -383,15 +411,18 @@ static void joint_rows(Work *w)
                 w->speed_weight += lam[k] * by[3 * k + 2];
             }
             sense_bend(bounds, &sense, v, lam, bend);
-            push(w, bend, v_by);
+            push(w, bend, 3, v_by);
         }
         if (!active(w, slot + 6, 4)) continue;
-        real v[2] = {w->rate[i][2], w->rate[i][3]}, g[4], by[8];
+        real v[2] = {w->rate[i][2], w->rate[i][3]}, g[4], by[8], bend[4];
         const real *v_by[2] = {w->rate_by[i][2], w->rate_by[i][3]};
         memset(by, 0, sizeof by);
+        memset(bend, 0, sizeof bend);
         pace_by(bounds, v, g, by);
-        put_all(w, slot + 6, 4, g, by, 2, v_by);
-        for (long k = 0; k < 4 && w->order == 2; k++)
+        put_all(w, slot + 6, 4, g, by, 2, v_by, bend);
+        if (w->order < 2) continue;
+        push(w, bend, 2, v_by);
+        for (long k = 0; k < 4; k++)
             for (long j = 0; j < 2; j++) w->rate_weight[i][2 + j] += multiplier(w, slot + 6 + k) * by[2 * k + j];
     }
 }
@@ -409,9 +440,9 @@ static void actuation_rows(Work *w, long a)
         law->by(figures, w->sigma + i, v, g, by);
     } else
         law->at(figures, w->sigma + i, v, g);
-    put_all(w, slot, 3, g, by, 3, v_by);
-    if (w->order < 2) return;
     memset(bend, 0, sizeof bend);
+    put_all(w, slot, 3, g, by, 3, v_by, bend);
+    if (w->order < 2) return;
     for (long k = 0; k < 3; k++) {
         lam[k] = multiplier(w, slot + k);
         w->tau_weight[i] += lam[k] * by[3 * k];
@@ -419,7 +450,7 @@ static void actuation_rows(Work *w, long a)
         w->rate_weight[i][2] += lam[k] * by[3 * k + 2];
     }
     law->bend(figures, w->sigma + i, v, lam, bend);
-    push(w, bend, v_by);
+    push(w, bend, 3, v_by);
 }
 
 /* One motor's part of the cost at the point; factor: of the cost in the Lagrangian. */
@@ -451,7 +482,7 @@ static void add_cost(Work *w, long c, real factor)
         for (long l = k; l < w->ny; l++) w->bend[k * w->ny + l] += outer * excess_by[k] * excess_by[l];
     memset(bend, 0, sizeof bend);
     law->bend(figures, w->sigma + i, v, &slope, bend);
-    push(w, bend, v_by);
+    push(w, bend, 3, v_by);
     w->tau_weight[i] += slope * by[0];
     w->rate_weight[i][0] += slope * by[1];
     w->rate_weight[i][2] += slope * by[2];
@@ -541,7 +572,7 @@ static void add_hessian(Work *w, real factor)
 static void evaluate_point(Work *w)
 {
     const Elements *of = w->of;
-    int costs = of->costs && w->mode != ROWS && w->mode != JACOBIAN, rows = w->mode <= HESSIAN;
+    int costs = w->costs, rows = w->wanted.rows != NULL || w->wanted.jacobian != NULL || w->wanted.hessian != NULL;
     real place[Y], factor = R(0.0), h = w->z[w->size - 1];
     states(w);
     if (of->straight) rates_on_path(w); else rates_of_joints(w);
@@ -553,8 +584,8 @@ static void evaluate_point(Work *w)
         memset(w->rate_weight, 0, sizeof w->rate_weight);
         memset(w->still_weight, 0, sizeof w->still_weight);
     }
-    if (costs && w->mode == HESSIAN)
-        factor = R(of->weights[w->point]) * gather(w->lam, of->points * of->rows + 1, of->points * of->rows, w);
+    if (costs && w->order == 2)
+        factor = R(of->weights[w->point]) * gather(w->wanted.lam, of->points * of->rows + 1, of->points * of->rows, w);
     if (rows && of->straight) joint_rows(w);
     if (rows && !of->straight) posture_rows(w);
     long slot = of->straight ? STRAIGHT_ACTUATIONS : FREE_ACTUATIONS, first = 0;
@@ -575,34 +606,33 @@ static void evaluate_point(Work *w)
         }
         first = last;
     }
-    if (w->order < 1 || w->mode == JACOBIAN) {
-        if (costs) w->integral += R(of->weights[w->point]) * h * w->cost;
-        return;
+    if (costs) {
+        real weight = R(of->weights[w->point]);
+        w->integral += weight * h * w->cost;
+        if (w->wanted.gradient != NULL) {
+            real along[Z];
+            by_z(w, w->cost_by, along);
+            for (long e = 0; e < w->size; e++) w->gradient[e] += weight * h * along[e];
+            w->gradient[w->size - 1] += weight * w->cost;
+        }
     }
-    if (w->mode == GRADIENT) {
-        real along[Z], weight = R(of->weights[w->point]);
-        by_z(w, w->cost_by, along);
-        for (long e = 0; e < w->size; e++) w->gradient[e] += weight * h * along[e];
-        w->gradient[w->size - 1] += weight * w->cost;
-        return;
-    }
+    if (w->order < 2) return;
     if (costs && of->effort) add_still_bend(w, place);
     if (of->straight) bend_rates_on_path(w);
     for (long i = 0; i < w->ny && of->costs; i++) w->phi_by[i] += factor * h * w->cost_by[i];
     add_hessian(w, factor);
 }
 
-static int evaluate(const void *context, int mode, const double *z, const double *lam, double *out)
+static int evaluate(const void *context, const double *z, Wanted wanted)
 {
     Work work, *w = &work;
     const Elements *of = context;
     memset(w, 0, sizeof *w);
     w->of = of;
-    w->mode = mode;
-    w->order = mode == HESSIAN ? 2 : mode == JACOBIAN || mode == GRADIENT;
+    w->wanted = wanted;
+    w->order = wanted.hessian != NULL ? 2 : wanted.jacobian != NULL || wanted.gradient != NULL;
+    w->costs = of->costs && (wanted.hessian != NULL || wanted.cost != NULL || wanted.gradient != NULL);
     w->size = 4 * of->m + 1;
-    w->lam = lam;
-    w->out = out;
     w->ny = of->straight ? EACH : Y;
     w->each = of->straight ? EACH : 3;
     for (long k = 0; k < of->m; k++)
@@ -616,6 +646,7 @@ static int evaluate(const void *context, int mode, const double *z, const double
         for (long i = 0; i < 4; i++) w->y[i] = w->first[i] = w->limits[SSM_FREE_Q0 + i] + R(i == 1 ? of->offset : 0.0);
     }
     for (w->block = 0; w->block < of->count; w->block += LANES) {
+        for (long k = 0; k < LANES; k++) w->element[k] = w->block + k < of->count ? w->block + k : of->count - 1;
         for (long e = 0; e < w->size; e++) w->z[e] = gather(z, w->size, e, w);
         for (long i = 0; i < 4; i++) w->sigma[i] = gather(of->sigma, 4, i, w);
         memset(w->hessian, 0, (size_t)(w->size * w->size) * sizeof(real));
@@ -623,18 +654,62 @@ static int evaluate(const void *context, int mode, const double *z, const double
         w->integral = R(0.0);
         for (w->point = 0; w->point < of->points; w->point++) evaluate_point(w);
         long size = w->size;
-        for (long e = 0; e < size * size && mode == HESSIAN; e++) scatter(w->hessian[e], out, size * size, e, w);
-        for (long e = 0; e < size && mode == GRADIENT; e++) scatter(w->gradient[e], out, size, e, w);
-        if (mode == COST) scatter(w->integral, out, 1, 0, w);
+        for (long e = 0; e < size * size && wanted.hessian != NULL; e++)
+            scatter(w->hessian[e], wanted.hessian, size * size, e, w);
+        for (long e = 0; e < size && wanted.gradient != NULL; e++) scatter(w->gradient[e], wanted.gradient, size, e, w);
+        if (wanted.cost != NULL) scatter(w->integral, wanted.cost, 1, 0, w);
     }
     return 0;
 }
 
-SSM_API int ssm_rows_of(void *context, const double *z, double *g) { return evaluate(context, ROWS, z, 0, g); }
-SSM_API int ssm_jacobian_of(void *context, const double *z, double *j) { return evaluate(context, JACOBIAN, z, 0, j); }
+/* ---- for the structured solver */
+
+SSM_API int ssm_values_of(void *context, const double *z, double *g, double *l)
+{
+    const Wanted wanted = {.rows = g, .cost = ((const Elements *)context)->costs ? l : NULL};
+    return evaluate(context, z, wanted);
+}
+
+SSM_API int ssm_derivatives_of(void *context, const double *z, const double *lam, const double *sigma, const Derivatives *found)
+{
+    const Wanted wanted = {
+        .jacobian = found->jacobian,
+        .hessian = found->hessian,
+        .gradient = ((const Elements *)context)->costs ? found->gradient : NULL,
+        .lam = lam,
+        .stiffness = sigma,
+    };
+    return evaluate(context, z, wanted);
+}
+
+/* ---- one by one */
+
+SSM_API int ssm_rows_of(void *context, const double *z, double *g)
+{
+    const Wanted wanted = {.rows = g};
+    return evaluate(context, z, wanted);
+}
+
+SSM_API int ssm_jacobian_of(void *context, const double *z, double *j)
+{
+    const Wanted wanted = {.jacobian = j};
+    return evaluate(context, z, wanted);
+}
+
 SSM_API int ssm_hessian_of(void *context, const double *z, const double *lam, double *h)
 {
-    return evaluate(context, HESSIAN, z, lam, h);
+    const Wanted wanted = {.hessian = h, .lam = lam};
+    return evaluate(context, z, wanted);
 }
-SSM_API int ssm_cost_of(void *context, const double *z, double *l) { return evaluate(context, COST, z, 0, l); }
-SSM_API int ssm_gradient_of(void *context, const double *z, double *g) { return evaluate(context, GRADIENT, z, 0, g); }
+
+SSM_API int ssm_cost_of(void *context, const double *z, double *l)
+{
+    const Wanted wanted = {.cost = l};
+    return evaluate(context, z, wanted);
+}
+
+SSM_API int ssm_gradient_of(void *context, const double *z, double *g)
+{
+    const Wanted wanted = {.gradient = g};
+    return evaluate(context, z, wanted);
+}

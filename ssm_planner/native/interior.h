@@ -68,7 +68,7 @@ void ssm_solve_factors(const System *system, double *right, double *rest);
 int ssm_symmetric_factor(double *a, long n, long *pivots, long inertia[3]);
 void ssm_symmetric_solve(const double *a, long n, const long *pivots, double *x);
 
-/* ---- program.c */
+/* ---- program.c and derivatives.c */
 
 typedef struct {
     ElementGroup functions;
@@ -103,8 +103,15 @@ typedef struct { /* rows that count, of one group or the linear ones, element by
     long *first;      /* count + 1: of the rows that count */
     long *member_at;  /* n + 1: where the members at an element begin in `member` */
     long *member;
-    double *z, *values, *jacobian, *hessian, *multipliers, *cost; /* of the functions */
+    double *z, *values, *jacobian, *hessian, *multipliers, *stiffness, *cost; /* of the functions */
 } Part;
+
+typedef struct { /* the different times on which the lengths of an element depend */
+    long count, time[WIDEST]; /* of a block, or b: their sum */
+    long first;               /* of all elements' */
+    long of[WIDEST];          /* of every length: of which it is a share, or -1 */
+    double share[WIDEST];
+} Lengths;
 
 typedef struct {
     const Program *program;
@@ -112,7 +119,7 @@ typedef struct {
     int kind, failed; /* failed: a function gave no value */
     long m, n, b, w, stride, nodes, size, states, own, terms;
     const Term *term;
-    long active, all; /* rows that count, and all */
+    long active, all_rows; /* rows that count, and all */
     long *place_of;   /* of the rows that count among all */
     long *column;     /* row of the element's */
     double *scale;    /* of linear rows: 1 / scale */
@@ -125,17 +132,19 @@ typedef struct {
     /* of the derivatives at one point */
     const Place *at;
     double stretch;
-    double *maps, *slopes, *by_eta; /* n x 5 x 4; n x TERMS x WIDEST; n x 5 m x w */
-    double *cost_by_z, *dual_by_z, *by_z, *dz;
-    double *h, *t, *he; /* of one element */
+    Lengths *lengths;              /* n */
+    double *maps;                  /* n x 5 x 4 */
+    double *map_slopes, *by_time;  /* of every time of an element: dM / dtau, 5 x 4; dz / dtau, 5 m + 1 */
+    double *cost_by_z, *dual_by_z, *by_z;
+    double *all, *with_all; /* of the sum of all times: its border column, and its row of the corner */
 } Evaluator;
 
 int ssm_evaluator_new(Evaluator *evaluator, const Program *program);
 void ssm_values(Evaluator *evaluator, Place *place);
-void ssm_differentiate(Evaluator *evaluator, const Place *place);
+void ssm_differentiate(Evaluator *evaluator, const Place *place, const double *lam, const double *sigma);
 void ssm_dual(Evaluator *evaluator, const double *lam, const double *nu, double *dual);
 void ssm_right_side(Evaluator *evaluator, const double *weights, double *right);
-void ssm_newton_matrix(Evaluator *evaluator, System *system, const double *lam, const double *sigma);
+void ssm_newton_matrix(Evaluator *evaluator, System *system, const double *sigma);
 double ssm_along(Evaluator *evaluator, const double *dc, const double *dt, double *change);
 
 /* ---- solver.c */

@@ -113,7 +113,9 @@ static double clipped(double value, double central, double factor)
 /* gradients at the point */
 static void differentiate(Iteration *it)
 {
-    ssm_differentiate(&it->evaluator, it->now);
+    for (long i = 0; i < it->evaluator.active; i++)
+        it->sigma[i] = it->lam[i] / it->slacks[i];
+    ssm_differentiate(&it->evaluator, it->now, it->lam, it->sigma);
     ssm_dual(&it->evaluator, it->lam, it->nu, it->dual);
 }
 
@@ -166,7 +168,7 @@ static void finish(const Iteration *it, State *state)
     memcpy(state->c, it->now->c, (size_t)e->size * sizeof(double));
     memcpy(state->times, it->now->times, (size_t)e->b * sizeof(double));
     memcpy(state->z, it->now->z, (size_t)(e->n * e->states) * sizeof(double));
-    for (long i = 0; i < e->all; i++) {
+    for (long i = 0; i < e->all_rows; i++) {
         state->slacks[i] = 1.0;
         state->multipliers[i] = 0.0;
     }
@@ -246,11 +248,9 @@ static int newton_step(Iteration *it)
 {
     Evaluator *e = &it->evaluator;
     const long unknowns = e->size + e->b;
-    for (long i = 0; i < e->active; i++) {
-        it->sigma[i] = it->lam[i] / it->slacks[i];
+    for (long i = 0; i < e->active; i++)
         it->weights[i] = it->mu / it->slacks[i] + it->sigma[i] * (it->now->rows[i] + it->slacks[i]);
-    }
-    ssm_newton_matrix(e, &it->system, it->lam, it->sigma);
+    ssm_newton_matrix(e, &it->system, it->sigma);
     if (e->failed || !ssm_factorise(&it->system, e->program->is_free, e->b))
         return 0;
     ssm_right_side(e, it->weights, it->found);

@@ -112,7 +112,7 @@ class NativeElements:
         if len(costs):
             self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
         self._library = library
-        self.group = ElementGroup.of(library, self.context, (size, all_rows, count), self.shapes)
+        self.group = ElementGroup.of(library, self.context, (size, all_rows, int(len(costs) > 0), count))
         """For the structured solver."""
 
     def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
