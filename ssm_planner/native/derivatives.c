@@ -273,12 +273,13 @@ static ALWAYS_INLINE void hessian_by_z(const Evaluator *e, long k, const double 
     }
 }
 
-/* add (M x I)' h (M x I) of element k to the band, column by column */
+/* add (M x I)' h (M x I) of element k to the band, column by column; above the diagonal of a panel anything may stand */
 static ALWAYS_INLINE void add_to_band(const Evaluator *e, System *system, long k, const double *h, long m)
 {
     const long size = GIVEN * m + 1, stride = e->stride, high = LOCAL * m;
     const double *map = e->maps + k * GIVEN * LOCAL;
     const unsigned char *is_free = e->program->is_free + k * stride * m;
+    const int all_free = memchr(is_free, 0, (size_t)high) == NULL;
     double *band = system->band + k * stride * m * high;
     for (long i = 0; i < m; i++) {
         double half[GIVEN][LOCAL * COORDINATES]; /* h (M x I), rows of coordinate i */
@@ -286,13 +287,14 @@ static ALWAYS_INLINE void add_to_band(const Evaluator *e, System *system, long k
             mapped_back(map, h + (entry(o, m) + i) * size, half[o], m);
         for (long l = 0; l < LOCAL; l++) {
             const long column = l * m + i, panel = l / stride * stride * m;
-            if (is_free[column])
-                for (long row = l * m; row < high; row++) {
-                    double sum = 0.0;
-                    for (long o = 0; o < GIVEN; o++)
-                        sum += map[o * LOCAL + l] * half[o][row];
-                    band[column * high + row - panel] += is_free[row] ? sum : 0.0;
-                }
+            double sum[LOCAL * COORDINATES] = {0.0};
+            for (long o = 0; o < GIVEN; o++)
+                for (long row = 0; row < high; row++)
+                    sum[row] += map[o * LOCAL + l] * half[o][row];
+            for (long row = 0; row < high && !all_free; row++)
+                sum[row] = is_free[row] && is_free[column] ? sum[row] : 0.0;
+            for (long row = panel; row < high; row++)
+                band[column * high + row - panel] += sum[row];
         }
     }
 }

@@ -7,7 +7,6 @@
 #include "native.h"
 
 enum { LOCAL = 4, GIVEN = 5, WIDEST = 5, TERMS = 9, COORDINATES = 4 };
-#define ALWAYS_INLINE inline __attribute__((always_inline))
 enum { HERMITE = 0, BSPLINE = 1 };
 
 /* ---- memory: blocks that are freed together */

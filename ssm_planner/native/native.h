@@ -4,5 +4,6 @@
 #define SSM_NATIVE_H
 
 #define SSM_API __attribute__((visibility("default")))
+#define ALWAYS_INLINE inline __attribute__((always_inline))
 
 #endif
