@@ -328,17 +328,17 @@ static void rates_of_joints(Work *w)
             name##_by(w->prepared, w->y, g, by);                                       \
         else                                                                           \
             name##_at(w->prepared, w->y, g);                                           \
-        for (long k = 0; k < count; k++) put(w, s, slot + k, g[k], by + k * Y);           \
+        for (long k = 0; k < count; k++) put(w, s, slot + k, g[k], by + k * Y);        \
         if (w->order == 2) {                                                           \
             for (long k = 0; k < count; k++) {                                         \
                 lam[k] = multiplier(w, slot + k);                                      \
-                stiffen(w, s, slot + k, by + k * Y);                                      \
+                stiffen(w, s, slot + k, by + k * Y);                                   \
             }                                                                          \
             name##_bend(w->prepared, w->y, lam, w->bend);                              \
         }                                                                              \
     }
 
-static ALWAYS_INLINE void posture_rows(Work *w, Shape s)
+static void posture_rows(Work *w, Shape s)
 {
     POSTURE(tip, 0, 1)
     POSTURE(ranges, 1, 4)

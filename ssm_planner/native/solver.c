@@ -19,6 +19,7 @@
  */
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "interior.h"
@@ -40,14 +41,20 @@ typedef struct {
     double theta, phi;
 } Pair;
 
+typedef struct { /* of the absolute residuals of the rows and equalities, of the logarithms of the slacks */
+    double residuals, logs;
+} Sums;
+
 typedef struct {
     Evaluator evaluator;
     System system;
     Place places[2];
     Place *now, *trial;
     double mu, tolerance, superlinear;
-    double *slacks, *tried, *lam, *sigma, *weights; /* of the rows that count */
+    double *slacks, *tried, *over, *lam, *sigma, *weights; /* of the rows that count; over: 1 / slacks */
     double *slacks_step, *lam_step;
+    double residual, least, most; /* largest of the dual and primal residuals; bounds of slacks times lam */
+    Sums sums;                    /* at the point */
     double *nu, *dual, *found; /* found: step of (c, T), then nu */
     Pair *pairs;               /* of the filter: no step may be worse than one of them */
     long pair_count;
@@ -60,39 +67,88 @@ static double larger(double a, double b) /* not a number where one is none */
     return isnan(a) || a > b ? a : b;
 }
 
-/* largest residual of the barrier problem of mu */
-static double error_of(const Iteration *it, double mu)
+/* |x| as an integer: these are in the order of the numbers, and what is none is the largest */
+static int64_t size_of(double x)
 {
-    const Evaluator *e = &it->evaluator;
-    double most = 0.0;
-    for (long i = 0; i < e->size + e->b; i++)
-        most = larger(most, fabs(it->dual[i]));
-    for (long i = 0; i < e->active; i++) {
-        most = larger(most, fabs(it->now->rows[i] + it->slacks[i]));
-        most = larger(most, fabs(it->slacks[i] * it->lam[i] - mu));
-    }
-    for (long i = 0; i < e->equal_size; i++)
-        most = larger(most, fabs(it->now->equal[i]));
+    int64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits & INT64_MAX;
+}
+
+static double of_size(int64_t bits)
+{
+    double x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static int64_t largest(const double *values, long count)
+{
+    int64_t most = 0;
+    for (long i = 0; i < count; i++)
+        most = size_of(values[i]) > most ? size_of(values[i]) : most;
     return most;
 }
 
-/* sum of the residuals, and the barrier function: logarithms of products, which take less time than their sum */
-static Pair pair_of(const Iteration *it, const Place *place, const double *slacks)
+/* what error_of needs of the point */
+static void measure(Iteration *it)
 {
     const Evaluator *e = &it->evaluator;
-    double theta = 0.0, logs = 0.0, product = 1.0;
+    const double *rows = it->now->rows, *slacks = it->slacks, *lam = it->lam;
+    const int64_t dual = largest(it->dual, e->size + e->b), equal = largest(it->now->equal, e->equal_size);
+    int64_t residual = dual > equal ? dual : equal, most = 0, least = INT64_MAX;
     for (long i = 0; i < e->active; i++) {
-        theta += fabs(place->rows[i] + slacks[i]);
-        product *= slacks[i];
-        if (!(product > 1e-200 && product < 1e200)) {
-            logs += log(product / slacks[i]) + log(slacks[i]);
-            product = 1.0;
+        const int64_t of_row = size_of(rows[i] + slacks[i]), product = size_of(slacks[i] * lam[i]);
+        residual = of_row > residual ? of_row : residual;
+        most = product > most ? product : most;
+        least = product < least ? product : least;
+    }
+    it->residual = of_size(residual);
+    it->most = of_size(most);
+    it->least = of_size(least);
+}
+
+/* largest residual of the barrier problem of mu */
+static double error_of(const Iteration *it, double mu)
+{
+    if (it->evaluator.active == 0)
+        return it->residual;
+    return larger(it->residual, larger(it->most - mu, mu - it->least));
+}
+
+/* the logarithms of products take less time than their sum */
+static Sums sums_of(const Iteration *it, const Place *place, const double *slacks)
+{
+    enum { LANES = 4 };
+    const Evaluator *e = &it->evaluator;
+    double residuals[LANES] = {0.0}, product[LANES] = {1.0, 1.0, 1.0, 1.0};
+    Sums sums = {0.0, 0.0};
+    for (long i = 0; i < e->active; i += LANES) {
+        const long count = e->active - i < LANES ? e->active - i : LANES;
+        int beyond = 0;
+        for (long k = 0; k < count; k++) {
+            residuals[k] += fabs(place->rows[i + k] + slacks[i + k]);
+            product[k] *= slacks[i + k];
+            beyond |= !(product[k] > 1e-200 && product[k] < 1e200);
+        }
+        for (long k = 0; beyond && k < count; k++) {
+            sums.logs += log(product[k] / slacks[i + k]) + log(slacks[i + k]);
+            product[k] = 1.0;
         }
     }
-    logs += log(product);
+    for (long k = 0; k < LANES; k++) {
+        sums.logs += log(product[k]);
+        sums.residuals += residuals[k];
+    }
     for (long i = 0; i < e->equal_size; i++)
-        theta += fabs(place->equal[i]);
-    const Pair found = {theta, place->objective - it->mu * logs};
+        sums.residuals += fabs(place->equal[i]);
+    return sums;
+}
+
+/* sum of the residuals, and the barrier function */
+static Pair pair_of(const Iteration *it, const Place *place, Sums sums)
+{
+    const Pair found = {sums.residuals, place->objective - it->mu * sums.logs};
     return found;
 }
 
@@ -100,23 +156,33 @@ static Pair pair_of(const Iteration *it, const Place *place, const double *slack
 static double longest(const double *values, const double *step, long count, double tau)
 {
     double fall = 0.0;
-    for (long i = 0; i < count; i++)
-        fall = step[i] / values[i] < fall ? step[i] / values[i] : fall;
+    for (long i = 0; i < count; i++) {
+        const double share = step[i] / values[i];
+        fall = share < fall ? share : fall;
+    }
     return fall >= -tau ? 1.0 : -tau / fall;
 }
 
-static double clipped(double value, double central, double factor)
+static double clipped(double value, double least, double most)
 {
-    return fmin(fmax(value, central / factor), central * factor);
+    const double raised = value > least ? value : least;
+    return raised < most ? raised : most;
+}
+
+static void invert_slacks(Iteration *it)
+{
+    for (long i = 0; i < it->evaluator.active; i++)
+        it->over[i] = 1.0 / it->slacks[i];
 }
 
 /* gradients at the point */
 static void differentiate(Iteration *it)
 {
     for (long i = 0; i < it->evaluator.active; i++)
-        it->sigma[i] = it->lam[i] / it->slacks[i];
+        it->sigma[i] = it->lam[i] * it->over[i];
     ssm_differentiate(&it->evaluator, it->now, it->lam, it->sigma);
     ssm_dual(&it->evaluator, it->lam, it->nu, it->dual);
+    measure(it);
 }
 
 static int reserve(Iteration *it)
@@ -130,8 +196,8 @@ static int reserve(Iteration *it)
         it->places[i].rows = ssm_doubles(memory, e->active);
         it->places[i].equal = ssm_doubles(memory, e->equal_size);
     }
-    double **of_rows[] = {&it->slacks, &it->tried,       &it->lam,     &it->sigma,
-                          &it->weights, &it->slacks_step, &it->lam_step};
+    double **of_rows[] = {&it->slacks, &it->tried,   &it->over,        &it->lam,
+                          &it->sigma,  &it->weights, &it->slacks_step, &it->lam_step};
     for (size_t i = 0; i < sizeof of_rows / sizeof *of_rows; i++)
         *of_rows[i] = ssm_doubles(memory, e->active);
     it->nu = ssm_doubles(memory, e->equal_size);
@@ -154,11 +220,13 @@ static void begin(Iteration *it, const State *state, int warm, double barrier)
         it->slacks[i] = larger(-it->now->rows[i], known > 0.0 ? fmin(it->mu / known, PUSH) : PUSH);
         it->lam[i] = it->mu / it->slacks[i];
         if (warm)
-            it->lam[i] = clipped(known, it->lam[i], NEAR);
+            it->lam[i] = clipped(known, it->lam[i] / NEAR, it->lam[i] * NEAR);
     }
     for (long i = 0; warm && i < e->equal_size; i++)
         it->nu[i] = state->equality_multipliers[i];
-    it->worst = WORST * fmax(1.0, pair_of(it, it->now, it->slacks).theta);
+    it->sums = sums_of(it, it->now, it->slacks);
+    it->worst = WORST * fmax(1.0, it->sums.residuals);
+    invert_slacks(it);
     differentiate(it);
 }
 
@@ -212,17 +280,20 @@ static void move_to_trial(Iteration *it, double length)
 static double search(Iteration *it, double slope, double length, double tau)
 {
     const Evaluator *e = &it->evaluator;
-    const Pair before = pair_of(it, it->now, it->slacks);
+    const Pair before = pair_of(it, it->now, it->sums);
+    Sums sums = it->sums;
     Verdict verdict = REFUSE;
     for (int k = 0; k < HALVINGS; k++) {
         move_to_trial(it, length);
         for (long i = 0; i < e->active; i++)
             it->tried[i] = larger(it->slacks[i] + length * it->slacks_step[i], -it->trial->rows[i]);
-        verdict = judge(it, pair_of(it, it->trial, it->tried), before, slope, length);
+        sums = sums_of(it, it->trial, it->tried);
+        verdict = judge(it, pair_of(it, it->trial, sums), before, slope, length);
         if (verdict == REFUSE && k == 0) {
             for (long i = 0; i < e->active; i++)
                 it->tried[i] = larger(-it->trial->rows[i], (1.0 - tau) * it->slacks[i]);
-            verdict = judge(it, pair_of(it, it->trial, it->tried), before, slope, length);
+            sums = sums_of(it, it->trial, it->tried);
+            verdict = judge(it, pair_of(it, it->trial, sums), before, slope, length);
         }
         if (verdict != REFUSE || it->evaluator.failed)
             break;
@@ -240,6 +311,8 @@ static double search(Iteration *it, double slope, double length, double tau)
     double *slacks = it->slacks;
     it->slacks = it->tried;
     it->tried = slacks;
+    it->sums = sums;
+    invert_slacks(it);
     return length;
 }
 
@@ -249,7 +322,7 @@ static int newton_step(Iteration *it)
     Evaluator *e = &it->evaluator;
     const long unknowns = e->size + e->b;
     for (long i = 0; i < e->active; i++)
-        it->weights[i] = it->mu / it->slacks[i] + it->sigma[i] * (it->now->rows[i] + it->slacks[i]);
+        it->weights[i] = it->mu * it->over[i] + it->sigma[i] * (it->now->rows[i] + it->slacks[i]);
     ssm_newton_matrix(e, &it->system, it->sigma);
     if (e->failed || !ssm_factorise(&it->system, e->program->is_free, e->b))
         return 0;
@@ -280,9 +353,9 @@ static int step(Iteration *it)
     double slope = ssm_along(e, it->found, it->found + e->size, it->slacks_step);
     for (long i = 0; i < e->active; i++) {
         it->slacks_step[i] = -(it->now->rows[i] + it->slacks[i]) - it->slacks_step[i];
-        it->lam_step[i] = it->mu / it->slacks[i] - it->lam[i] - it->sigma[i] * it->slacks_step[i];
-        slope -= it->mu * (it->slacks_step[i] / it->slacks[i]);
+        it->lam_step[i] = it->mu * it->over[i] - it->lam[i] - it->sigma[i] * it->slacks_step[i];
     }
+    slope -= it->mu * ssm_dot(it->slacks_step, it->over, e->active);
     const double tau = fmax(BOUNDARY, 1.0 - it->mu);
     double length = fmin(longest(it->slacks, it->slacks_step, e->active, tau),
                          longest(it->now->times, it->found + e->size, e->b, SHORTER));
@@ -290,8 +363,10 @@ static int step(Iteration *it)
     if (e->failed)
         return 0;
     const double dual_length = longest(it->lam, it->lam_step, e->active, tau);
-    for (long i = 0; i < e->active; i++)
-        it->lam[i] = clipped(it->lam[i] + dual_length * it->lam_step[i], it->mu / it->slacks[i], MULTIPLIERS);
+    for (long i = 0; i < e->active; i++) {
+        const double central = it->mu * it->over[i];
+        it->lam[i] = clipped(it->lam[i] + dual_length * it->lam_step[i], central / MULTIPLIERS, central * MULTIPLIERS);
+    }
     for (long i = 0; i < e->equal_size; i++)
         it->nu[i] += length * (it->found[unknowns + i] - it->nu[i]);
     differentiate(it);
