@@ -24,7 +24,7 @@ from ssm_planner.typing import Array, Indices
 
 _P, _L = ctypes.c_void_p, ctypes.c_long
 _Values = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
-_Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P, ctypes.POINTER(_P))
+_Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, *[_P] * 4, ctypes.POINTER(_P))
 
 
 class ElementGroup(ctypes.Structure):
@@ -81,7 +81,8 @@ class Called:
         size, rows = group.functions["rows"].size1_in(0), group.bound.shape[1]
         self._shape = count, rows, size
         calls = _Values(self._caught(self._values)), _Derivatives(self._caught(self._derivatives))
-        self.functions = ElementGroup(None, size, rows, int("cost" in self._mapped), count, *calls)
+        sizes = size, rows, int("cost" in self._mapped), count
+        self.functions = ElementGroup(None, *sizes, *calls)
 
     def _caught(self, function: Callable[..., None]) -> Callable[..., int]:
         def call(_: int, *addresses: Any) -> int:

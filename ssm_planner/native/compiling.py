@@ -16,7 +16,10 @@ import tempfile
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared", "-fvisibility=hidden")
+FLAGS = (
+    *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
+    *("-fPIC", "-shared", "-fvisibility=hidden"),
+)
 """No optimisation that changes rounding: every variant gives the same bits."""
 VARIANTS = {"portable": (), "avx2": ("-mavx2",)}
 """Flags by name; avx2 where the processor is of that kind."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import itertools
 from collections.abc import Callable
@@ -15,10 +16,10 @@ from ssm_planner.codegen.mapped import Mapped
 from ssm_planner.dynamics.rigid_body import LOAD, RigidBody, axes_frames, efforts_by_figures, load_figures, with_payload
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.native import library
+from ssm_planner.native import compiling, library
 from ssm_planner.planning.ocp import kernels
 from ssm_planner.planning.ocp.element import Aim, ElementModel, element_functions
-from ssm_planner.planning.ocp.natively import mapped_elements, native_elements, rows_between
+from ssm_planner.planning.ocp.natively import NativeElements, mapped_elements, native_elements, rows_between
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -97,6 +98,75 @@ def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
     for name, function in breakaway_functions(element).items():
         arguments = (z, lam[:, :1] * np.ones(starts.shapes["rows"][1])) if name == "hessian" else (z,)
         agree(starts.call(name, *arguments), Mapped(function, parameters, len(z))(*arguments)[-1])
+
+
+def at_once(native: NativeElements, z: Array, lam: Array, sigma: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What the structured solver asks for: values, then derivatives with J' diag(sigma) J in the Hessian; by name."""
+
+    def addresses(names: tuple[str, ...]) -> tuple[dict[str, Array], list[ctypes.c_void_p]]:
+        shapes = {name: native.shapes.get(name, (0,)) for name in names}
+        found = {name: np.full(shape, np.nan) for name, shape in shapes.items()}
+        return found, [ctypes.c_void_p(each.ctypes.data) for each in found.values()]
+
+    one, context = library.load(), ctypes.byref(native.context)
+    assert one is not None
+    values, pointers = addresses(("rows", "cost"))
+    given = [ctypes.c_void_p(each.ctypes.data) for each in (z, lam, sigma)]
+    assert one.ssm_values_of(context, given[0], *pointers) == 0
+    derivatives, pointers = addresses(("jacobian", "gradient", "hessian"))
+    assert one.ssm_derivatives_of(context, *given, (ctypes.c_void_p * 3)(*pointers)) == 0
+    return values, derivatives
+
+
+def multipliers_of(native: NativeElements, aim: Aim, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Of the rows and the cost, and stiffness of the rows."""
+    shape = native.shapes["rows"]
+    return rng.uniform(-1, 1, (shape[0], shape[1] + (aim != "time"))), rng.uniform(0, 2, shape)
+
+
+@pytest.mark.parametrize("aim", get_args(Aim))
+@pytest.mark.parametrize("kind", CASES)
+def test_all_at_once_is_one_by_one(tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim) -> None:
+    rng = np.random.default_rng(5)
+    element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, aim, rng)
+    native = native_elements(element, parameters, COUNT)
+    assert native is not None
+    lam, sigma = multipliers_of(native, aim, rng)
+    values, derivatives = at_once(native, z, lam, sigma)
+    for name in set(values) & set(native.shapes):
+        agree(values[name], native.call(name, z))
+    for name in {"jacobian", "gradient"} & set(native.shapes):
+        agree(derivatives[name], native.call(name, z))
+    jacobian = native.call("jacobian", z)
+    stiff = np.einsum("kr,kri,krj->kij", sigma, jacobian, jacobian)
+    agree(derivatives["hessian"], native.call("hessian", z, lam) + stiff)
+
+
+def test_angles_of_many_turns(tilt_insert: Problem) -> None:
+    element, z, parameters = elements_of(tilt_insert.robot, "free", "time", np.random.default_rng(6))
+    z[:, :4] *= 1e7
+    native = native_elements(element, parameters, COUNT)
+    assert native is not None
+    agree(native.call("rows", z), Mapped(element_functions(element).rows, parameters, COUNT)(z)[0])
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_every_variant_gives_the_same_bits(
+    tilt_insert: Problem, with_jerk: WithJerk, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(7)
+    element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng)
+    found = []
+    for name in compiling.VARIANTS:
+        opened = library._open(name)
+        if opened is None or (name == "avx2" and not opened.ssm_has_avx2()):
+            continue
+        monkeypatch.setattr(library, "_loaded", lambda opened=opened: opened)
+        native = native_elements(element, parameters, COUNT)
+        assert native is not None
+        parts = at_once(native, z, *multipliers_of(native, "cooling", np.random.default_rng(8)))
+        found.append(b"".join(each.tobytes() for part in parts for each in part.values()))
+    assert len(set(found)) == 1
 
 
 def elements_of(robot: Robot, kind: str, aim: Aim, rng: np.random.Generator) -> tuple[Any, Array, list[Array]]:
