@@ -67,11 +67,14 @@ def solve(
     tolerance: float = TOLERANCE,
     superlinear: float = SUPERLINEAR,
     barrier: float = BARRIER,
+    off_centre: float = np.inf,
 ) -> Outcome:
     """A local minimum of the program from a point, or from where the solve of a neighbour ended, if that is of its size.
 
     superlinear: the exponent by which the barrier's weight falls at most; a smaller one takes more iterations. barrier: the
-    first weight of a cold start; a large one leads away from a point that is nearly the minimum.
+    first weight of a cold start; a large one leads away from a point that is nearly the minimum. off_centre: by which share
+    slack times multiplier may be off the last weight, for multipliers that are to follow from slacks; not a condition of
+    having converged.
     Raises RuntimeError without the compiled part.
     """
     native = library.load()
@@ -89,7 +92,7 @@ def solve(
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
     native_state = _State(*(each.ctypes.data for each in values))
     given = _Given(program)
-    patience = _Patience(iterations, tolerance, superlinear, barrier)
+    patience = _Patience(iterations, tolerance, superlinear, barrier, off_centre)
     pointers = (ctypes.byref(each) for each in (given.program, native_state))
     status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(patience))
     given.raise_failure()
@@ -124,7 +127,7 @@ class _Program(ctypes.Structure):
 
 
 class _Patience(ctypes.Structure):
-    _fields_ = (("iterations", _L), ("tolerance", _D), ("superlinear", _D), ("barrier", _D))
+    _fields_ = (("iterations", _L), ("tolerance", _D), ("superlinear", _D), ("barrier", _D), ("off_centre", _D))
 
 
 class _State(ctypes.Structure):

@@ -157,10 +157,11 @@ typedef struct { /* where a solve begins, and where it ended */
 } State;
 
 enum { NOT_CONVERGED = 0, CONVERGED = 1, NO_VALUE = 2, NO_MEMORY = 3 };
-/* how long, to what residual, mu's exponent from one barrier problem to the next, and the first mu of a cold start */
+/* how long, to what residual, mu's exponent from one barrier problem to the next, the first mu of a cold start, and by which
+ * share s lam may be off the last mu, if a few iterations more can do it */
 typedef struct {
     long iterations;
-    double tolerance, superlinear, barrier;
+    double tolerance, superlinear, barrier, off_centre;
 } Patience;
 
 int ssm_solve(const Program *program, State *state, int warm, const Patience *patience);

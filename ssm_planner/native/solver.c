@@ -36,6 +36,7 @@ static const double MARGIN = 1e-5, ARMIJO = 1e-8;         /* of the filter, and 
 static const double SHORT = 1e-2, SMALL = 1e-10;          /* share of a step that is a short one; theta that is none */
 static const double WORST = 1e4;                          /* theta in that of the start which no step may reach */
 enum { HALVINGS = 12, REFUSED = 5, PATIENCE = 20 };       /* of a step; steps in a row that are refused, or short */
+enum { CENTRING = 3 };                                    /* most iterations after the last one that was needed */
 
 typedef struct {
     double theta, phi;
@@ -338,6 +339,15 @@ static int newton_step(Iteration *it)
     return finite;
 }
 
+/* largest share by which s lam is off mu */
+static double off_centre(const Iteration *it)
+{
+    double most = 0.0;
+    for (long i = 0; i < it->evaluator.active; i++)
+        most = larger(most, fabs(it->slacks[i] * it->lam[i] / it->mu - 1.0));
+    return most;
+}
+
 /* one iteration; 0 where there is no step to take */
 static int step(Iteration *it)
 {
@@ -391,9 +401,13 @@ SSM_API int ssm_solve(const Program *program, State *state, int warm, const Pati
         return NO_MEMORY;
     }
     begin(&it, state, warm, patience->barrier);
-    for (; k < patience->iterations && !it.evaluator.failed; k++)
-        if (error_of(&it, 0.0) <= it.tolerance || !step(&it))
+    for (int centring = 0; k < patience->iterations && !it.evaluator.failed; k++) {
+        const int enough = error_of(&it, 0.0) <= it.tolerance;
+        if (enough && (!(patience->off_centre < off_centre(&it)) || centring++ == CENTRING))
             break;
+        if (!step(&it))
+            break;
+    }
     if (!it.evaluator.failed && error_of(&it, 0.0) <= it.tolerance)
         converged = CONVERGED;
     finish(&it, state);

@@ -409,12 +409,14 @@ class _PhasePlanner:
         motion, turning = phase.motion, None
         if len(phase.points) > 2 and isinstance(motion, Free) and motion.duration is None and self.cooling is None:
             turning = self._turning_at_points(phase) if self._may_turn else None
-        free = turning or self._without_turns(phase)
+        # which of both is the faster is known before they are worked out to the end
+        about = self._may_turn and motion.duration is None and self.cooling is None
+        free = turning or self._without_turns(phase, about=about)
         if not isinstance(free, Reason) and (
             self.cooling is not None or free.duration <= (1 + SHORTER) * free.lower_bound
         ):
-            return free
-        free = turning or self._turning_back(phase, free)
+            return self._worked_out(phase, free)
+        free = turning or self._worked_out(phase, self._turning_back(phase, free))
         if isinstance(free, Reason) and isinstance(free.limit, (RetinaClearance, LensClearance)):
             free = self._drawn_back(phase) or free
         straight = straight_instead(self.problem, self.mechanism, phase)
@@ -432,14 +434,26 @@ class _PhasePlanner:
             return found
         return free
 
-    def _without_turns(self, phase: Phase) -> PlannedPhase | Reason:
-        """A free motion whose joints turn back where they have to; if need be on a finer mesh, or after a stop."""
-        free = self._free_by_optimal_control(phase, useless=np.inf if self.sketch is None else self.sketch)
+    def _without_turns(self, phase: Phase, *, about: bool = False) -> PlannedPhase | Reason:
+        """A free motion whose joints turn back where they have to; if need be on a finer mesh, or after a stop.
+
+        about: about the fastest, for `_worked_out`.
+        """
+        useless = np.inf if self.sketch is None else self.sketch
+        free = self._free_by_optimal_control(phase, useless=useless, about=about)
         if isinstance(free, Reason) and free.limit is None and self.sketch is None:
             free = self._free_by_optimal_control(phase, count=FINER_ELEMENTS)
         if isinstance(free, Reason) and phase.qd_start.any() and phase.motion.duration is None:
             free = self._stopped_first(phase) or free
         return free
+
+    def _worked_out(self, phase: Phase, found: PlannedPhase | Reason) -> PlannedPhase | Reason:
+        """A free motion to the end, if it is about the fastest so far."""
+        rest = None if isinstance(found, Reason) else found.motion.rest
+        if rest is None:
+            return found
+        whole = self._planned(phase, PolylinePath(self.mechanism, phase.points), rest(), None, None)
+        return self._without_turns(phase) if isinstance(whole, Reason) else whole
 
     @property
     def _may_turn(self) -> bool:
@@ -478,7 +492,7 @@ class _PhasePlanner:
             return planned.motion
 
         first: PhaseSolution | None
-        if isinstance(found, Reason) or self.problem.objective != "time":
+        if isinstance(found, Reason) or (self.problem.objective != "time" and found.motion.rest is None):
             first = solve(Turns(phase.points), np.inf)
         else:
             first = found.motion
@@ -557,11 +571,17 @@ class _PhasePlanner:
         return None
 
     def _free_by_optimal_control(
-        self, phase: Phase, turns: Turns | None = None, *, useless: float = np.inf, count: int | None = None
+        self,
+        phase: Phase,
+        turns: Turns | None = None,
+        *,
+        useless: float = np.inf,
+        count: int | None = None,
+        about: bool = False,
     ) -> PlannedPhase | Reason:
         """Its path is the solver's. useless: a duration from which on a motion is not worked out to the last digit, s.
 
-        count: of elements.
+        count: of elements. about: about the fastest, with the `rest` of the work.
         """
         direct = PolylinePath(self.mechanism, phase.points)
         moving = bool(phase.qd_start.any() or phase.qd_end.any())
@@ -584,6 +604,7 @@ class _PhasePlanner:
             useless=useless,
             count=count,
             sketch=None if turns is None else turns.sketch,
+            about=about,
         )
         motion = self._solved(solve, needed=turns is None or turns.sketch is None or turns.gain > PAYS_IPOPT)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)

@@ -199,6 +199,23 @@ def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
     assert abs(planned.motion.confirmation.difference) <= SAME
 
 
+def test_a_motion_left_when_it_was_about_the_fastest_is_worked_out_to_the_same(
+    tilt_insert: Problem, weaker: Any
+) -> None:
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    problem = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time")
+    whole = solve_free(problem, mechanism, points, method="confirmed")
+    about = solve_free(problem, mechanism, points, method="confirmed", about=True)
+    assert about.rest is not None
+    assert about.confirmation is None
+    rest = about.rest()
+    assert rest.rest is None
+    assert rest.confirmation == whole.confirmation
+    assert rest.coefficients.tobytes() == whole.coefficients.tobytes()
+    assert about.duration == pytest.approx(whole.duration, rel=1e-3)
+
+
 def test_ipopt_alone_where_there_is_nothing_to_confirm(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = dataclasses.replace(
         tilt_insert, objective="time", motion=tilt_insert.motion[1:], start=tilt_insert.motion[0].to

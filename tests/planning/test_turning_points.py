@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.ocp.nlp import NlpSolution
 from ssm_planner.planning.ocp.reversals import reversals
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
@@ -61,6 +63,21 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
     assert q[:, 1].max() > q[0, 1] + 0.02
     assert q[:, 1].min() < q[0, 1] - 0.02
     assert result.duration < 1.002 * 1.4817
+
+
+def test_ipopt_confirms_the_motion_alone_that_is_taken(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the one without turning points, which is refined only as far as it takes to know that it is slower."""
+    confirmed: list[NlpSolution] = []
+    solve = Transcription.solve
+
+    def noted(self: Transcription, *given: Any, **named: Any) -> NlpSolution:
+        confirmed.append(solve(self, *given, **named))
+        return confirmed[-1]
+
+    monkeypatch.setattr(Transcription, "solve", noted)
+    planned = plan_motion(free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.02))).phases[0]
+    assert planned.turns_back
+    assert [own.iterations <= 2 for own in confirmed] == [True]
 
 
 def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:

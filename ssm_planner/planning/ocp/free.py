@@ -95,14 +95,15 @@ def solve_free(
     passing: Array | None = None,
     useless: float = np.inf,
     sketch: tuple[Trajectory, Array] | None = None,
+    about: bool = False,
 ) -> PhaseSolution:
     """Motion through the joints `points` (k + 1, 4), by about `count` elements.
 
     strict, cooling, method: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
     pull: q̈ (4,) at the start where jerk is limited, 0 by default. loose: which of the points, of a motion from rest to rest,
     only guess where joints turn back; they are optimised. passing: q̇ (k − 1, 4) at the points within, a guess that tells
-    between which of them joints turn back. useless: s, as for `optimise`. sketch: a motion to begin from, and when it passes
-    the points, (k + 1,), s.
+    between which of them joints turn back. useless: s, and about: as for `optimise`. sketch: a motion to begin from, and when
+    it passes the points, (k + 1,), s.
     """
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
@@ -200,7 +201,7 @@ def solve_free(
         ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
     asked = None if duration is None else duration / ocp.time_scale
     guess = ocp.guess.stretched(STRETCHED) if one_time else replace(ocp.guess, near=sketch is not None)
-    return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale))
+    return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale, about=about))
 
 
 def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
@@ -486,6 +487,7 @@ class FreeProblem(OcpProblem):
         kept = [k for k in range(len(self.way.points)) if k not in self.way.ports]
         borders = breaks[[*solution.structure.borders, n]][kept]
         directions = np.sign(np.add.reduceat(self.directions, kept[:-1]))
+        rest = solution.rest
         return PhaseSolution(
             "solved",
             solution.message,
@@ -496,4 +498,5 @@ class FreeProblem(OcpProblem):
             borders=borders,
             directions=directions,
             confirmation=solution.confirmation,
+            rest=None if rest is None else lambda: self.result(rest()),
         )

@@ -7,7 +7,7 @@ proportion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -16,7 +16,7 @@ import numpy as np
 
 from ssm_planner.interior.solve import State
 from ssm_planner.trajectory import Cubic
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask
 
 Solver = Literal["structured", "Ipopt"]
 Method = Literal["Ipopt", "structured", "confirmed", "sketched"]
@@ -24,6 +24,10 @@ Method = Literal["Ipopt", "structured", "confirmed", "sketched"]
 solver, and Ipopt confirms its optimum; by the structured solver or not at all."""
 LARGEST_BLOCK = 20
 """Elements of a block; more freedom than this leaves the optimisation undecided about where to put its elements."""
+
+
+SAME = 1e-12
+"""Bounds that differ by less are one value."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +167,21 @@ class NlpData:
     weights: tuple[float, float] = (1.0, 0.0)
     """Of time and of the cost."""
 
+    @property
+    def given(self) -> Mask:
+        """Which states of the elements have one value, (n, 4 m)."""
+        return np.asarray(self.upper - self.lower <= SAME)
+
+    def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
+        """Where they do, (n, m): at free borders, and of what may turn back anywhere.
+
+        What keeps its direction is between its borders by itself.
+        """
+        slowest, fastest = self.velocity
+        counts = (slowest < 0) & (fastest > 0)
+        counts[structure.borders[1:]] = True
+        return np.asarray(counts & ~self.given[:, : structure.coordinates])
+
     def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> NlpData:
         """The same, for the least cost, and `time` times the duration, within these bounds of the duration."""
         return replace(self, duration=duration, weights=(time, 1.0))
@@ -226,6 +245,8 @@ class NlpSolution:
     solver: Solver = "Ipopt"
     objective: float = np.nan
     confirmation: Confirmation | None = None
+    rest: Callable[[], NlpSolution] | None = None
+    """Works out the motion that this one is about; None: it is that."""
 
     @property
     def status(self) -> str:
@@ -259,6 +280,8 @@ class PhaseSolution:
     directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """Of the joints between them, of a free motion, (k, 4)."""
     confirmation: Confirmation | None = None
+    rest: Callable[[], PhaseSolution] | None = None
+    """As of `NlpSolution`."""
 
     @property
     def solved(self) -> bool:

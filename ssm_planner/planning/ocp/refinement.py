@@ -29,7 +29,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
     split,
 )
-from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
+from ssm_planner.planning.ocp.structured import ITERATIONS, NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.problem.limits import LensClearance, MotorTorque
 from ssm_planner.problem.problem import Objective
@@ -41,6 +41,8 @@ TOLERANCE = 5e-7
 """A row may exceed its limit between collocation points by this share."""
 COARSE = 4e-3
 """Where a row exceeds its limit by more than this, its element is cut."""
+ABOUT = 2e-3
+"""Where no row exceeds its limit by more than this, a motion is about the fastest: refinement makes it hardly longer."""
 ASTRAY = 1.0
 """Where a row that was not active is exceeded by more than this, the solution is no guess: the first one is taken again."""
 PARTS = 3
@@ -74,6 +76,8 @@ WORTH, WORTH_TRYING = 4.0, 2.5
 faster than another is given up."""
 HOPELESS = 1.01
 """Times the duration asked for: where the fastest motion takes longer, it is not worked out to the last digit."""
+CENTRING = 8
+"""Iterations at most that make Ipopt's start of a solution."""
 NOT_CONFIRMED, GIVEN_UP = "Not_Confirmed_By_Ipopt", "Not_Worth_Its_Effort"
 SAME, SAME_COST = 1e-6, 1e-5
 """Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
@@ -228,17 +232,26 @@ def optimise(
     duration: float | None = None,
     *,
     useless: float = np.inf,
+    about: bool = False,
 ) -> NlpSolution:
     """The fastest motion; for "time then heat" the one of least heat among those hardly longer.
 
     duration: asked for, in scaled time; then the motion of least effort that takes it, or the fastest if that is longer.
-    useless: a duration from which on the fastest motion is not worked out to the last digit.
+    useless: a duration from which on the fastest motion is not worked out to the last digit. about: nearly the fastest motion
+    will do until `rest` is asked for.
     With a cooling in joint_limits the heat of the motors so weighted is traded for time, in place of heat and effort.
     What is to be confirmed is not solved where the structured solver finds no fastest motion, or Ipopt does not confirm it.
     """
     hopeless = useless if duration is None else HOPELESS * duration
-    first = _Refinement.begin(problem, guess)
-    found = _given_back(_refine(first, "time", hopeless=hopeless))
+    begun = _refine(_Refinement.begin(problem, guess), "time", hopeless=hopeless, about=about)
+    if about and begun.solution.solved:
+        return replace(begun.solution, rest=lambda: _finished(_resumed(begun, hopeless), objective, duration, hopeless))
+    return _finished(begun, objective, duration, hopeless)
+
+
+def _finished(begun: _Refined, objective: Objective, duration: float | None, hopeless: float) -> NlpSolution:
+    """The motion of an objective, from the fastest as it is refined."""
+    problem, found = begun.state.problem, _given_back(begun)
     if not found.solution.solved or (duration is None and found.solution.times.sum() > hopeless):
         return found.solution
     finer = _remeshed(found)
@@ -336,8 +349,14 @@ class _Refinement:
         alone = self.problem.method == "sketched" or (self.problem.method == "confirmed" and aim == "time")
         tried = self.problem.method == "structured" or (self.problem.method != "Ipopt" and not beside_eye)
         if tried and not after_ipopt:
-            most = {"iterations": SKETCH_ITERATIONS} if self.problem.method == "sketched" else {}
-            found = solve_structured(structure, element, data, self.start, switching=beside_eye, **most)
+            found = solve_structured(
+                structure,
+                element,
+                data,
+                self.start,
+                iterations=SKETCH_ITERATIONS if self.problem.method == "sketched" else ITERATIONS,
+                switching=beside_eye,
+            )
             if found.solved or alone:
                 return found
         if alone:
@@ -376,19 +395,33 @@ class _Refined:
     """No row is violated between the collocation points."""
     program: NlpProgram
     """That was solved last."""
+    paused: int = 0
+    """Rounds after which it was left as about the fastest; 0: it was not."""
 
 
 def _refine(
-    state: _Refinement, aim: Aim, *, duration: tuple[float, float] | None = None, hopeless: float = np.inf
+    state: _Refinement,
+    aim: Aim,
+    *,
+    duration: tuple[float, float] | None = None,
+    hopeless: float = np.inf,
+    about: bool = False,
+    first: int = 1,
 ) -> _Refined:
     """Solve, find the violations, refine, until there are none.
 
     duration: its bounds, where it is not the aim. hopeless: a duration beyond which a motion is of no use, for refinement
-    only makes it longer.
+    only makes it longer. about: until they are small. first: the round it begins with.
     """
     rounds = HEAT_ROUNDS if aim == "heat" else SKETCH_ROUNDS if state.problem.method == "sketched" else ROUNDS
-    iterations, feasible, begin, worth = 0, False, EFFORT.spent, WORTH if hopeless == np.inf else WORTH_TRYING
-    for k in range(1, rounds + 1):
+    iterations, feasible, paused, begin, worth = (
+        0,
+        False,
+        0,
+        EFFORT.spent,
+        WORTH if hopeless == np.inf else WORTH_TRYING,
+    )
+    for k in range(first, rounds + 1):
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
@@ -400,11 +433,26 @@ def _refine(
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
         if feasible or k == rounds:
             break
+        if about and violation.max() <= ABOUT:
+            paused = k
+            break
         if EFFORT.beyond(begin, worth):
             solution = solution if hopeless == np.inf else replace(solution, message=GIVEN_UP)
             break
         state = _next(state, solution, violation, k, may_cut=aim != "heat")
-    return _Refined(replace(solution, iterations=iterations), state, feasible, program)
+    return _Refined(replace(solution, iterations=iterations), state, feasible, program=program, paused=paused)
+
+
+def _resumed(begun: _Refined, hopeless: float) -> _Refined:
+    """A fastest motion refined to the end."""
+    if not begun.paused:
+        return begun
+    solution, state = begun.solution, begun.state
+    violation = state.problem.row_maxima(solution.elements) - 1
+    state = _next(state, solution, violation, begun.paused, may_cut=True)
+    found = _refine(state, "time", hopeless=hopeless, first=begun.paused + 1)
+    iterations = solution.iterations + found.solution.iterations
+    return replace(found, solution=replace(found.solution, iterations=iterations))
 
 
 def _refined(begin: _Refinement, aim: Aim, duration: tuple[float, float]) -> _Refined:
@@ -424,7 +472,9 @@ def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
     if problem.method != "confirmed" or own.solver != "structured" or not own.solved:
         return found
     structure, element, data = found.program
-    ipopts = Transcription.of(structure, element).solve(data, InitialPoint(own.point.x), confirming=True)
+    centred = solve_structured(structure, element, data, own.point, iterations=CENTRING, centred=True)
+    begin = InitialPoint((centred if centred.solved else own).point.x)
+    ipopts = Transcription.of(structure, element).solve(data, begin, confirming=True)
     EFFORT.spent += PRICES["Ipopt", aim != "time"] * ipopts.iterations * len(ipopts.elements)
     if not ipopts.solved:
         return None

@@ -28,6 +28,8 @@ from ssm_planner.typing import Array, Mask
 
 ELEMENTS, ROUNDS, ITERATIONS = 80, 6, 120
 """Of a sketch; rounds at most, and iterations in each."""
+ROUGH = 1e-6
+"""Tolerance of its solver."""
 EXCEEDED = 1.005
 """A row larger than this becomes active."""
 LOOKS = 400
@@ -127,7 +129,7 @@ def _settled(ocp: _EitherWay) -> PhaseSolution | None:
         element = ocp.element(active, "time")
         backoff = np.where(ocp.idle, -np.inf, 0.0)[:, [name in active for name in ocp.row_names]]
         data = ocp.data(elements, backoff)
-        found = solve_structured(ocp.structure, element, data, start, iterations=ITERATIONS)
+        found = solve_structured(ocp.structure, element, data, start, iterations=ITERATIONS, tolerance=ROUGH)
         if not found.solved:
             return None
         motion, before = ocp.result(found), ocp.sense

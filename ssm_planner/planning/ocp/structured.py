@@ -7,19 +7,19 @@ coordinate passes a point, or stands there, of a jerk-limited motion of several 
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, solve
+from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, TOLERANCE, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.kept import SameObject, kept
 from ssm_planner.planning.ocp.element import ElementModel
 from ssm_planner.planning.ocp.natively import native_elements
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, cubics
 from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices
 
 ITERATIONS = 200
 """At most, each way; then Ipopt solves."""
@@ -30,11 +30,11 @@ PATIENT = 1.2, 1.1, 1.3
 """Exponents of the barrier where a row has a rounded edge, as that of the lens: one or another passes it."""
 SLOWER = 1.2
 """By how much a guess is slowed down: fewer of its rows are exceeded then."""
-NEAR_BARRIER, NEAR_SLOWER = 1e-6, 1.02
+NEAR_BARRIER, NEAR_SLOWER = 3e-6, 1.05
 """The barrier's first weight, and the same of a guess that is near a solution: larger ones lead away from it."""
-SAME = 1e-12
-"""Bounds that differ by less are one value."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
+OFF_CENTRE = 1e-3
+"""Share by which slack times multiplier may be off the last barrier's weight where Ipopt is to start from it."""
 Equalities = tuple[Indices, Indices, Array]
 _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
 
@@ -47,15 +47,28 @@ def solve_structured(
     *,
     iterations: int = ITERATIONS,
     switching: bool = False,
+    centred: bool = False,
+    tolerance: float = TOLERANCE,
 ) -> NlpSolution:
     """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged.
 
     Where a neighbour's multipliers mislead, its motion alone is tried as a start. Several ways of lowering the barrier are
     tried unless fewer iterations are allowed than usual; switching: a row has a rounded edge, at which it takes patience.
+    centred: Ipopt is to find its multipliers from the slacks. tolerance: of the stopping test.
     """
+    asked = _Asked(iterations, switching, centred, tolerance)
     begin = start.x.tobytes(), start.near, SameObject(start.structured)
-    key = structure, element, _content(data), begin, iterations, switching
-    return kept(key, lambda: _solved(structure, element, data, start, iterations=iterations, switching=switching))
+    key = structure, element, _content(data), begin, asked
+    return kept(key, lambda: _solved(structure, element, data, start, asked))
+
+
+class _Asked(NamedTuple):
+    """How it is to be solved, as for `solve_structured`."""
+
+    iterations: int
+    switching: bool
+    centred: bool
+    tolerance: float
 
 
 def _content(data: NlpData) -> tuple[object, ...]:
@@ -73,22 +86,26 @@ def _solved(
     element: ElementModel,
     data: NlpData,
     start: InitialPoint,
-    *,
-    iterations: int,
-    switching: bool,
+    asked: _Asked,
 ) -> NlpSolution:
     program, warm, used = program_of(structure, element, data), start.structured, 0
     begin = _point(program, structure, data, start.x)
     near = _point(program, structure, data, start.x, NEAR_SLOWER) if start.near else None
-    ways: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
-    if not switching and not structure.smooth and len(data.least_times) > 1:
+    ways: tuple[float, ...] = PATIENT if asked.switching else (SUPERLINEAR, SLOWLY)
+    if not asked.switching and not structure.smooth and len(data.least_times) > 1:
         ways = ways[::-1]
-    if iterations < ITERATIONS:
+    if asked.iterations < ITERATIONS:
         ways = ways[:1]
     for superlinear in ways if warm is None and near is None else (ways[0], *ways):
-        barrier = BARRIER if near is None else NEAR_BARRIER
         outcome = solve(
-            program, near or begin, warm=warm, iterations=iterations, superlinear=superlinear, barrier=barrier
+            program,
+            near or begin,
+            warm=warm,
+            iterations=asked.iterations,
+            tolerance=asked.tolerance,
+            superlinear=superlinear,
+            barrier=BARRIER if near is None else NEAR_BARRIER,
+            off_centre=OFF_CENTRE if asked.centred else np.inf,
         )
         used += outcome.iterations
         if outcome.converged:
@@ -167,7 +184,7 @@ def _group(
 def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[Array, Array, Equalities]:
     """Which unknowns are free, (rows, m), the values of the others, and what else is given of the elements' states."""
     n, m = structure.elements, structure.coordinates
-    same = np.vstack([_same(data)[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
+    same = np.vstack([data.given[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
     given = np.vstack([data.lower[:, : 2 * m], data.end])
     if spline.kind == "hermite":
         return ~same.reshape(spline.rows, m), given.reshape(spline.rows, m), _NONE
@@ -198,15 +215,11 @@ def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[A
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     """A (l, 5 m + 1) and bounds (n, l) of u̇ at the start and between, ü and jerk; of u where it is free to turn back."""
     n, m = structure.elements, structure.coordinates
-    same, (slowest, fastest) = _same(data), data.velocity
-    # what keeps its direction is between its borders: bounds of u count at free ones, and where it may turn back anywhere
-    counts = (slowest < 0) & (fastest > 0)
-    counts[structure.borders[1:]] = True
-    counts &= ~same[:, :m]
+    counts, (slowest, _) = data.bounds_of_u_count(structure), data.velocity
     first = 0 if counts.any() else m
     chosen = np.r_[first : 4 * m, 4 * m + 1 : 5 * m + 1]
     one = np.eye(5 * m + 1)[chosen]
-    counts = np.hstack([counts, ~same[:, m:]])
+    counts = np.hstack([counts, ~data.given[:, m:]])
     between = data.velocity if structure.velocity_limits else (slowest, np.full((n, m), np.inf))
     lower, upper = (
         np.hstack([np.where(counts, bound, sign * np.inf)[:, first:], middle])
@@ -221,11 +234,6 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
         matrix = np.vstack([matrix, rise, fall])
         bound = np.hstack([bound, np.where(np.tile(structure.moving, 2), 0.0, np.inf)])
     return matrix, bound
-
-
-def _same(data: NlpData) -> Mask:
-    """Which states of the elements are given, (n, 4 m)."""
-    return np.asarray(data.upper - data.lower <= SAME)
 
 
 def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array, slower: float = SLOWER) -> Point:

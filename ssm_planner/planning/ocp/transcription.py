@@ -7,7 +7,7 @@ program from top to bottom; only the element model differs between the two.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from typing import Any, Literal
 from weakref import WeakKeyDictionary
@@ -180,6 +180,8 @@ class Transcription:
     def solve(self, data: NlpData, start: InitialPoint, *, confirming: bool = False) -> NlpSolution:
         """Ipopt's solution from a guess, warm from an earlier solution's point, or confirming the structured solver's."""
         n, m = self.structure.elements, self.structure.coordinates
+        if confirming:
+            data = self._as_structured(data)
         inputs = tuple((name, values.tobytes()) for name, values in self._inputs(data, start).items())
         way: Start = "confirming" if confirming else "cold" if start.multipliers is None else "warm"
         message, iterations, objective, point = _solved(self, way, inputs)
@@ -188,6 +190,14 @@ class Transcription:
         return NlpSolution(
             message, self.structure, elements, times, iterations=iterations, point=point, objective=objective
         )
+
+    def _as_structured(self, data: NlpData) -> NlpData:
+        """Without the bounds of u that follow from others: their barrier moves the point at which Ipopt stops."""
+        positions = slice(self.structure.coordinates)
+        kept = data.bounds_of_u_count(self.structure) | data.given[:, positions]
+        lower, upper = data.lower.copy(), data.upper.copy()
+        lower[:, positions][~kept], upper[:, positions][~kept] = -np.inf, np.inf
+        return replace(data, lower=lower, upper=upper)
 
     def _inputs(self, data: NlpData, start: InitialPoint) -> dict[str, Array]:
         """Arguments of the solver."""
