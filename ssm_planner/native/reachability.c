@@ -50,14 +50,18 @@ static int own_bound(const Interval *at, const Constants *constants, long lines,
 {
     for (int step = 0; step < constants->newton; ++step) {
         long first = 0, last = 0;
+        double upper = at->upper[0] + at->upper_slope[0] * *x, lower = at->lower[0] + at->lower_slope[0] * *x;
         for (long k = 1; k < lines; ++k) {
-            if (at->upper[k] + at->upper_slope[k] * *x < at->upper[first] + at->upper_slope[first] * *x)
+            double above = at->upper[k] + at->upper_slope[k] * *x, below = at->lower[k] + at->lower_slope[k] * *x;
+            if (above < upper) {
                 first = k;
-            if (at->lower[k] + at->lower_slope[k] * *x > at->lower[last] + at->lower_slope[last] * *x)
+                upper = above;
+            }
+            if (below > lower) {
                 last = k;
+                lower = below;
+            }
         }
-        double upper = at->upper[first] + at->upper_slope[first] * *x;
-        double lower = at->lower[last] + at->lower_slope[last] * *x;
         double slope = at->upper_slope[first] - at->lower_slope[last];
         if (!(upper - lower < -constants->settled * (fabs(upper) + fabs(lower))))
             break;
@@ -91,19 +95,22 @@ int ssm_fastest(const Constants *constants, long n, long m, const double *grid, 
             return 0;
         double most = INFINITY, least = -INFINITY;
         for (long k = 0; k < lines; ++k) {
-            double falling = INFINITY, rising = INFINITY, gaining = -INFINITY, losing = -INFINITY;
-            if (at.upper_slope[k] < 0)
-                falling = -at.upper[k] / at.upper_slope[k] + 1 / at.upper_slope[k] * low[i + 1];
-            if (at.lower_slope[k] > 0)
-                rising = -at.lower[k] / at.lower_slope[k] + 1 / at.lower_slope[k] * high[i + 1];
-            if (at.upper_slope[k] > 0)
-                gaining = -at.upper[k] / at.upper_slope[k] + 1 / at.upper_slope[k] * low[i + 1];
-            if (at.lower_slope[k] < 0)
-                losing = -at.lower[k] / at.lower_slope[k] + 1 / at.lower_slope[k] * high[i + 1];
-            above = falling < above ? falling : above;
-            most = rising < most ? rising : most;
-            least = gaining > least ? gaining : least;
-            below = losing > below ? losing : below;
+            double slope = at.upper_slope[k];
+            if (slope != 0) {
+                double met = -at.upper[k] / slope + 1 / slope * low[i + 1];
+                if (slope < 0)
+                    above = met < above ? met : above;
+                else
+                    least = met > least ? met : least;
+            }
+            slope = at.lower_slope[k];
+            if (slope != 0) {
+                double met = -at.lower[k] / slope + 1 / slope * high[i + 1];
+                if (slope > 0)
+                    most = met < most ? met : most;
+                else
+                    below = met > below ? met : below;
+            }
         }
         high[i] = most > above ? above : most;
         low[i] = least < below ? below : least;
