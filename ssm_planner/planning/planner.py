@@ -24,7 +24,7 @@ from ssm_planner.planning.feasibility import (
 )
 from ssm_planner.planning.kept import SameObject, kept
 from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
-from ssm_planner.planning.ocp.free import FINER_ELEMENTS, solve_free
+from ssm_planner.planning.ocp.free import ELEMENTS, FINER_ELEMENTS, solve_free
 from ssm_planner.planning.ocp.natively import compiled
 from ssm_planner.planning.ocp.nlp import Method, PhaseSolution
 from ssm_planner.planning.ocp.refinement import LONGER as LONGER_FOR_HEAT
@@ -172,6 +172,8 @@ def _with_durations(
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """The phases with durations that add up to the one asked for: what has none of its own is slowed down in proportion."""
     fastest = replace(planner, problem=replace(planner.problem, objective="time"))
+    if sum(bounded_duration(planner.problem, planner.mechanism, phase) for phase in phases) > duration * (1 + LONGER):
+        fastest = planner._quick  # it is too short, and how long it takes is to be told
     least = []
     for phase in phases:
         progress(f"{phase.motion.name}, fastest")
@@ -391,15 +393,20 @@ class _PhasePlanner:
         curved = phase.path is not None and not isinstance(phase.path, StraightPath)
         return curved and phase.motion.duration is None and not limits_jerk(self.problem.robot)
 
-    def _solved(self, solve: Callable[..., PhaseSolution], *, needed: bool = True) -> PhaseSolution:
+    def _solved(
+        self, solve: Callable[..., PhaseSolution], *, needed: bool = True, coarser: int | None = None
+    ) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms.
 
-        needed: it is worth Ipopt's time, for there is no other motion yet, or a much longer one.
+        needed: it is worth Ipopt's time, for there is no other motion yet, or a much longer one. coarser: elements that Ipopt
+        would take, fewer than those on which it confirms, so that both may do on these.
         """
         method: Method = "sketched" if self.sketch is not None else METHODS[self.problem.planner]
         found = solve(method=method if compiled() is not None else "Ipopt")
         given_up = needed and not found.solved and found.solver == "structured" and self.sketch is None
-        return solve(method="Ipopt") if given_up else found
+        if given_up and coarser is not None and method == "confirmed":
+            found = solve(method=method, count=coarser)
+        return solve(method="Ipopt") if given_up and not found.solved else found
 
     def _free(self, phase: Phase) -> PlannedPhase | Reason:
         """A free motion, never longer than the straight one to the same target, where that keeps the limits."""
@@ -606,7 +613,9 @@ class _PhasePlanner:
             sketch=None if turns is None else turns.sketch,
             about=about,
         )
-        motion = self._solved(solve, needed=turns is None or turns.sketch is None or turns.gain > PAYS_IPOPT)
+        passing = len(phase.points) > 2 and count is None and not (moving and limits_jerk(self.problem.robot))
+        needed = turns is None or turns.sketch is None or turns.gain > PAYS_IPOPT
+        motion = self._solved(solve, needed=needed, coarser=ELEMENTS if passing else None)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)
 
     def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:

@@ -252,7 +252,7 @@ def optimise(
 def _finished(begun: _Refined, objective: Objective, duration: float | None, hopeless: float) -> NlpSolution:
     """The motion of an objective, from the fastest as it is refined."""
     problem, found = begun.state.problem, _given_back(begun)
-    if not found.solution.solved or (duration is None and found.solution.times.sum() > hopeless):
+    if not found.solution.solved or found.solution.times.sum() > hopeless:
         return found.solution
     finer = _remeshed(found)
     confirmed = (finer and _confirmed(finer, "time")) or _confirmed(found, "time")
