@@ -40,6 +40,8 @@ MULTIPLIERS = (0.5, 0.8, 0.95)
 """Of the continuous torque, tried one after the other until the motors keep it."""
 HELPS = 0.05
 """Share of its excess that a larger multiplier has to take away for the next one to be tried."""
+CERTAIN = 2e-3
+"""Share by which a motion that Ipopt has not confirmed gets warmer than is allowed, where that is not done either."""
 RESERVE, STEPS = 2e-3, 6
 """Share of the heat allowed that the fastest motion may leave, and trials to find it."""
 ROUNDING = 1e-12
@@ -391,6 +393,10 @@ class _Cooling:
     def _with(self, multiplier: float) -> Outcome:
         weight = multiplier / (1 - multiplier)
         cooling = np.array([weight if joint.name in self.hot else 0.0 for joint in self.problem.robot.joints])
+        if self.problem.planner == "optimal":
+            quick = _tightened(quickly(self.problem), _ignore, _ignore, cooling)
+            if max(_excess(quick).values(), default=0.0) > CERTAIN:
+                return quick
         return _tightened(self.problem, self.progress, self.found, cooling)
 
     def _between(self, low: tuple[float, float], high: float, best: Outcome) -> Outcome:

@@ -518,7 +518,9 @@ class _PhasePlanner:
 
         Without a duration asked for it has to be faster than the one without, which is planned quickly to know that.
         """
-        turns = passing_turns(self.problem, phase)
+        ends = (each.tobytes() for each in (phase.points, phase.qd_start, phase.qd_end))
+        robot = SameObject(self.problem.robot), self.problem.limits
+        turns = kept(("turns", *robot, *ends), lambda: passing_turns(self.problem, phase))
         if turns is None:
             return None
         enough = np.inf

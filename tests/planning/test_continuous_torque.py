@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import pytest
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.pipeline import run
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain, problem_from_plain
 from ssm_planner.reporting.text import summary_lines
@@ -91,6 +94,21 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
     again = plan(dataclasses.replace(problem, motion=(*problem.motion, problem.motion[1])))
     assert again.passed
     assert [phase.duration for phase in again.phases] == [*(phase.duration for phase in result.phases), 0.0]
+
+
+def test_ipopt_confirms_no_motion_that_is_too_warm(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that trade time for heat are planned by the structured solver alone until one is cool enough."""
+    planners: list[str] = []
+
+    def planned(problem: Problem, *arguments: Any, **named: Any) -> PlannerResult:
+        planners.append(problem.planner)
+        return plan_motion(problem, *arguments, **named)
+
+    monkeypatch.setattr(run, "plan_motion", planned)
+    tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1], objective="time")
+    assert not plan(with_motor(tilt, 0, nominal_torque=18e-3, max_torque=40e-3), relaxations=False).passed
+    assert planners[0] == "optimal"
+    assert set(planners[1:]) == {"fast"}
 
 
 def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:
