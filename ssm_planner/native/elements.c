@@ -283,20 +283,27 @@ static void bend_efforts(const Work *w, long load, const real *y, const real *we
     }
 }
 
-/* Rates of the joints and of the tool on a path, by y. */
+/* Rates of the joints and of the tool on a path, and where derivatives are taken their gradients by y. */
 static void rates_on_path(Work *w)
 {
     real place[2], curve[SSM_DEGREE + 1];
     place_of(w, place);
     for (long i = 0; i < 4; i++) {
         curve_of(w, i, curve);
+        if (w->order == 0) {
+            joint_at(w->limits, place, curve, w->y, w->rate[i]);
+            continue;
+        }
         real by[4 * EACH];
         memset(by, 0, sizeof by);
         joint_by(w->limits, place, curve, w->y, w->rate[i], by);
         for (long k = 0; k < 4; k++) memcpy(w->rate_by[i][k], by + k * w->shape.ny, (size_t)w->shape.ny * sizeof(real));
     }
     curve_of(w, 4 + 12 * w->of->loads, curve);
-    speed_by(w->limits, place, curve, w->y, &w->speed, w->speed_by);
+    if (w->order == 0)
+        speed_at(w->limits, place, curve, w->y, &w->speed);
+    else
+        speed_by(w->limits, place, curve, w->y, &w->speed, w->speed_by);
 }
 
 static void bend_rates_on_path(Work *w)

@@ -2331,6 +2331,23 @@ static void antibacklash_screw_stribeck_gaussian_pull_bend(const real *drive, co
  w7 = drive[0] * w1; w33 = drive[5] * w23; w7 = w7 + w33; r2 = w7; bend[1] += r0; bend[4] += r1; bend[5] += r2;
 }
 
+static void joint_at(const real *limits, const real *place, const real *curve, const real *x, real *restrict g)
+{
+ real w0, w1, w2, w3, w7, w8, w9, w10, w11, w12, w13, w14; real w15, w16, w17, r0, r1, r2, r3; w1 = x[0] - place[0];
+ w1 = w1 / place[1]; w3 = curve[6] * w1; w3 = w3 + curve[5]; w3 = w3 * w1; w3 = w3 + curve[4]; w3 = w3 * w1;
+ w3 = w3 + curve[3]; w3 = w3 * w1; w3 = w3 + curve[2]; w3 = w3 * w1; w3 = w3 + curve[1]; w3 = w3 * w1;
+ w3 = w3 + curve[0]; w9 = x[1] / limits[22]; w11 = w3 * w9; r0 = w11; w11 = x[4] / limits[22]; w11 = w3 * w11; r1 = w11;
+ w12 = R(6.0) * curve[6]; w12 = w12 * w1; w13 = R(5.0) * curve[5]; w12 = w12 + w13; w12 = w12 * w1;
+ w13 = R(4.0) * curve[4]; w12 = w12 + w13; w12 = w12 * w1; w14 = R(3.0) * curve[3]; w12 = w12 + w14; w12 = w12 * w1;
+ w7 = R(2.0) * curve[2]; w12 = w12 + w7; w12 = w12 * w1; w12 = w12 + curve[1]; w12 = w12 / place[1]; w8 = w9 * w9;
+ w14 = w12 * w8; w16 = limits[22] * limits[22]; w15 = x[2] / w16; w17 = w3 * w15; w14 = w14 + w17; r2 = w14;
+ w14 = R(30.0) * curve[6]; w14 = w14 * w1; w0 = R(20.0) * curve[5]; w14 = w14 + w0; w14 = w14 * w1;
+ w0 = R(12.0) * curve[4]; w14 = w14 + w0; w14 = w14 * w1; w11 = R(6.0) * curve[3]; w14 = w14 + w11; w14 = w14 * w1;
+ w14 = w14 + w7; w2 = place[1] * place[1]; w14 = w14 / w2; w8 = w9 * w8; w14 = w14 * w8; w13 = R(3.0) * w12;
+ w13 = w13 * w9; w13 = w13 * w15; w14 = w14 + w13; w10 = limits[22] * w16; w13 = x[3] / w10; w3 = w3 * w13;
+ w14 = w14 + w3; r3 = w14; g[0] = r0; g[1] = r1; g[2] = r2; g[3] = r3;
+}
+
 static void joint_by(const real *limits, const real *place, const real *curve, const real *x, real *restrict g, real *restrict by)
 {
  real w0, w1, w3, w4, w5, w6, w7, w8, w9, w10, w11, w12;
@@ -2486,6 +2503,13 @@ static void effort_bend(const real *limits, const real *place, const real *curve
  w16 = w16 * w1; w16 = w16 + curve[7]; w16 = w16 * lam[0]; w3 = R(2.0) / limits[22]; w16 = w16 * w3;
  w16 = w16 / limits[22]; r2 = w16; w18 = w1 * w18; w19 = w19 * w1; w19 = w19 + curve[1]; w19 = w19 / place[1];
  w18 = w18 + w19; w0 = lam[0] * w18; w0 = w0 / w9; r3 = w0; bend[0] += r0; bend[1] += r1; bend[6] += r2; bend[2] += r3;
+}
+
+static void speed_at(const real *limits, const real *place, const real *curve, const real *x, real *restrict g)
+{
+ real w0, w1, r0; w1 = x[0] - place[0]; w1 = w1 / place[1]; w0 = curve[6] * w1; w0 = w0 + curve[5]; w0 = w0 * w1;
+ w0 = w0 + curve[4]; w0 = w0 * w1; w0 = w0 + curve[3]; w0 = w0 * w1; w0 = w0 + curve[2]; w0 = w0 * w1;
+ w0 = w0 + curve[1]; w0 = w0 * w1; w0 = w0 + curve[0]; w1 = x[4] / limits[22]; w0 = w0 * w1; r0 = w0; g[0] = r0;
 }
 
 static void speed_by(const real *limits, const real *place, const real *curve, const real *x, real *restrict g, real *restrict by)

@@ -222,11 +222,11 @@ def _path(writer: _Writer) -> None:
         return given, StraightElement.instant(element, x, ca.SX.ones(4), fit, packed)
 
     given, at = instant("dq")
-    writer.part("joint", given, ("x", x), [at.qd[0], at.qd_hull[0], at.qdd[0], at.qddd[0]], "by bend")
+    writer.part("joint", given, ("x", x), [at.qd[0], at.qd_hull[0], at.qdd[0], at.qddd[0]])
     given, at = instant("inertia", "velocity", "gravity")
     writer.part("effort", given, ("x", x), [at.tau_rigid[0]])
     given, at = instant("speeds")
-    writer.part("speed", given, ("x", x), [at.speeds[0]], "by bend")
+    writer.part("speed", given, ("x", x), [at.speeds[0]])
     v, sigma, bounds = _symbols("v", 3), _symbols("sigma", 1), _symbols("bounds", 4)
     limits = SimpleNamespace(velocity=bounds[0], acceleration=bounds[1], jerk=bounds[2], stop=bounds[3])
     of_joint: Any = SimpleNamespace(qd_hull=v[0], qdd=v[1], speeds=v[2], limits=limits)
