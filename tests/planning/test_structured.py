@@ -199,6 +199,22 @@ def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
     assert abs(planned.motion.confirmation.difference) <= SAME
 
 
+def test_the_mesh_is_finer_where_the_closed_form_is_not_the_fastest(
+    tilt_insert: Problem, weaker: Any, solves: list[Solve]
+) -> None:
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    found = solve_free(tilt_insert, mechanism, points, method="confirmed")
+    limits = ((joint.velocity, joint.acceleration) for joint in tilt_insert.robot.joints)
+    alone = [rest_to_rest(abs(way), *most).duration for way, most in zip(points[1] - points[0], limits, strict=True)]
+    assert found.duration == pytest.approx(max(alone), rel=1e-6)
+    coarse = max(structure.elements for structure, *_ in solves)
+    solves.clear()
+    weak = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35))
+    assert solve_free(weak, mechanism, points, method="confirmed").duration > 1.01 * max(alone)
+    assert max(structure.elements for structure, *_ in solves) > 1.5 * coarse
+
+
 def test_a_motion_left_when_it_was_about_the_fastest_is_worked_out_to_the_same(
     tilt_insert: Problem, weaker: Any
 ) -> None:

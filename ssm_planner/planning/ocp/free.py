@@ -124,28 +124,28 @@ def solve_free(
     finer = structured and not alone and at_rest and not loose
     if count is None and limits_jerk(robot) and not at_rest:
         count = MOVING_ELEMENTS
-    count = count or _count(len(way), finer=finer, one_time=one_time, jerk=limits_jerk(robot))
-    # elements between two points, and between two switching points there
-    each = max(2 * count // len(way), 8) if len(way) > 1 else count
+    if count is not None:
+        finer = False
+    counted = partial(_count, len(way), one_time=one_time, jerk=limits_jerk(robot))
+    # where the closed form keeps every other limit it is the fastest, on any mesh
+    if_exceeded = finer and duration is None and cooling is None and len(way) == 1
+    each = _between(len(way), count or counted(finer=finer and not if_exceeded))
     fewest = 2 if len(way) < 16 else 1
     table = np.stack([limits[name] for name in KINEMATIC])
     within = _passing_at_need(way, ends, table[1]) if passing is None else passing
     speeds_at = np.vstack([ends[0], within, ends[1]])
+
+    def closed_forms(each: int) -> list[TurningGuess]:
+        jerk = limits_jerk(robot)
+        return [
+            _segment(way[k], speeds_at[k : k + 2], table, each=each, fewest=fewest, jerk=jerk, pull=pull * (k == 0))
+            for k in range(len(way))
+        ]
+
     if sketch is not None:
         segments = _sketched_segments(*sketch, way, each * len(way) if len(way) > 1 else each, fewest)
     else:
-        segments = [
-            _segment(
-                way[k],
-                speeds_at[k : k + 2],
-                table,
-                each=each,
-                fewest=fewest,
-                jerk=limits_jerk(robot),
-                pull=pull * (k == 0),
-            )
-            for k in range(len(way))
-        ]
+        segments = closed_forms(each)
     borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
     given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
     for k in loose:  # a joint that stands on one side of it is where it stands
@@ -195,6 +195,10 @@ def solve_free(
 
     guesses = [guess for each in segments for guess in each.guesses]
     ocp = on_mesh_of(guesses)
+    if if_exceeded and (ocp.way.ports or ocp.row_maxima(ocp.guess.elements).max(initial=0.0) > 1):
+        each = counted(finer=True)
+        guesses = [guess for segment in closed_forms(each) for guess in segment.guesses]
+        ocp = on_mesh_of(guesses)
     if at_rest and passing is None and sketch is None and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
@@ -208,6 +212,11 @@ def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
     """Whether the tip of joints (4,) is where the port alone allows it."""
     assert problem.eye is not None
     return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)
+
+
+def _between(ways: int, count: int) -> int:
+    """Of so many elements those between two points, and between two switching points there."""
+    return max(2 * count // ways, 8) if ways > 1 else count
 
 
 def _count(ways: int, *, finer: bool, one_time: bool, jerk: bool) -> int:
