@@ -29,13 +29,13 @@ class Stops:
     """(n,): largest distance of the tip from where it was, m."""
     certificate: Certificate
     """Of all stops together, with the limits of the motion itself."""
-    found: StopMotions
+    _found: StopMotions
     """What they are made of."""
 
     @property
     def motions(self) -> tuple[Trajectory | None, ...]:
         """One for each instant; None where all joints rest already."""
-        return self.found.motions
+        return self._found.motions
 
     @property
     def passed(self) -> bool:
