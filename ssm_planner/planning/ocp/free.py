@@ -111,119 +111,186 @@ def solve_free(
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     way = np.diff(points, axis=0)
     way[np.abs(way) <= MOVES] = 0.0
-    ends, pull = speeds or (np.zeros(4), np.zeros(4)), np.zeros(4) if pull is None else pull
+    ends = speeds or (np.zeros(4), np.zeros(4))
     if limits_jerk(robot):
         limits["jerk"] = jerk_for_all(limits, way, ends)
-    # beside an eye elements have to move to where the tool may turn to, and where jerk is limited its arcs end
-    at_rest = not (ends[0].any() or ends[1].any())
-    # with one time for each way these are up to 0.13 % longer than with one for each arc
-    jerk_on_way = limits_jerk(robot) and len(way) > 1
-    alone = method in ("structured", "sketched")
-    structured = alone or method == "confirmed"
-    one_time = at_rest and not (structured or limits_jerk(robot)) and problem.eye is None and len(way) == 1
-    finer = structured and not alone and at_rest and not loose
-    if count is None and limits_jerk(robot) and not at_rest:
-        count = MOVING_ELEMENTS
-    if count is not None:
-        finer = False
-    counted = partial(_count, len(way), one_time=one_time, jerk=limits_jerk(robot))
+    asked = _Asked(
+        problem=problem,
+        mechanism=mechanism,
+        points=points,
+        way=way,
+        limits=limits,
+        ends=ends,
+        pull=np.zeros(4) if pull is None else pull,
+        method=method,
+        loose=loose,
+        passing=passing,
+        sketch=sketch,
+    )
+    finer = count is None and asked.is_confirmed_finer
     # where the closed form keeps every other limit it is the fastest, on any mesh
     if_exceeded = finer and duration is None and cooling is None and len(way) == 1
-    each = _between(len(way), count or counted(finer=finer and not if_exceeded))
-    fewest = 2 if len(way) < 16 else 1
-    table = np.stack([limits[name] for name in KINEMATIC])
-    within = _passing_at_need(way, ends, table[1]) if passing is None else passing
-    speeds_at = np.vstack([ends[0], within, ends[1]])
+    each = asked.between(count or asked.count(finer=finer and not if_exceeded))
+    segments = asked.segments(each)
+    ocp = asked.on_mesh_of(segments)
+    if if_exceeded and (ocp.way.ports or ocp.row_maxima(ocp.guess.elements).max(initial=0.0) > 1):
+        each = asked.between(asked.count(finer=True))
+        segments = asked.segments(each)
+        ocp = asked.on_mesh_of(segments)
+    if asked.rests_at_points and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
+        lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
+        ocp = asked.on_mesh_of(
+            segments, [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
+        )
+    takes = None if duration is None else duration / ocp.time_scale
+    guess = ocp.guess.stretched(STRETCHED) if asked.has_one_time else replace(ocp.guess, near=sketch is not None)
+    return ocp.result(optimise(ocp, guess, problem.objective, takes, useless=useless / ocp.time_scale, about=about))
 
-    def closed_forms(each: int) -> list[TurningGuess]:
-        jerk = limits_jerk(robot)
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Asked:
+    """What is asked of a free motion, as for `solve_free`, and the meshes of it."""
+
+    problem: Problem
+    mechanism: Mechanism
+    points: Array
+    way: Array
+    """From point to point, (k, 4)."""
+    limits: dict[str, Array]
+    """Of the joints."""
+    ends: tuple[Array, Array]
+    pull: Array
+    method: Method
+    loose: tuple[int, ...]
+    passing: Array | None
+    sketch: tuple[Trajectory, Array] | None
+
+    @property
+    def jerk(self) -> bool:
+        """It is limited."""
+        return limits_jerk(self.problem.robot)
+
+    @property
+    def at_rest(self) -> bool:
+        """At both ends."""
+        return not (self.ends[0].any() or self.ends[1].any())
+
+    @property
+    def rests_at_points(self) -> bool:
+        """As far as the guess goes."""
+        return self.at_rest and self.passing is None and self.sketch is None
+
+    @property
+    def has_one_time(self) -> bool:
+        """For all elements; beside an eye they move to where the tool may turn to, with limited jerk to the ends of arcs."""
+        alone = self.at_rest and len(self.way) == 1 and self.problem.eye is None
+        return alone and self.method == "Ipopt" and not self.jerk
+
+    @property
+    def is_confirmed_finer(self) -> bool:
+        """Ipopt confirms it on a finer mesh."""
+        return self.method == "confirmed" and self.at_rest and not self.loose
+
+    @property
+    def is_structured(self) -> bool:
+        """The structured solver tries: with a jerk limit it begins at q̈ = 0 alone."""
+        return self.method == "sketched" or (self.method != "Ipopt" and not self.pull.any())
+
+    @property
+    def fewest(self) -> int:
+        """Elements between two switching points."""
+        return 2 if len(self.way) < 16 else 1
+
+    def count(self, *, finer: bool) -> int:
+        """Elements; finer: that Ipopt confirms."""
+        if self.jerk and not self.at_rest:
+            return MOVING_ELEMENTS
+        if not finer:
+            return ONE_TIME_ELEMENTS if self.has_one_time else ELEMENTS
+        return round((ONE_TIME_ELEMENTS if len(self.way) == 1 else PASSING_ELEMENTS) * (JERK_FINER if self.jerk else 1))
+
+    def between(self, count: int) -> int:
+        """Of so many elements those between two points."""
+        return max(2 * count // len(self.way), 8) if len(self.way) > 1 else count
+
+    def segments(self, each: int) -> list[TurningGuess]:
+        """The guess from point to point, about so many elements each."""
+        way, jerk = self.way, self.jerk
+        if self.sketch is not None:
+            return _sketched_segments(*self.sketch, way, each * len(way), self.fewest)
+        table = np.stack([self.limits[name] for name in KINEMATIC])
+        within = _passing_at_need(way, self.ends, table[1]) if self.passing is None else self.passing
+        speeds, pull = np.vstack([self.ends[0], within, self.ends[1]]), self.pull
         return [
-            _segment(way[k], speeds_at[k : k + 2], table, each=each, fewest=fewest, jerk=jerk, pull=pull * (k == 0))
+            _segment(way[k], speeds[k : k + 2], table, each=each, fewest=self.fewest, jerk=jerk, pull=pull * (k == 0))
             for k in range(len(way))
         ]
 
-    if sketch is not None:
-        segments = _sketched_segments(*sketch, way, each * len(way) if len(way) > 1 else each, fewest)
-    else:
-        segments = closed_forms(each)
-    borders = [points[:1], *(start + each.positions[1:] for start, each in zip(points, segments, strict=False))]
-    given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
-    for k in loose:  # a joint that stands on one side of it is where it stands
-        given[k] = (way[k - 1] == 0) | (way[k] == 0)
-    directions = np.concatenate([each.directions for each in segments])
-    turning = not bool(given.all())
-    port = None if problem.eye is None else problem.eye.port
-    # with a jerk limit the structured solver begins at q̈ = 0 alone
-    structured = structured and (not pull.any() or method == "sketched")
-    # else a time for each arc: joints that turn back switch where they are told
-    few_times = structured and (method == "sketched" or sketch is not None or not (turning or jerk_on_way))
-
-    def on_mesh_of(guesses: list[SegmentGuess]) -> FreeProblem:
-        """The problem whose elements, and whose unit of time, are those of a guess for every segment."""
-        way = Way(np.concatenate(borders), given, directions, tuple(guesses))
-        if port is not None:
-            way = way.cut_at(port, partial(_is_outside, problem, mechanism), fewest)
+    def on_mesh_of(self, segments: list[TurningGuess], slower: list[SegmentGuess | None] | None = None) -> FreeProblem:
+        """The problem whose elements, and whose unit of time, are those of a guess; slower: others where there are any."""
+        guesses = [guess for each in segments for guess in each.guesses]
+        if slower is not None:
+            guesses = [other or guess for other, guess in zip(slower, guesses, strict=True)]
+        way = self._way(segments, guesses)
         guesses = list(way.guesses)
         sizes = tuple(sum(guess.arcs) for guess in guesses)
-        moving = np.any(directions != 0, axis=0)
+        moving = np.any(way.directions != 0, axis=0)
+        arcs = [n for guess in guesses for n in guess.arcs]
         structure = NlpStructure(
             moves=tuple(tuple((d[moving] != 0).tolist()) for d in way.directions),
             segment_sizes=sizes,
-            block_sizes=sizes if one_time or few_times else blocks_of([n for guess in guesses for n in guess.arcs]),
-            smooth=limits_jerk(robot),
+            block_sizes=sizes if self.has_one_time or self._has_few_times(segments) else blocks_of(arcs),
+            smooth=self.jerk,
             velocity_limits=True,
             joints=True,
         )
         lengths = np.concatenate([np.diff(guess.instants) for guess in guesses])
         times = np.bincount(structure.block, lengths)
+        turning = SHORTEST_TURNING if self.loose else SHORTEST_PASSING
         return FreeProblem(
             structure=structure,
             fractions=lengths / times[structure.block],
             times=times / times.sum(),
-            joint_limits=limits,
+            joint_limits=self.limits,
             time_scale=sum(guess.duration for guess in guesses),
-            method=method if structured else "Ipopt",
-            problem=problem,
-            mechanism=mechanism,
+            method=self.method if self.is_structured else "Ipopt",
+            problem=self.problem,
+            mechanism=self.mechanism,
             way=way,
             directions=way.directions,
-            speeds=ends,
-            pull=pull,
-            starting=ends[0] == 0.0,
-            shortest=SHORTEST if len(way.directions) == 1 else SHORTEST_TURNING if loose else SHORTEST_PASSING,
+            speeds=self.ends,
+            pull=self.pull,
+            starting=self.ends[0] == 0.0,
+            shortest=SHORTEST if len(way.directions) == 1 else turning,
         )
 
-    guesses = [guess for each in segments for guess in each.guesses]
-    ocp = on_mesh_of(guesses)
-    if if_exceeded and (ocp.way.ports or ocp.row_maxima(ocp.guess.elements).max(initial=0.0) > 1):
-        each = counted(finer=True)
-        guesses = [guess for segment in closed_forms(each) for guess in segment.guesses]
-        ocp = on_mesh_of(guesses)
-    if at_rest and passing is None and sketch is None and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
-        lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
-        retimed = [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
-        ocp = on_mesh_of([slower or guess for slower, guess in zip(retimed, guesses, strict=True)])
-    asked = None if duration is None else duration / ocp.time_scale
-    guess = ocp.guess.stretched(STRETCHED) if one_time else replace(ocp.guess, near=sketch is not None)
-    return ocp.result(optimise(ocp, guess, problem.objective, asked, useless=useless / ocp.time_scale, about=about))
+    def _given(self, segments: list[TurningGuess]) -> Mask:
+        """Which borders are no guess, (k + 1, 4)."""
+        given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
+        for k in self.loose:  # a joint that stands on one side of it is where it stands
+            given[k] = (self.way[k - 1] == 0) | (self.way[k] == 0)
+        return given
+
+    def _way(self, segments: list[TurningGuess], guesses: list[SegmentGuess]) -> Way:
+        borders = [start + each.positions[1:] for start, each in zip(self.points, segments, strict=False)]
+        given, directions = self._given(segments), np.concatenate([each.directions for each in segments])
+        way = Way(np.concatenate([self.points[:1], *borders]), given, directions, tuple(guesses))
+        if self.problem.eye is None:
+            return way
+        return way.cut_at(self.problem.eye.port, partial(_is_outside, self.problem, self.mechanism), self.fewest)
+
+    def _has_few_times(self, segments: list[TurningGuess]) -> bool:
+        """One for each segment, not for each arc: with these, joints that turn back switch where they are told."""
+        if not self.is_structured or self.method == "sketched" or self.sketch is not None:
+            return self.is_structured
+        # with one time for each way jerk-limited motions are up to 0.13 % longer
+        return bool(self._given(segments).all()) and not (self.jerk and len(self.way) > 1)
 
 
 def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
     """Whether the tip of joints (4,) is where the port alone allows it."""
     assert problem.eye is not None
     return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)
-
-
-def _between(ways: int, count: int) -> int:
-    """Of so many elements those between two points, and between two switching points there."""
-    return max(2 * count // ways, 8) if ways > 1 else count
-
-
-def _count(ways: int, *, finer: bool, one_time: bool, jerk: bool) -> int:
-    """Elements of a motion over so many ways between points; finer: that Ipopt confirms."""
-    if not finer:
-        return ONE_TIME_ELEMENTS if one_time else ELEMENTS
-    return round((ONE_TIME_ELEMENTS if ways == 1 else PASSING_ELEMENTS) * (JERK_FINER if jerk else 1.0))
 
 
 def _segment(
