@@ -6,6 +6,7 @@ alone, for then nothing else is installed. A library carries the key of what it 
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import platform
@@ -13,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
@@ -27,7 +29,7 @@ VARIANTS = {"portable": (), "avx2": ("-mavx2",)}
 
 def key() -> str:
     """Of the sources, as they are."""
-    digest = hashlib.sha256("\n".join(FLAGS).encode())
+    digest = hashlib.sha256("\n".join([*FLAGS, str(VARIANTS)]).encode())
     for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h")]):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:32]
@@ -39,12 +41,24 @@ def path_of(variant: str) -> Path:
 
 
 def build() -> list[Path]:
-    """Make the libraries; those that were made: none without a compiler, and none of what it cannot compile for."""
+    """Make the libraries that are not of these sources already; which there are then: none without a compiler that can."""
     compiler = _compiler()
     if compiler is None:
         return []
     x86 = platform.machine().lower() in ("x86_64", "amd64")
-    return [path_of(name) for name, flags in VARIANTS.items() if (x86 or not flags) and _make(compiler, name, flags)]
+    chosen = {name: flags for name, flags in VARIANTS.items() if x86 or not flags}
+    with ThreadPoolExecutor() as threads:  # each waits for its compiler
+        made = threads.map(lambda name: _is_made(name) or _make(compiler, name, chosen[name]), chosen)
+        return [path_of(name) for name, done in zip(chosen, made, strict=True) if done]
+
+
+def _is_made(variant: str) -> bool:
+    """Of the sources as they are, for this system."""
+    path = path_of(variant)
+    try:
+        return key().encode() in path.read_bytes() and ctypes.CDLL(str(path)) is not None
+    except OSError:
+        return False
 
 
 def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:

@@ -35,11 +35,16 @@ def test_of_the_sources_as_they_are(folder: Path) -> None:
     made = compiling.build()
     assert compiling.path_of("portable") in made
     assert sorted(folder.glob("libraries/*")) == sorted(made)
+    times = [path.stat().st_mtime_ns for path in made]
+    assert compiling.build() == made
+    assert [path.stat().st_mtime_ns for path in made] == times  # they are of these sources already
     assert library.load() is not None
     library._loaded.cache_clear()
     with (folder / "reachability.c").open("a") as file:
         file.write("/* another law */\n")
     assert library.load() is None
+    made[0].with_stem("other").write_bytes(compiling.key().encode())  # of another system
+    assert not compiling._is_made("other")
 
 
 @needs_compiler
@@ -79,14 +84,12 @@ def test_warnings(tmp_path: Path) -> None:
 
 
 @needs_compiler
-def test_every_variant_gives_the_same_bits(folder: Path) -> None:
+def test_every_variant_gives_the_same_bits() -> None:
     compiling.build()
     probe = f"""
 import sys, hashlib, numpy as np
 sys.path.insert(0, {str(Path(__file__).parent.parent)!r})
 from ssm_planner.native import compiling, library
-from pathlib import Path
-compiling.FOLDER = Path({str(folder)!r})
 native = library._open(sys.argv[1])
 library.load = lambda: native
 from planning.test_reachability import fastest, random_case
