@@ -5,7 +5,7 @@
           z_k[i] = value for a few (k, i);   some unknowns fixed
 
 z_k (5 m + 1,) is element k (`spline`), of which G and L take all but its last m entries; the unknowns are x = (c, T).
-Values and derivatives are taken in C: native/program.c.
+Values and derivatives are taken in C: native/program.c and derivatives.c.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ static inline mask M(long long x)
 static inline real v_is(mask condition) { return (real)(condition & (mask)R(1.0)); }
 static inline real v_where(mask condition, real x) { return (real)(condition & (mask)x); }
 static inline real v_choose(mask condition, real x, real y) { return (real)((condition & (mask)x) | (~condition & (mask)y)); }
-static inline real v_fabs(real x) { return v_where(x >= R(0.0), x) - v_where(x < R(0.0), x); }
+static inline real v_fabs(real x) { return (real)((mask)x & M(0x7fffffffffffffff)); }
 static inline real sign_of(real x) { return v_is(x > R(0.0)) - v_is(x < R(0.0)); }
 
 #define BY_LANE(name, function)                                \
