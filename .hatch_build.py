@@ -15,9 +15,13 @@ class NativeHook(BuildHookInterface[Any]):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile, and say which files belong to the wheel and for which system it is."""
-        made: list[Path] = runpy.run_path(str(Path(self.root, "ssm_planner/native/compiling.py")))["build"]()
+        made: list[Path] = runpy.run_path(str(Path(self.root, "ssm_planner/native/compiling.py")))[
+            "build"
+        ]()
         if version == "editable" or not made:
             return
         build_data["artifacts"] += [path.relative_to(self.root).as_posix() for path in made]
         build_data["pure_python"] = False
-        build_data["tag"] = "py3-none-" + sysconfig.get_platform().replace("-", "_").replace(".", "_")
+        build_data["tag"] = "py3-none-" + sysconfig.get_platform().replace("-", "_").replace(
+            ".", "_"
+        )

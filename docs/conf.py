@@ -13,7 +13,10 @@ exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"{project} {release}"
 myst_heading_anchors = 4
-suppress_warnings = ["myst.xref_missing", "misc.highlighting_failure"]  # links out of this folder; tests follow them
+suppress_warnings = [
+    "myst.xref_missing",
+    "misc.highlighting_failure",
+]  # links out of this folder; tests follow them
 runpy.run_path(str(HERE / "make_gallery.py"), run_name="__main__")
 
 

@@ -26,16 +26,25 @@ names are `ssm.load_problem`, `ssm.plan` and so on. Quantities are in SI units a
 
 def page() -> str:
     """The whole of docs/api.md."""
-    values = {name: getattr(ssm_planner, name) for name in sorted(ssm_planner.__all__, key=str.casefold)}
+    values = {
+        name: getattr(ssm_planner, name) for name in sorted(ssm_planner.__all__, key=str.casefold)
+    }
     functions = [name for name, value in values.items() if inspect.isroutine(value)]
-    classes = [name for name, value in values.items() if inspect.isclass(value) and get_origin(value) is None]
+    classes = [
+        name
+        for name, value in values.items()
+        if inspect.isclass(value) and get_origin(value) is None
+    ]
     constants = [name for name in values if name not in {*functions, *classes}]
     parts = [HEAD]
     for title, names in (("Functions", functions), ("Values", classes)):
-        parts.append(f"{title}: " + ", ".join(f"[`{name}`](#{name.lower()})" for name in names) + ".\n")
+        parts.append(
+            f"{title}: " + ", ".join(f"[`{name}`](#{name.lower()})" for name in names) + ".\n"
+        )
     parts.append("## Functions\n")
     parts += [
-        f"### {name}\n\n{_code([_signature(name, _tree(values[name]))])}{_text(values[name])}" for name in functions
+        f"### {name}\n\n{_code([_signature(name, _tree(values[name]))])}{_text(values[name])}"
+        for name in functions
     ]
     parts.append("## Values\n")
     parts += [_class(name, values[name]) for name in classes]
@@ -47,7 +56,9 @@ def page() -> str:
 def _class(name: str, kind: type) -> str:
     """Docstring, fields (or else the constructor's arguments), properties and methods of a class."""
     lines = [f"{name}:", *(f"    {line}" for base in _bases(kind) for line in _fields(_tree(base)))]
-    made_here = "__init__" in vars(kind) and inspect.isfunction(vars(kind)["__init__"]) and len(lines) == 1
+    made_here = (
+        "__init__" in vars(kind) and inspect.isfunction(vars(kind)["__init__"]) and len(lines) == 1
+    )
     if made_here:
         lines = [_signature(name, _tree(kind.__init__))]
     members = {}
@@ -58,9 +69,13 @@ def _class(name: str, kind: type) -> str:
     parts = [f"### {name}\n", _text(kind), _code(lines) if len(lines) > 1 or made_here else ""]
     for member, node in members.items():
         is_value = any("property" in ast.unparse(decorator) for decorator in node.decorator_list)
-        prefix = f"{name}." if any("classmethod" in ast.unparse(d) for d in node.decorator_list) else ""
+        prefix = (
+            f"{name}." if any("classmethod" in ast.unparse(d) for d in node.decorator_list) else ""
+        )
         head = (
-            f"{member}: {ast.unparse(node.returns)}" if is_value and node.returns else prefix + _signature(member, node)
+            f"{member}: {ast.unparse(node.returns)}"
+            if is_value and node.returns
+            else prefix + _signature(member, node)
         )
         text = (ast.get_docstring(node) or "").replace("\n\n", "\n").replace("\n", "\n  ")
         parts.append(f"* `{head}`" + (f"  \n  {text}" if text else ""))
@@ -80,15 +95,25 @@ def _tree(value: Any) -> Any:
 def _fields(tree: ast.ClassDef) -> Iterator[str]:
     """One line for each public field, its docstring as a comment."""
     for node, meaning in _with_docstrings(tree.body):
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.target.id[0] != "_":
-            text = re.sub(QUANTITY, r"\1\2", ast.unparse(node)).replace("field(default_factory=dict)", "{}")
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and node.target.id[0] != "_"
+        ):
+            text = re.sub(QUANTITY, r"\1\2", ast.unparse(node)).replace(
+                "field(default_factory=dict)", "{}"
+            )
             yield text + (f"  # {meaning}" if meaning else "")
 
 
 def _with_docstrings(body: list[ast.stmt]) -> Iterator[tuple[ast.stmt, str]]:
     """Statements, each with the string that stands below it, on one line."""
     for node, after in zip(body, [*body[1:], ast.Pass()], strict=True):
-        text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
+        text = (
+            after.value.value
+            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+            else ""
+        )
         yield node, " ".join(text.split()) if isinstance(text, str) else ""
 
 

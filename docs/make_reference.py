@@ -51,7 +51,9 @@ def grouped(kind: str) -> dict[str, list[Key]]:
     found: dict[str, list[Key]] = {}
     for key in keys(StudyModel) if kind == "study" else file_keys(kind):
         place = (
-            re.sub(JOINTS, "JOINT.", key.path) if key.path.startswith(("joints", "compliance", "back")) else key.path
+            re.sub(JOINTS, "JOINT.", key.path)
+            if key.path.startswith(("joints", "compliance", "back"))
+            else key.path
         )
         found.setdefault(place, []).append(key)
     return found

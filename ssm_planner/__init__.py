@@ -29,24 +29,81 @@ if TYPE_CHECKING:
     from ssm_planner.identification.prediction import Prediction, PredictionBand
     from ssm_planner.identification.recordings import Recording
     from ssm_planner.identification.torque_map import TorqueMap
-    from ssm_planner.kinematics.of_robot import JointSolutions, ToolPose, Workspace, fk, ik, workspace
+    from ssm_planner.kinematics.of_robot import (
+        JointSolutions,
+        ToolPose,
+        Workspace,
+        fk,
+        ik,
+        workspace,
+    )
     from ssm_planner.kinematics.workspace import DesignRegion, Extreme, design_region
-    from ssm_planner.loading.load import Problem, load_controller, load_drive, load_motor, load_problem, load_robot
+    from ssm_planner.loading.load import (
+        Problem,
+        load_controller,
+        load_drive,
+        load_motor,
+        load_problem,
+        load_robot,
+    )
     from ssm_planner.pipeline.folder import Plan, load_plan
     from ssm_planner.pipeline.run import Progress, Replanner, plan
     from ssm_planner.planning.reason import Reason
     from ssm_planner.plans import PhaseSummary
     from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
-    from ssm_planner.problem.drive import Drive, DriveKind, Friction, FrictionLawName, Ratings, Rig, ScrewEnds
-    from ssm_planner.problem.limits import Limit, SpeedLimit, StopTravel, TaskRange, TaskRate, TipSpeed, ToolLimit
-    from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Line, Motion, Point, Scan, Straight, Task, Tip
+    from ssm_planner.problem.drive import (
+        Drive,
+        DriveKind,
+        Friction,
+        FrictionLawName,
+        Ratings,
+        Rig,
+        ScrewEnds,
+    )
+    from ssm_planner.problem.limits import (
+        Limit,
+        SpeedLimit,
+        StopTravel,
+        TaskRange,
+        TaskRate,
+        TipSpeed,
+        ToolLimit,
+    )
+    from ssm_planner.problem.motion import (
+        Dwell,
+        Follow,
+        Free,
+        Joints,
+        Line,
+        Motion,
+        Point,
+        Scan,
+        Straight,
+        Task,
+        Tip,
+    )
     from ssm_planner.problem.motor import Motor
     from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
     from ssm_planner.problem.problem import Eye, Lens, Objective, Planner, TaskLimits
     from ssm_planner.problem.robot import Body, Geometry, Joint, Robot
-    from ssm_planner.problem.value import Count, Interval, Matrix, NotNegative, Positive, Sign, Vector
+    from ssm_planner.problem.value import (
+        Count,
+        Interval,
+        Matrix,
+        NotNegative,
+        Positive,
+        Sign,
+        Vector,
+    )
     from ssm_planner.simulation.draws import Draws
-    from ssm_planner.simulation.simulate import MotorUse, PowerLosses, Scenario, SimulationResult, Tracking, simulate
+    from ssm_planner.simulation.simulate import (
+        MotorUse,
+        PowerLosses,
+        Scenario,
+        SimulationResult,
+        Tracking,
+        simulate,
+    )
     from ssm_planner.sizing.assess import MotorVerdict
     from ssm_planner.sizing.checks import Check
     from ssm_planner.sizing.demand import Band, DemandName, Demands
@@ -59,7 +116,15 @@ if TYPE_CHECKING:
     from ssm_planner.stopping import Stops
     from ssm_planner.studies.run import StudyProgress, StudyResult, study
     from ssm_planner.studies.store import Candidate, State
-    from ssm_planner.studies.study import Choice, Design, Requirements, Search, Study, Variable, Varied
+    from ssm_planner.studies.study import (
+        Choice,
+        Design,
+        Requirements,
+        Search,
+        Study,
+        Variable,
+        Varied,
+    )
     from ssm_planner.studies.study_file import load_study
     from ssm_planner.trajectory import Samples, Side, Span, Trajectory
     from ssm_planner.typing import Array, Indices, Mask, Range

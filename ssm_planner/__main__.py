@@ -2,8 +2,12 @@ import os
 import sys
 
 # `python -m` puts the working directory first: no module is taken from there, unless this package itself lies there
-if sys.path and os.path.realpath(sys.path[0] or ".") != os.path.dirname(os.path.dirname(os.path.realpath(__file__))):
-    sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry or ".") != os.path.realpath(".")]
+if sys.path and os.path.realpath(sys.path[0] or ".") != os.path.dirname(
+    os.path.dirname(os.path.realpath(__file__))
+):
+    sys.path[:] = [
+        entry for entry in sys.path if os.path.realpath(entry or ".") != os.path.realpath(".")
+    ]
 
 try:
     from ssm_planner.cli import main

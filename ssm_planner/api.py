@@ -49,7 +49,11 @@ def check(
         reading = read_trajectory(Path(motion), robot)
         limits = reading.ends_on(limits or TaskLimits(robot.limits))
         found = checking.check(
-            reading.trajectory, robot, limits, interpolation=reading.interpolation, resolution=reading.resolution
+            reading.trajectory,
+            robot,
+            limits,
+            interpolation=reading.interpolation,
+            resolution=reading.resolution,
         )
         return found.with_more(reading.checks)
     if isinstance(motion, Trajectory):
@@ -58,7 +62,10 @@ def check(
     plan = motion if isinstance(motion, Plan) else load_plan(motion)
     limits = limits or plan.limits
     return checking.check(
-        plan.motion, robot or plan.robot, limits if robot is None else limits.within(robot), seal=True
+        plan.motion,
+        robot or plan.robot,
+        limits if robot is None else limits.within(robot),
+        seal=True,
     )
 
 
@@ -105,8 +112,12 @@ def size(
         joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in listed]
         for joint, listed in (motors or {}).items()
     }
-    duty = DutyCycle.of_trajectory(motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan))
-    return size_duty(duty, candidates, Conditions(**{"pause": pause_of(motion.problem), **conditions}), payload)
+    duty = DutyCycle.of_trajectory(
+        motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan)
+    )
+    return size_duty(
+        duty, candidates, Conditions(**{"pause": pause_of(motion.problem), **conditions}), payload
+    )
 
 
 def compare(
@@ -127,7 +138,9 @@ def compare(
     return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag)
 
 
-def report(plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None) -> Path:
+def report(
+    plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None
+) -> Path:
     """Write the page of a plan, or with `other` the page that compares the two; returns its path.
 
     path: default report.html or comparison.html beside the plan's plan.json. Raises ExportError, TrajectoryError or
@@ -138,9 +151,13 @@ def report(plan: Plan | str | Path, path: str | Path | None = None, other: Plan 
 
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
     if other is None:
-        return write_report(plan, plan.path.with_name("report.html") if path is None else Path(path))
+        return write_report(
+            plan, plan.path.with_name("report.html") if path is None else Path(path)
+        )
     other = other if isinstance(other, Plan) else load_plan(other)
-    return write_comparison(plan, other, plan.path.with_name("comparison.html") if path is None else Path(path))
+    return write_comparison(
+        plan, other, plan.path.with_name("comparison.html") if path is None else Path(path)
+    )
 
 
 def _smooth(

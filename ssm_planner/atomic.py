@@ -17,7 +17,9 @@ from types import FrameType
 
 from ssm_planner.errors import ExportError
 
-HELD = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+HELD = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
 LONGEST_STEM = 60
 SWEPT_AFTER = 60.0
 """Age of a forgotten temporary folder from which on it is removed, s."""
@@ -37,10 +39,14 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = None
     try:
         target = destination(path)
-        whole = not any(target.is_relative_to(stage) for stage in _temporaries)  # else put in place with its folder
+        whole = not any(
+            target.is_relative_to(stage) for stage in _temporaries
+        )  # else put in place with its folder
         target.parent.mkdir(parents=True, exist_ok=True)
         # no file is created ahead: whoever writes it gives it the permissions that the umask leaves
-        temporary = target.with_name(f".{target.stem[:LONGEST_STEM]}-{secrets.token_hex(6)}{target.suffix}")
+        temporary = target.with_name(
+            f".{target.stem[:LONGEST_STEM]}-{secrets.token_hex(6)}{target.suffix}"
+        )
         _temporaries.add(temporary)
         yield temporary
         if not whole:
@@ -65,7 +71,10 @@ def staging(folder: Path) -> Iterator[Path]:
     temporary = None
     try:
         target = destination(folder, kind=stat.S_IFDIR)
-        parent, stem = target if target.is_dir() else target.parent, f".{target.name[:LONGEST_STEM]}-"
+        parent, stem = (
+            target if target.is_dir() else target.parent,
+            f".{target.name[:LONGEST_STEM]}-",
+        )
         parent.mkdir(parents=True, exist_ok=True)
         _sweep(parent, stem)
         temporary = parent / (stem + secrets.token_hex(6))

@@ -105,7 +105,9 @@ class PhaseSummary:
     def to_dict(self) -> dict[str, Any]:
         """JSON types; what only some phases have is left out of the others."""
         found: dict[str, Any] = plain(asdict(self))
-        return {name: value for name, value in found.items() if value is not None or name not in OF_SOME}
+        return {
+            name: value for name, value in found.items() if value is not None or name not in OF_SOME
+        }
 
     @property
     def disagreement(self) -> str | None:
@@ -227,7 +229,9 @@ class Plan:
         ]
         if not found:
             return None
-        return sum(iterations for iterations, _ in found), max((difference for _, difference in found), key=abs)
+        return sum(iterations for iterations, _ in found), max(
+            (difference for _, difference in found), key=abs
+        )
 
     @property
     def lower_bound(self) -> float | None:
@@ -245,7 +249,11 @@ class Plan:
     @cached_property
     def sizing(self) -> Sizing | None:
         """The robot's own motors and gears judged by the motion at 25 °C, repeated as the problem's duty says."""
-        return None if self.trajectory is None else size_motion(self.trajectory, self.robot, pause_of(self.problem))
+        return (
+            None
+            if self.trajectory is None
+            else size_motion(self.trajectory, self.robot, pause_of(self.problem))
+        )
 
     @cached_property
     def stops(self) -> Stops | None:
@@ -255,7 +263,9 @@ class Plan:
     @property
     def requirements(self) -> tuple[MotorRequirement, ...]:
         """What the motion requires of the motor of every driven joint."""
-        return () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
+        return (
+            () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -264,7 +274,9 @@ class Plan:
         for requirement in self.requirements:
             motor = requirement.motor
             if motor is None:
-                notes.append(f"joint {requirement.joint}: no motor given, its torque is not limited")
+                notes.append(
+                    f"joint {requirement.joint}: no motor given, its torque is not limited"
+                )
             elif motor.placeholder:
                 notes.append(
                     f"joint {requirement.joint}: motor {motor.name} has placeholder figures ({', '.join(motor.placeholders)})"
@@ -274,7 +286,11 @@ class Plan:
         stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
         notes += [f"skipped, for the robot already is where they lead: {stays}"] if stays else []
         notes += _whole_turns(self.problem, self.trajectory)
-        notes += [] if self.trajectory is None else _ways_round(self.problem, self.trajectory, self.phases)
+        notes += (
+            []
+            if self.trajectory is None
+            else _ways_round(self.problem, self.trajectory, self.phases)
+        )
         notes += [f"cross-check failed: {text}" for text in self.disagreements]
         notes += ["the search was stopped: other joints may be faster"] if self.stopped else []
         if self.certificate is not None:
@@ -291,8 +307,13 @@ class Plan:
             if own == other:
                 continue
             what = f"{key[0]} of joint {key[1]}" if key[1] else key[0]
-            shown = [f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none" for limit in (own, other)]
-            notes.append(f"the plan was made for another limit: {what}: {shown[0]}; the robot given has {shown[1]}")
+            shown = [
+                f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none"
+                for limit in (own, other)
+            ]
+            notes.append(
+                f"the plan was made for another limit: {what}: {shown[0]}; the robot given has {shown[1]}"
+            )
         return tuple(notes)
 
     @property
@@ -326,7 +347,9 @@ class Plan:
             "solve_time": self.solve_time,
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
-            "limits": [] if self.certificate is None else [limit.to_dict() for limit in self.certificate.limits],
+            "limits": []
+            if self.certificate is None
+            else [limit.to_dict() for limit in self.certificate.limits],
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
             "phases": [phase.to_dict() for phase in self.phases],
@@ -373,7 +396,9 @@ class Plan:
         document = _document(found, file)
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
-            raise TrajectoryError(f"{file}: this plan holds no trajectory (status: {document.get('status')})")
+            raise TrajectoryError(
+                f"{file}: this plan holds no trajectory (status: {document.get('status')})"
+            )
         try:
             stated = document.get("certificate")
             plan = cls(
@@ -416,7 +441,9 @@ Writer = TypeVar("Writer", bound=Callable[..., dict[str, Path]])
 
 
 def _no_folder_writer(plan: Plan, folder: Path) -> dict[str, Path]:
-    raise RuntimeError("ssm_planner.pipeline.folder, which writes result folders, has not been imported")
+    raise RuntimeError(
+        "ssm_planner.pipeline.folder, which writes result folders, has not been imported"
+    )
 
 
 _folder_writer: FolderWriter = _no_folder_writer
@@ -490,8 +517,13 @@ def _wider_ranges(problem: Problem) -> list[str]:
     for name, asked in problem.wider.items():
         if (holds := problem.ranges.get(name)) is None:
             continue
-        texts = (" to ".join(in_words(end, TaskRange(name, *ends).unit) for end in ends) for ends in (asked, holds))
-        notes.append("range of {} of {} asked for: the robot allows {}, which holds".format(name, *texts))
+        texts = (
+            " to ".join(in_words(end, TaskRange(name, *ends).unit) for end in ends)
+            for ends in (asked, holds)
+        )
+        notes.append(
+            "range of {} of {} asked for: the robot allows {}, which holds".format(name, *texts)
+        )
     return notes
 
 
@@ -508,7 +540,9 @@ def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
     ]
 
 
-def _ways_round(problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]) -> list[str]:
+def _ways_round(
+    problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]
+) -> list[str]:
     """Phases that go over to the other branch of the inverse kinematics, and joints that turn by more than half a turn."""
     mechanism, joints = Mechanism.from_geometry(problem.robot.geometry), problem.robot.joints
     if not any(isinstance(entry, Free) for entry in problem.motion):
@@ -517,9 +551,13 @@ def _ways_round(problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSum
     ends = trajectory.sample(trajectory.breaks[0] + np.minimum(instants, trajectory.duration)).q
     branches = mechanism.branch_of(ends)
     notes = []
-    for phase, before, after, (first, last) in zip(phases, branches, branches[1:], pairwise(ends), strict=False):
+    for phase, before, after, (first, last) in zip(
+        phases, branches, branches[1:], pairwise(ends), strict=False
+    ):
         if before != after:
-            notes.append(f"{phase.name}: goes from branch {before:+d} of the inverse kinematics to branch {after:+d}")
+            notes.append(
+                f"{phase.name}: goes from branch {before:+d} of the inverse kinematics to branch {after:+d}"
+            )
         notes += [
             f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by {angle - math.copysign(360.0, angle):.6g} deg"
             for joint, angle in zip(joints, np.degrees(last - first), strict=True)
@@ -539,7 +577,9 @@ def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
         ]
     known = drive.friction.identified_speed
     if known is None:
-        return [f"joint {requirement.joint}: the drive file does not say up to which speed its friction was identified"]
+        return [
+            f"joint {requirement.joint}: the drive file does not say up to which speed its friction was identified"
+        ]
     if requirement.peak_speed <= known:
         return []
     return [

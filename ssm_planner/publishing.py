@@ -78,7 +78,9 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
 
 def hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of every file below a folder by its path in it, but not of the manifest."""
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST)
+    files = (
+        path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST
+    )
     return {path.relative_to(folder).as_posix(): sha256(path) for path in files}
 
 
@@ -100,7 +102,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return document if isinstance(document, dict) and document.get("format") in (EXPORT, RESULTS) else {}
+    return (
+        document
+        if isinstance(document, dict) and document.get("format") in (EXPORT, RESULTS)
+        else {}
+    )
 
 
 def listed(manifest: Mapping[str, Any]) -> dict[str, str]:
@@ -155,14 +161,18 @@ def _exchange(source: Path, folder: Path, shown: Path) -> None:
     ours = listed(old)
     if kind == RESULTS and old and PLAN not in listed(manifest):
         if old.get("plan") != manifest["plan"]:
-            raise ExportError(f"{shown}: holds results of another plan: choose another folder; nothing is written")
+            raise ExportError(
+                f"{shown}: holds results of another plan: choose another folder; nothing is written"
+            )
         kept = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
         manifest["files"] = dict(sorted({**kept, **manifest["files"]}.items()))
         (source / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
         sync(source / MANIFEST)
     entries = sorted(path for path in source.iterdir() if path.name != MANIFEST)
     for entry in entries:
-        _check_way(folder / entry.name, shown / entry.name, entry.is_dir(), ours, strict=kind == EXPORT)
+        _check_way(
+            folder / entry.name, shown / entry.name, entry.is_dir(), ours, strict=kind == EXPORT
+        )
     replaced = source / ".replaced"
     replaced.mkdir()
     if kind:
@@ -177,13 +187,17 @@ def _exchange(source: Path, folder: Path, shown: Path) -> None:
             (folder / entry.name).rename(replaced / entry.name)
         entry.replace(folder / entry.name)
     if kind:
-        _remove_stale(folder, {name: sha for name, sha in ours.items() if name not in listed(manifest)})
+        _remove_stale(
+            folder, {name: sha for name, sha in ours.items() if name not in listed(manifest)}
+        )
         sync(folder, content=False)
         (source / MANIFEST).replace(folder / MANIFEST)
     sync(folder, content=False)
 
 
-def _check_way(target: Path, shown: Path, is_folder: bool, ours: Mapping[str, str], strict: bool) -> None:
+def _check_way(
+    target: Path, shown: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
+) -> None:
     """Raise ExportError where something stands in the way of a file or folder that is not ours to replace."""
     if not os.path.lexists(target):
         return
@@ -215,4 +229,10 @@ def _is(path: Path, sha: str) -> bool:
 
 def _inside(name: str) -> bool:
     path = PurePosixPath(name)
-    return bool(name) and "\0" not in name and "\\" not in name and not path.is_absolute() and ".." not in path.parts
+    return (
+        bool(name)
+        and "\0" not in name
+        and "\\" not in name
+        and not path.is_absolute()
+        and ".." not in path.parts
+    )

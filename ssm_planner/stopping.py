@@ -47,8 +47,14 @@ class Stops:
         longest, farthest = int(np.argmax(self.duration)), int(np.argmax(self.travel))
         return {
             "passed": self.passed,
-            "longest": {"time": float(self.time[longest]), "duration": float(self.duration[longest])},
-            "farthest": {"time": float(self.time[farthest]), "travel": float(self.travel[farthest])},
+            "longest": {
+                "time": float(self.time[longest]),
+                "duration": float(self.duration[longest]),
+            },
+            "farthest": {
+                "time": float(self.time[farthest]),
+                "travel": float(self.travel[farthest]),
+            },
             "limits": [limit.to_dict() for limit in self.certificate.limits],
             "time": self.time.tolist(),
             "duration": self.duration.tolist(),
@@ -57,7 +63,10 @@ class Stops:
 
 
 def controlled_stops(
-    motion: Trajectory, robot: Robot, limits: TaskLimits | None = None, instants: int | Array = INSTANTS
+    motion: Trajectory,
+    robot: Robot,
+    limits: TaskLimits | None = None,
+    instants: int | Array = INSTANTS,
 ) -> Stops:
     """The quickest stop along the path from every one of n instants, or of given times (n,), s from the start."""
     limits = TaskLimits(robot.limits) if limits is None else limits

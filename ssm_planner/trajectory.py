@@ -67,16 +67,23 @@ class Trajectory:
         if finite and length.min() <= 0:
             raise TrajectoryError("the breaks of a trajectory must increase")
         if finite and (length.min() < SHORTEST or np.abs(self.breaks[[0, -1]]).max() > LONGEST):
-            raise TrajectoryError(f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s")
+            raise TrajectoryError(
+                f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s"
+            )
         for first in range(0, pieces, BLOCK):
             block = slice(first, first + BLOCK)
             coefficients = self.pieces(block)
             if not (finite and np.isfinite(coefficients).all()):
                 raise TrajectoryError("a trajectory holds only finite numbers")
             with np.errstate(over="ignore"):
-                moved = np.abs(coefficients) * length[block, None, None] ** np.arange(DEGREE + 1)[:, None]
+                moved = (
+                    np.abs(coefficients)
+                    * length[block, None, None] ** np.arange(DEGREE + 1)[:, None]
+                )
             if moved.max() > LARGEST:
-                raise TrajectoryError(f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none")
+                raise TrajectoryError(
+                    f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none"
+                )
         self.breaks.setflags(write=False)
         if isinstance(self.coefficients, np.ndarray):
             self.coefficients.setflags(write=False)
@@ -141,8 +148,13 @@ class Trajectory:
     def slower(self, speed: float) -> Trajectory:
         """The same path at a share of the speed; starts at the same time."""
         begin, powers = self.breaks[0], speed ** np.arange(DEGREE + 1)[None, :, None]
-        spans = (Span(p.name, begin + (p.start - begin) / speed, begin + (p.end - begin) / speed) for p in self.phases)
-        return Trajectory(begin + (self.breaks - begin) / speed, self.coefficients * powers, tuple(spans))
+        spans = (
+            Span(p.name, begin + (p.start - begin) / speed, begin + (p.end - begin) / speed)
+            for p in self.phases
+        )
+        return Trajectory(
+            begin + (self.breaks - begin) / speed, self.coefficients * powers, tuple(spans)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """What plan.json holds: JSON types, s, rad, m."""
@@ -156,22 +168,34 @@ class Trajectory:
     def from_dict(cls, data: dict[str, Any]) -> Trajectory:
         """Read back what `to_dict` wrote. Raises TrajectoryError."""
         try:
-            phases = tuple(Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"])
+            phases = tuple(
+                Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"]
+            )
             breaks = np.array(data["breaks_s"], dtype=float)
             coefficients = np.asarray(data["coefficients"], dtype=float)
             if breaks.ndim != 1 or coefficients.ndim != 3:
-                raise ValueError("breaks_s is no list of numbers, or coefficients are no list of pieces")
+                raise ValueError(
+                    "breaks_s is no list of numbers, or coefficients are no list of pieces"
+                )
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error
         found = cls(breaks, coefficients, phases)
         ends = np.array([(phase.start, phase.end) for phase in phases]).reshape(-1, 2)
         borders = np.concatenate([breaks[:1], ends[:, 1]])
-        if not (len(ends) and np.allclose(ends[:, 0], borders[:-1], 0, SHORTEST) and borders[-1] == breaks[-1]):
-            raise TrajectoryError("the phases of a trajectory follow one another from its start to its end")
+        if not (
+            len(ends)
+            and np.allclose(ends[:, 0], borders[:-1], 0, SHORTEST)
+            and borders[-1] == breaks[-1]
+        ):
+            raise TrajectoryError(
+                "the phases of a trajectory follow one another from its start to its end"
+            )
         return found
 
 
-def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]) -> Array:
+def hermite(
+    breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
+) -> Array:
     """Quintic pieces with given q, qd, qdd at both ends of every piece.
 
     breaks (m + 1,); start and end hold (q, qd, qdd), each (m, 4). Returns coefficients (m, 6, 4).
@@ -179,7 +203,9 @@ def hermite(breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, 
     return quintics(np.diff(breaks), start, end)
 
 
-def quintics(length: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]) -> Array:
+def quintics(
+    length: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
+) -> Array:
     """`hermite` for pieces of lengths (m,), which need not follow one another."""
     h = length[:, None]
     q0, v0, a0 = start
@@ -220,13 +246,19 @@ class Cubic:
     def at_time(self, t: Any) -> tuple[Any, Any, Any]:
         """u, u̇ and ü at the time t."""
         a0, jerk = self.a0, self.jerk
-        return self.u + t * (self.v + t * (a0 / 2 + t * jerk / 6)), self.v + t * (a0 + t * jerk / 2), a0 + t * jerk
+        return (
+            self.u + t * (self.v + t * (a0 / 2 + t * jerk / 6)),
+            self.v + t * (a0 + t * jerk / 2),
+            a0 + t * jerk,
+        )
 
     @property
     def end(self) -> tuple[Any, Any]:
         """u and u̇ at c = 1."""
         h = self.h
-        return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (self.a0 + self.a1) / 2
+        return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (
+            self.a0 + self.a1
+        ) / 2
 
     @property
     def middle_velocity(self) -> Any:

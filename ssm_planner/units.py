@@ -17,7 +17,15 @@ Dimensions = tuple[tuple[str, int], ...]
 """Powers of the base dimensions, sorted; none of a pure number."""
 
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
-_PREFIXES |= {"pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "kilo": 1e3, "mega": 1e6}
+_PREFIXES |= {
+    "pico": 1e-12,
+    "nano": 1e-9,
+    "micro": 1e-6,
+    "milli": 1e-3,
+    "centi": 1e-2,
+    "kilo": 1e3,
+    "mega": 1e6,
+}
 LONGEST_SYMBOL = 3
 """Shorter names have no plural."""
 _BASES = {
@@ -153,14 +161,21 @@ def interval(value: object, kind: str) -> tuple[float, float]:
 
 def _convert(magnitude: float, unit: str, wanted: Kind) -> float:
     if _UNIT.fullmatch(unit) is None:
-        raise BadQuantity(f"{unit[:40]!r} is not a unit", f"{wanted.expected}; units are joined by * and /, powers ^2")
+        raise BadQuantity(
+            f"{unit[:40]!r} is not a unit",
+            f"{wanted.expected}; units are joined by * and /, powers ^2",
+        )
     try:
         factor, dimensions = _parsed(unit)
     except KeyError as error:
         raise BadQuantity(f"unknown unit {error.args[0]!r}", wanted.expected) from None
     if dimensions in (_parsed(other)[1] for other in (wanted.unit, *wanted.others)):
-        return _plausible(magnitude * factor + _ZERO.get(unit, 0.0), wanted, f"{magnitude:g} {unit}")
-    raise BadQuantity(f"{magnitude:g} {unit} is {_name(dimensions)}, not {wanted.name}", wanted.expected)
+        return _plausible(
+            magnitude * factor + _ZERO.get(unit, 0.0), wanted, f"{magnitude:g} {unit}"
+        )
+    raise BadQuantity(
+        f"{magnitude:g} {unit} is {_name(dimensions)}, not {wanted.name}", wanted.expected
+    )
 
 
 def _plausible(value: float, wanted: Kind, written: str) -> float:
@@ -168,7 +183,8 @@ def _plausible(value: float, wanted: Kind, written: str) -> float:
         raise BadQuantity("not a finite number", wanted.expected)
     if abs(value) > wanted.largest:
         raise BadQuantity(
-            f"{written} is implausibly large for {wanted.name} here: did you mean {wanted.slip}?", wanted.expected
+            f"{written} is implausibly large for {wanted.name} here: did you mean {wanted.slip}?",
+            wanted.expected,
         )
     if wanted.unit == "K" and value < 0:
         raise BadQuantity("below absolute zero", wanted.expected)
@@ -217,7 +233,9 @@ def _name(dimensions: Dimensions) -> str:
             return kind.name
     if not dimensions:
         return "a pure number"
-    return "a " + " ".join(f"[{name}]^{power}" if power != 1 else f"[{name}]" for name, power in dimensions)
+    return "a " + " ".join(
+        f"[{name}]^{power}" if power != 1 else f"[{name}]" for name, power in dimensions
+    )
 
 
 def _spell(text: str) -> str:
@@ -264,7 +282,9 @@ KINDS = {
     "angle": Kind("an angle", "-110 deg", "rad", largest=4 * math.pi * (1 + 1e-9), slip="deg"),
     "length": Kind("a length", "20 mm", "m", largest=1.0, slip="mm"),
     "angular_velocity": Kind("a speed", "65 deg/s", "rad/s", largest=20.0, slip="deg/s"),
-    "angular_acceleration": Kind("an acceleration", "200 deg/s^2", "rad/s^2", largest=1e4, slip="deg/s^2"),
+    "angular_acceleration": Kind(
+        "an acceleration", "200 deg/s^2", "rad/s^2", largest=1e4, slip="deg/s^2"
+    ),
     "angular_jerk": Kind("a jerk", "5000 deg/s^3", "rad/s^3", largest=1e8, slip="deg/s^3"),
     "velocity": Kind("a speed", "20 mm/s", "m/s", largest=2.0, slip="mm/s"),
     "acceleration": Kind("an acceleration", "100 mm/s^2", "m/s^2", largest=99.0, slip="mm/s^2"),
@@ -277,16 +297,24 @@ KINDS = {
     "inertia": Kind("a moment of inertia", "0.165 g*cm^2", "kg*m^2", largest=1e3, slip="g*cm^2"),
     "force": Kind("a force", "0.8 N", "N", largest=1e5, slip="mN"),
     "torque": Kind("a torque", "80 mN*m", "N*m", largest=1e3, slip="mN*m"),
-    "rotary_viscosity": Kind("a viscous coefficient", "1.2e-5 N*m*s/rad", "N*m*s/rad", others=("N*m*s",)),
+    "rotary_viscosity": Kind(
+        "a viscous coefficient", "1.2e-5 N*m*s/rad", "N*m*s/rad", others=("N*m*s",)
+    ),
     "linear_viscosity": Kind("a viscous coefficient", "0.1 N*s/m", "N*s/m"),
     "voltage": Kind("a voltage", "24 V", "V", largest=1e3, slip="mV"),
     "current": Kind("a current", "2480 mA", "A", largest=500.0, slip="mA"),
     "resistance": Kind("a resistance", "0.763 ohm", "ohm", largest=1e6, slip="ohm"),
-    "torque_constant": Kind("a torque constant", "14.8 mN*m/A", "N*m/A", largest=10.0, slip="mN*m/A"),
+    "torque_constant": Kind(
+        "a torque constant", "14.8 mN*m/A", "N*m/A", largest=10.0, slip="mN*m/A"
+    ),
     "speed_constant": Kind("a speed constant", "645 rpm/V", "rad/s/V", largest=1e5, slip="rpm/V"),
     "position_gain": Kind("a position gain", "13 A/rad", "A/rad", largest=1e6, slip="mA/rad"),
-    "integral_gain": Kind("an integral gain", "400 A/rad/s", "A/rad/s", largest=1e8, slip="mA/rad/s"),
-    "derivative_gain": Kind("a gain of a speed", "0.06 A*s/rad", "A*s/rad", largest=1e4, slip="mA*s/rad"),
+    "integral_gain": Kind(
+        "an integral gain", "400 A/rad/s", "A/rad/s", largest=1e8, slip="mA/rad/s"
+    ),
+    "derivative_gain": Kind(
+        "a gain of a speed", "0.06 A*s/rad", "A*s/rad", largest=1e4, slip="mA*s/rad"
+    ),
     "acceleration_gain": Kind(
         "a gain of an acceleration", "1e-4 A*s^2/rad", "A*s^2/rad", largest=1e3, slip="mA*s^2/rad"
     ),

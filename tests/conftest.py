@@ -4,7 +4,9 @@ import os
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses the cores
-os.environ["COLUMNS"] = "100"  # what is printed must not depend on the terminal that the tests run in
+os.environ["COLUMNS"] = (
+    "100"  # what is printed must not depend on the terminal that the tests run in
+)
 
 import pytest
 from hypothesis import settings

@@ -40,7 +40,9 @@ class Executions:
         self.plan, self.step = plan, step
         self.names = [joint.name for joint in plan.robot.joints if joint.drive is not None]
         self.joints = {joint.name: joint for joint in plan.robot.joints}
-        self.plans = dict(zip(self.names, predicted(plan.motion, plan.robot, self.names), strict=True))
+        self.plans = dict(
+            zip(self.names, predicted(plan.motion, plan.robot, self.names), strict=True)
+        )
         self.duration = plan.motion.duration
 
     def run(self, clock: Callable[[np.ndarray], np.ndarray] | None = None) -> Run:
@@ -61,7 +63,9 @@ class Executions:
         start = run.q[name][0]
         run.q[name] = start + np.concatenate([[0.0], np.cumsum(step)]) / self.plans[name].ratio
 
-    def measured(self, run: Run, rng: np.random.Generator, rpm: float = 2.0, torque: float = 0.01) -> list[Measured]:
+    def measured(
+        self, run: Run, rng: np.random.Generator, rpm: float = 2.0, torque: float = 0.01
+    ) -> list[Measured]:
         """With noise (uniform ± rpm; torque normal, share of the axis's largest) and the recorder's rounding."""
         found = []
         for name in self.names:
@@ -116,12 +120,19 @@ def write(it: Executions, measured: Sequence[Measured], folder: Path) -> dict[st
         paths[each.joint] = folder / f"{each.joint}.csv"
         names = ";Velocity actual value averaged;Torque actual value averaged;Position actual value\nms;rpm;%;inc"
         np.savetxt(
-            paths[each.joint], rows, fmt=("%.6f", "%.0f", "%.1f", "%.0f"), delimiter=";", header=names, comments=""
+            paths[each.joint],
+            rows,
+            fmt=("%.6f", "%.0f", "%.1f", "%.0f"),
+            delimiter=";",
+            header=names,
+            comments="",
         )
     return paths
 
 
-def clipped(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def clipped(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     """The torque is cut off, and the speed sags while it is."""
     cut = rng.uniform(0.5, 0.8) * np.abs(run.tau[joint]).max()
     sag = np.abs(run.tau[joint]) > cut
@@ -130,21 +141,29 @@ def clipped(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.ra
     it.follow(run, joint)
 
 
-def out_of_step(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def out_of_step(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     late = round(rng.uniform(0.012, 0.2) / it.step)
     for channel in (run.w, run.tau, run.q):
         channel[joint] = np.concatenate([np.full(late, channel[joint][0]), channel[joint][:-late]])
 
 
-def torque_high(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def torque_high(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     run.tau[joint] *= rng.uniform(1.4, 1.8)
 
 
-def torque_low(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def torque_low(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     run.tau[joint] *= rng.uniform(0.3, 0.6)
 
 
-def stall(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def stall(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     """The motor is blocked from some instant on and gives its largest torque until it is told to stop."""
     begin = int(rng.choice(moving[: int(0.9 * len(moving))]))
     sign = np.sign(run.w[joint][begin])
@@ -154,7 +173,9 @@ def stall(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.rand
     it.follow(run, joint)
 
 
-def overspeed(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def overspeed(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     """Faster than the joint may be for 30 ms and more, while it moves at its limit."""
     fast = np.flatnonzero(np.abs(run.w[joint]) > 0.995 * it.plans[joint].peak)
     begin, length = int(rng.choice(fast[: len(fast) // 2])), round(rng.uniform(0.03, 0.1) / it.step)
@@ -162,15 +183,21 @@ def overspeed(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.
     it.follow(run, joint)
 
 
-def torque_burst(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def torque_burst(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     begin, length = int(rng.choice(moving)), round(rng.uniform(0.015, 0.06) / it.step)
     burst = rng.uniform(1.1, 1.4) * it.joints[joint].motor.max_torque
     run.tau[joint][begin : begin + length] = burst * np.sign(run.tau[joint][begin])
 
 
-def lost_increments(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def lost_increments(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     begin = int(rng.choice(moving))
-    run.q[joint][begin:] += rng.choice([-1, 1]) * rng.uniform(1.3, 4.0) * 10e-3 * it.joints[joint].velocity
+    run.q[joint][begin:] += (
+        rng.choice([-1, 1]) * rng.uniform(1.3, 4.0) * 10e-3 * it.joints[joint].velocity
+    )
 
 
 def slow(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> Run:
@@ -189,18 +216,24 @@ def gap(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random
     run.keep(joint, keep)
 
 
-def drift(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def drift(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     rate = 1 + rng.choice([-1, 1]) * rng.uniform(0.003, 0.02)
     for name in it.names:
         run.time[name] = run.time[name] * rate
 
 
-def missing(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def missing(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     for name in it.names:
         run.keep(name, rng.random(len(run.time[name])) > rng.uniform(0.02, 0.1))
 
 
-def truncated(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+def truncated(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
     end = LEAD + rng.uniform(0.6, 0.95) * it.duration
     for name in it.names:
         run.keep(name, run.time[name] < end)
@@ -228,5 +261,7 @@ def kinds(found) -> set[str]:
     """Kinds of the findings and names of the limits that do not hold."""
     names = {each.kind for each in found.findings}
     for axis in found:
-        names |= {each.kind for each in axis.findings} | {each.name for each in axis.limits if not each.held}
+        names |= {each.kind for each in axis.findings} | {
+            each.name for each in axis.limits if not each.held
+        }
     return names

@@ -40,7 +40,9 @@ def of_task(
     return TaskLimits(tuple(limits), eye)
 
 
-def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = SHARE) -> Trajectory:
+def trapezoids(
+    robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = SHARE
+) -> Trajectory:
     """One trapezoid after another, all joints in proportion, at a share of the limits; acceleration jumps at breaks."""
     velocity = np.array([joint.velocity for joint in robot.joints]) * share
     acceleration = np.array([joint.acceleration for joint in robot.joints]) * share
@@ -59,7 +61,8 @@ def trapezoids(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float
             (s0, v0), (s1, v1) = knots[k], knots[k + 1]
             local = np.array([0.0, length])
             ends = [
-                tuple(np.array([x]) for x in (q + s * move, w * move, rate * move)) for s, w in ((s0, v0), (s1, v1))
+                tuple(np.array([x]) for x in (q + s * move, w * move, rate * move))
+                for s, w in ((s0, v0), (s1, v1))
             ]
             pieces.append(hermite(local, ends[0], ends[1]))
             breaks.append(breaks[-1] + length)
@@ -80,15 +83,23 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
             float(np.max(15 / 8 * np.abs(move) / velocity)),
             float(np.sqrt(np.max(10 / np.sqrt(3) * np.abs(move) / acceleration))),
         )
-        pieces.append(hermite(np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero)))
+        pieces.append(
+            hermite(
+                np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero)
+            )
+        )
         q = q + move
         breaks.append(breaks[-1] + duration)
     return Trajectory(np.array(breaks), np.concatenate(pieces), (Span("smooth", 0.0, breaks[-1]),))
 
 
-def write_plan(path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any) -> Path:
+def write_plan(
+    path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any
+) -> Path:
     """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
-    first, last = (Joints(tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist())
+    first, last = (
+        Joints(tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist()
+    )
     problem = Problem(
         robot,
         first,
@@ -118,4 +129,6 @@ def read_back(path: Path, robot: Robot, trajectory: Trajectory, **more: Any) -> 
 
 def certified(plan: Plan) -> Plan:
     """A plan changed in Python, checked anew."""
-    return dataclasses.replace(plan, certificate=check(plan.motion, plan.robot, plan.limits, seal=True))
+    return dataclasses.replace(
+        plan, certificate=check(plan.motion, plan.robot, plan.limits, seal=True)
+    )

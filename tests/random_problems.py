@@ -61,7 +61,10 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
     )
     if rng.random() < 0.2:
         # from hardly possible to leisurely
-        duration, fixed = float(3 * 10 ** rng.uniform(-0.5, 1)), sum(motion.duration or 0.0 for motion in motions)
+        duration, fixed = (
+            float(3 * 10 ** rng.uniform(-0.5, 1)),
+            sum(motion.duration or 0.0 for motion in motions),
+        )
         if duration > fixed and any(motion.duration is None for motion in motions):
             problem = dataclasses.replace(problem, objective="effort", duration=duration)
     return _with_end_rates(problem, rng)
@@ -93,7 +96,9 @@ def _motion(point: Point, rng: np.random.Generator) -> Motion:
         task = {key: task[key]}
     if name != "free":
         return Straight(**task, duration=duration, name=name)
-    passed = tuple(Task(**point()) for _ in range(rng.integers(1, 5))) if rng.random() < 0.35 else ()
+    passed = (
+        tuple(Task(**point()) for _ in range(rng.integers(1, 5))) if rng.random() < 0.35 else ()
+    )
     return Free(Task(**task), passed, duration)
 
 
@@ -102,10 +107,15 @@ def _rate(name: str, rng: np.random.Generator) -> float:
 
 
 def _scan(at: dict[str, float], rng: np.random.Generator) -> Motion:
-    kind, dwell = str(rng.choice(["ring", "triple ring", "raster"])), 0.05 if rng.random() < 0.3 else 0.0
+    kind, dwell = (
+        str(rng.choice(["ring", "triple ring", "raster"])),
+        0.05 if rng.random() < 0.3 else 0.0,
+    )
     diameters = {"ring": (1e-3,), "triple ring": (1e-3, 2e-3, 3e-3), "raster": ()}[kind]
     rows, columns = (int(n) for n in rng.integers(1, 4, size=2)) if kind == "raster" else (0, 0)
-    return Scan(Task(**{**at, "depth": None}), 2.5e-3, diameters, rows, columns, 1e-3, dwell, name=kind)
+    return Scan(
+        Task(**{**at, "depth": None}), 2.5e-3, diameters, rows, columns, 1e-3, dwell, name=kind
+    )
 
 
 def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
@@ -127,7 +137,9 @@ def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
         frame = np.column_stack([across, np.cross(to_front, across), to_front])
         place = centre + 0.5 * radius * to_front
         lens = Lens(frozen(place, (3,)), frozen([3e-3, 3e-3, 1.5e-3], (3,)), frozen(frame, (3, 3)))
-    return Eye(frozen(centre, (3,)), radius, clearance=5e-4, port=3e-3, shaft_radius=2.5e-4, lens=lens)
+    return Eye(
+        frozen(centre, (3,)), radius, clearance=5e-4, port=3e-3, shaft_radius=2.5e-4, lens=lens
+    )
 
 
 def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
@@ -135,9 +147,13 @@ def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
     first, last = problem.motion[0], problem.motion[-1]
     if rng.random() < 0.1 and isinstance(first, Straight):
         way = {name: value - problem.start.given[name] for name, value in first.to.given.items()}
-        problem = dataclasses.replace(problem, start_rate={name: 0.3 * x for name, x in way.items()})
+        problem = dataclasses.replace(
+            problem, start_rate={name: 0.3 * x for name, x in way.items()}
+        )
     if rng.random() < 0.1 and last.kind == "free":
-        problem = dataclasses.replace(problem, end_rate={"depth": float(rng.choice([-0.004, 0.004]))})
+        problem = dataclasses.replace(
+            problem, end_rate={"depth": float(rng.choice([-0.004, 0.004]))}
+        )
     return problem
 
 
@@ -150,7 +166,9 @@ def _robot(base: Robot, mechanism: Mechanism, rng: np.random.Generator) -> Robot
     joints = [_joint(joint, jerk, rng) for joint in base.joints]
     return dataclasses.replace(
         base,
-        geometry=Geometry(mechanism.omega1, mechanism.omega2, mechanism.omega3, mechanism.tool_home),
+        geometry=Geometry(
+            mechanism.omega1, mechanism.omega2, mechanism.omega3, mechanism.tool_home
+        ),
         bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
         joints=(joints[0], joints[1], joints[2], joints[3]),
         gravity=frozen(gravity, (3,)),
@@ -163,7 +181,9 @@ def _body(body: Body, axis: Array, rng: np.random.Generator) -> Body:
     x /= np.linalg.norm(x)
     scale = rng.uniform(0.3, 1.5)
     frame = frozen(np.column_stack([x, np.cross(axis, x), axis]), (3, 3))
-    return dataclasses.replace(body, mass=scale * body.mass, inertia=scale * body.inertia, frame=frame)
+    return dataclasses.replace(
+        body, mass=scale * body.mass, inertia=scale * body.inertia, frame=frame
+    )
 
 
 def _joint(joint: Joint, jerk: bool, rng: np.random.Generator) -> Joint:
@@ -194,7 +214,9 @@ def faults(problem: Problem, result: Plan) -> list[str]:
         found.append("shorter than its lower bound")
     asked = problem.duration
     if asked is not None and abs(result.trajectory.duration / asked - 1) > 1e-6:
-        found.append(f"takes {result.trajectory.duration:.9g} s instead of the {asked:.9g} s asked for")
+        found.append(
+            f"takes {result.trajectory.duration:.9g} s instead of the {asked:.9g} s asked for"
+        )
     return found + _faults_of_ends(problem, result)
 
 
@@ -205,7 +227,11 @@ def _faults_of_reason(reason: Reason) -> list[str]:
     if None in values or not np.all(np.isfinite(np.array(values, dtype=float))):
         return [f"a reason without values: {reason.message}"]
     everywhere = reason.constraint in ("continuous torque", "duration")
-    return [] if everywhere or reason.where is not None else [f"a reason without a place: {reason.message}"]
+    return (
+        []
+        if everywhere or reason.where is not None
+        else [f"a reason without a place: {reason.message}"]
+    )
 
 
 def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:

@@ -36,7 +36,12 @@ WHICH = {
     "insertion speed": (3,), "retina clearance": (1, 3), "lens clearance": (0, 1),
 }  # fmt: skip
 """Joints of which one is bent, for the limits of the task."""
-TASK_RATES = {"roll rate": "roll", "tilt rate": "tilt", "spin rate": "spin", "insertion speed": "depth"}
+TASK_RATES = {
+    "roll rate": "roll",
+    "tilt rate": "tilt",
+    "spin rate": "spin",
+    "insertion speed": "depth",
+}
 RANGES = ("position", "tilt range")
 """Limits whose excess is measured by the half width of a range; of the others by the limit itself."""
 CENTRE = np.array([0.007, 0.0, -0.011])
@@ -110,7 +115,9 @@ def _eye(kind: str, high: float) -> Eye:
     """An eye in which the tip may be `high` from the centre, or the lens touches a shaft passing it at 1 / `high`."""
     # no eye that a tool could enter, but one whose limits are met in the middle of an interval
     clearance = 1e-3
-    any_eye = Eye(frozen(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance)
+    any_eye = Eye(
+        frozen(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance
+    )
     if kind == "retina clearance":
         return unchecked(any_eye, radius=high + clearance, port=1e-9)
     lens = Lens(frozen(PLACE, (3,)), frozen(SEMI_AXES / high, (3,)), frozen(np.eye(3), (3, 3)))
@@ -136,7 +143,14 @@ def _overall(rng: np.random.Generator, robot: Robot) -> Case:
     middles = (np.arange(count) + 0.5) / count * t[-1]
     torque = _motor(trajectory.sample(middles), robot, "motor torque", joint)
     rms = float(np.sqrt(np.mean(np.square(torque))))
-    return Case(trajectory, robot, (OVERALL, robot.joints[joint].name), joint, rms, (float(t[-1]), float(t[-1])))
+    return Case(
+        trajectory,
+        robot,
+        (OVERALL, robot.joints[joint].name),
+        joint,
+        rms,
+        (float(t[-1]), float(t[-1])),
+    )
 
 
 def _drifting(t: np.ndarray, states: list[np.ndarray]) -> list[np.ndarray]:
@@ -165,11 +179,16 @@ def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
         inside = _values(_stretch(trajectory, k), robot, kind, joint)
         largest = float(inside.max())
         needed = 1.5 * EXCESS * (SCALE[max(joint, 0)] if kind in RANGES else abs(largest))
-        if kind == "motor torque" and trajectory.sample(np.linspace(0, t[-1], 2000)).qd[:, joint].min() <= 0:
+        if (
+            kind == "motor torque"
+            and trajectory.sample(np.linspace(0, t[-1], 2000)).qd[:, joint].min() <= 0
+        ):
             return None
         if largest - max(others, inside[0, 0], inside[-1, -1]) > needed:
             name = None if joint < 0 else robot.joints[joint].name
-            return Case(trajectory, robot, (kind, name), joint, largest, (float(t[k]), float(t[k + 1])))
+            return Case(
+                trajectory, robot, (kind, name), joint, largest, (float(t[k]), float(t[k + 1]))
+            )
     return None
 
 
@@ -180,7 +199,11 @@ def _samples(rng: np.random.Generator) -> tuple[np.ndarray, list[np.ndarray]]:
     angle = t[:, None, None] * rate + phase
     size = rng.uniform(0.1, 0.3, (2, 4)) * SCALE / 2
     q = (np.sin(angle) * size).sum(axis=1) + np.array([0.0, 0.6, 0.0, -0.015])
-    return t, [q, (np.cos(angle) * rate * size).sum(axis=1), -(np.sin(angle) * rate**2 * size).sum(axis=1)]
+    return t, [
+        q,
+        (np.cos(angle) * rate * size).sum(axis=1),
+        -(np.sin(angle) * rate**2 * size).sum(axis=1),
+    ]
 
 
 def _quintics(t: np.ndarray, states: list[np.ndarray]) -> np.ndarray:
@@ -188,15 +211,23 @@ def _quintics(t: np.ndarray, states: list[np.ndarray]) -> np.ndarray:
     return hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
 
 
-def _with_middle(t: np.ndarray, states: list[np.ndarray], k: int, state: list[np.ndarray]) -> Trajectory:
+def _with_middle(
+    t: np.ndarray, states: list[np.ndarray], k: int, state: list[np.ndarray]
+) -> Trajectory:
     """The quintics through the samples and through one state in the middle of interval k."""
     t = np.insert(t, k + 1, (t[k] + t[k + 1]) / 2)
-    return Trajectory(t, _quintics(t, [np.insert(x, k + 1, s, axis=0) for x, s in zip(states, state, strict=True)]), ())
+    return Trajectory(
+        t,
+        _quintics(t, [np.insert(x, k + 1, s, axis=0) for x, s in zip(states, state, strict=True)]),
+        (),
+    )
 
 
 def _stretch(trajectory: Trajectory, k: int) -> Trajectory:
     """The two pieces of interval k."""
-    return Trajectory(trajectory.breaks[k : k + 3].copy(), trajectory.coefficients[k : k + 2].copy(), ())
+    return Trajectory(
+        trajectory.breaks[k : k + 3].copy(), trajectory.coefficients[k : k + 2].copy(), ()
+    )
 
 
 def _values(trajectory: Trajectory, robot: Robot, kind: str, joint: int) -> np.ndarray:

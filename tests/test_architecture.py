@@ -66,7 +66,11 @@ def room(name: str) -> str:
     return name.split(".")[1]
 
 
-GRAPH = {name: {other for other in imports(name) if other in FILES} - {name} for name in FILES if name != "ssm_planner"}
+GRAPH = {
+    name: {other for other in imports(name) if other in FILES} - {name}
+    for name in FILES
+    if name != "ssm_planner"
+}
 
 
 def test_every_room_has_its_place() -> None:
@@ -97,7 +101,10 @@ def test_no_circle_of_files() -> None:
 def test_help_is_instant_because_nothing_heavy_is_imported(name: str) -> None:
     reached = imports(name, everywhere=False)
     assert not {module.split(".")[0] for module in reached} & HEAVY
-    assert not {other for other in reached if other in FILES} - {"ssm_planner.errors", "ssm_planner"}
+    assert not {other for other in reached if other in FILES} - {
+        "ssm_planner.errors",
+        "ssm_planner",
+    }
 
 
 LIMIT_NAMES = {
@@ -111,23 +118,43 @@ LIMIT_NAMES = {
         "insertion speed",
     ),
     *(f"{name} rate" for name in ("roll", "tilt", "spin")),
-    *("retina clearance", "lens clearance", "position jump", "velocity jump", "acceleration jump", " range", " rate"),
+    *(
+        "retina clearance",
+        "lens clearance",
+        "position jump",
+        "velocity jump",
+        "acceleration jump",
+        " range",
+        " rate",
+    ),
 }
 HEADINGS = {"ssm_planner.plans"}
 """Files with such words for something else: a key of plan.json's table of units."""
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in FILES if name != "ssm_planner.problem.limits" and name not in HEADINGS]
+    "name",
+    [name for name in FILES if name != "ssm_planner.problem.limits" and name not in HEADINGS],
 )
 def test_names_of_limits_stand_in_one_file_and_nobody_decodes_them(name: str) -> None:
     for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            assert node.value not in LIMIT_NAMES, f"{name}:{node.lineno} names a limit: {node.value!r}"
+            assert node.value not in LIMIT_NAMES, (
+                f"{name}:{node.lineno} names a limit: {node.value!r}"
+            )
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             method, of = node.func.attr, node.func.value
-            decodes = method in ("removesuffix", "removeprefix", "endswith", "startswith", "split", "partition")
+            decodes = method in (
+                "removesuffix",
+                "removeprefix",
+                "endswith",
+                "startswith",
+                "split",
+                "partition",
+            )
             is_name = (
-                isinstance(of, ast.Attribute) and of.attr in ("name", "constraint") and "limit" in ast.dump(of.value)
+                isinstance(of, ast.Attribute)
+                and of.attr in ("name", "constraint")
+                and "limit" in ast.dump(of.value)
             )
             assert not (decodes and is_name), f"{name}:{node.lineno} decodes the name of a limit"

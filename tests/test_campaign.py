@@ -11,7 +11,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from campaign import mutated, tampered, violations
 
 
-@pytest.mark.parametrize("campaign", [mutated, tampered, violations], ids=lambda module: module.__name__.split(".")[-1])
+@pytest.mark.parametrize(
+    "campaign", [mutated, tampered, violations], ids=lambda module: module.__name__.split(".")[-1]
+)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_slice_of_the_campaign_finds_nothing(campaign: object) -> None:
     pytest.importorskip("rosbags")

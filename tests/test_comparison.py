@@ -32,7 +32,9 @@ COUNTS = 4096
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Plan:
-    return read_back(tmp_path_factory.mktemp("plan") / "plan.json", robot, trapezoids(robot, share=0.9))
+    return read_back(
+        tmp_path_factory.mktemp("plan") / "plan.json", robot, trapezoids(robot, share=0.9)
+    )
 
 
 @dataclasses.dataclass
@@ -46,7 +48,10 @@ class Executed:
 
     def write(self, path: Path, position: bool = False) -> Path:
         """As an EPOS recorder export."""
-        names, units = [";Velocity actual value averaged;Torque actual value averaged"], ["ms;rpm;%"]
+        names, units = (
+            [";Velocity actual value averaged;Torque actual value averaged"],
+            ["ms;rpm;%"],
+        )
         columns = [self.time * 1e3, np.round(self.rpm), np.round(self.percent, 1)]
         if position:
             names[0] += ";Position actual value"
@@ -64,7 +69,9 @@ class Executed:
         return path
 
 
-def executed(plan: Plan, name: str, delay: float = 0.3, direction: int = 1, noise: float = 0.0) -> Executed:
+def executed(
+    plan: Plan, name: str, delay: float = 0.3, direction: int = 1, noise: float = 0.0
+) -> Executed:
     """The plan as carried out after a delay, sampled every 2 ms, with noise as a share of the largest value."""
     i = [joint.name for joint in plan.robot.joints].index(name)
     joint = plan.robot.joints[i]
@@ -78,12 +85,19 @@ def executed(plan: Plan, name: str, delay: float = 0.3, direction: int = 1, nois
     w += noise * np.abs(w).max() * rng.normal(size=len(t))
     tau += noise * np.abs(tau).max() * rng.normal(size=len(t))
     counts = samples.q[:, i] * joint.drive.ratio * COUNTS / (2 * np.pi)
-    return Executed(t, direction * w * RPM, direction * tau / joint.motor.nominal_torque * 100, direction * counts)
+    return Executed(
+        t,
+        direction * w * RPM,
+        direction * tau / joint.motor.nominal_torque * 100,
+        direction * counts,
+    )
 
 
 @pytest.mark.parametrize("name", ["roll", "tilt", "insertion"])
 def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
-    path = executed(plan, name, delay=0.31, noise=0.005).write(tmp_path / f"{name}.csv", position=True)
+    path = executed(plan, name, delay=0.31, noise=0.005).write(
+        tmp_path / f"{name}.csv", position=True
+    )
     measured = read_measured(path, plan.robot, name, COUNTS)
     (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     assert found.alignment.delay == pytest.approx(0.31, abs=0.002)
@@ -116,22 +130,35 @@ def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> No
 def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "tilt", direction=-1).write(tmp_path / "tilt.csv", position=True)
     joint = dataclasses.replace(plan.robot.joints[1], motor_direction=-1)
-    robot = dataclasses.replace(plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:]))
-    (found,) = compare(plan.trajectory, robot, plan.certificate, [read_measured(path, robot, "tilt", COUNTS)])
+    robot = dataclasses.replace(
+        plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:])
+    )
+    (found,) = compare(
+        plan.trajectory, robot, plan.certificate, [read_measured(path, robot, "tilt", COUNTS)]
+    )
     assert found.differences["position"].nrmsd < 0.002
     with pytest.raises(RecordingError, match="reversed it is; motor_direction"):
-        compare(plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "tilt", COUNTS)])
+        compare(
+            plan.trajectory,
+            plan.robot,
+            plan.certificate,
+            [read_measured(path, plan.robot, "tilt", COUNTS)],
+        )
 
 
 def test_another_joint_s_recording_is_refused(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "insertion").write(tmp_path / "x.csv")
     with pytest.raises(RecordingError, match="its speed is not the planned one of joint roll"):
-        compare(plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")])
+        compare(
+            plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")]
+        )
 
 
 def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv")
-    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")])
+    (found,) = compare(
+        plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")]
+    )
     assert found.differences["position"].nrmsd < 0.01
     assert any("integral" in note for note in found.notes)
 
@@ -148,7 +175,9 @@ def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
     assert found.differences["speed"].nrmsd < 0.01
 
 
-def test_a_limit_that_was_exceeded_in_reality(plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_limit_that_was_exceeded_in_reality(
+    plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Torque up to 130 % of the largest for some samples: found, named, and exit status 1."""
     good = executed(plan, "insertion").write(tmp_path / "insertion.csv")
     recorded = executed(plan, "roll")
@@ -159,14 +188,21 @@ def test_a_limit_that_was_exceeded_in_reality(plan: Plan, tmp_path: Path, capsys
     command.compare_arguments(parser)
     assert command.run_compare(parser.parse_args([str(plan.path), str(good), "--json"])) == 0
     assert json.loads(capsys.readouterr().out)["held"] is True
-    assert command.run_compare(parser.parse_args([str(plan.path), str(good), str(bad), "--json"])) == 1
+    assert (
+        command.run_compare(parser.parse_args([str(plan.path), str(good), str(bad), "--json"])) == 1
+    )
     document = json.loads(capsys.readouterr().out)
     assert document["held"] is False
     exceeded = [
-        (axis["joint"], limit["name"]) for axis in document["axes"] for limit in axis["limits"] if not limit["held"]
+        (axis["joint"], limit["name"])
+        for axis in document["axes"]
+        for limit in axis["limits"]
+        if not limit["held"]
     ]
     assert exceeded == [("roll", "motor torque")]
-    assert {"delay", "correlation", "covered", "nrmsd", "limits", "held", "notes"} <= set(document["axes"][0])
+    assert {"delay", "correlation", "covered", "nrmsd", "limits", "held", "notes"} <= set(
+        document["axes"][0]
+    )
     assert set(document["axes"][0]["nrmsd"]) == {"position", "speed", "torque"}
     assert command.run_compare(parser.parse_args([str(plan.path), f"roll={bad}"])) == 1
     assert "NOT held in reality" in capsys.readouterr().out
@@ -225,7 +261,9 @@ def test_a_real_recording_of_another_machine_is_not_taken_for_this_motion(plan: 
 
 
 def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path) -> None:
-    measured = read_measured(executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll")
+    measured = read_measured(
+        executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll"
+    )
     constant = dataclasses.replace(measured, tau=np.zeros_like(measured.tau))
     (found,) = compare(plan.trajectory, plan.robot, None, [constant])
     assert found.differences["torque"].nrmsd is None
@@ -301,7 +339,11 @@ def wrong_clock(it: Executions) -> list:
     ("execution", "verdict", "finding"),
     [
         (sagging, "not held", "the torque is cut off"),
-        (two_late, "not held", "out of step, behind the first by: roll 0 ms, tilt 50 ms, insertion 200 ms"),
+        (
+            two_late,
+            "not held",
+            "out of step, behind the first by: roll 0 ms, tilt 50 ms, insertion 200 ms",
+        ),
         (more_torque, "not held", "torque is 1.40 times the predicted"),
         (noisy, "held", ""),
         (stalled_tilt, "not held", "(torque up to 78"),
@@ -311,19 +353,33 @@ def wrong_clock(it: Executions) -> list:
     ],
 )
 def test_executions_of_the_shipped_plan_are_called_what_they_are(
-    shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str], execution, verdict: str, finding: str
+    shipped: Executions,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    execution,
+    verdict: str,
+    finding: str,
 ) -> None:
     files = write(shipped, execution(shipped), tmp_path)
-    words = [str(SHIPPED), *(f"{joint}={path}" for joint, path in files.items()), "--counts-per-turn", "4096"]
+    words = [
+        str(SHIPPED),
+        *(f"{joint}={path}" for joint, path in files.items()),
+        "--counts-per-turn",
+        "4096",
+    ]
     parser = argparse.ArgumentParser()
     command.compare_arguments(parser)
-    assert command.run_compare(parser.parse_args([*words, "--json"])) == (0 if verdict == "held" else 1)
+    assert command.run_compare(parser.parse_args([*words, "--json"])) == (
+        0 if verdict == "held" else 1
+    )
     document = json.loads(capsys.readouterr().out)
     assert (document["verdict"], document["held"]) == (verdict, verdict == "held")
     texts = [each["text"] for part in (document, *document["axes"]) for each in part["findings"]]
     assert finding in " ".join(texts)
     command.run_compare(parser.parse_args(words))
-    assert {"held": "held in", "not held": "NOT held", "cannot tell": "CANNOT TELL"}[verdict] in capsys.readouterr().out
+    assert {"held": "held in", "not held": "NOT held", "cannot tell": "CANNOT TELL"}[
+        verdict
+    ] in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("kind", FAULTS)
@@ -331,13 +387,17 @@ def test_seeded_faults_are_called_rightly(shipped: Executions, kind: str) -> Non
     """Two seeds of each here, fifty in the benchmark."""
     for seed in (0, 1):
         recordings, verdict, finding = shipped.faulty(kind, seed)
-        found = compare(shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, recordings)
+        found = compare(
+            shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, recordings
+        )
         assert (found.verdict, finding in kinds(found)) == (verdict, True), kinds(found)
 
 
 def test_a_healthy_run_raises_no_alarm(shipped: Executions) -> None:
     for seed in range(8):
-        found = compare(shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, shipped.healthy(seed))
+        found = compare(
+            shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, shipped.healthy(seed)
+        )
         assert found.held, kinds(found)
         assert abs(found.clock.rate - 1) == 0.0
 

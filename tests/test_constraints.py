@@ -13,7 +13,9 @@ PINS = Path(__file__).parent.parent / "constraints.txt"
 EXTRAS = ("test", "docs", "lint", "bench", "dask", "optuna", "ros2", "completion")
 
 
-def needed(name: str, extras: frozenset[str], seen: set[tuple[str, frozenset[str]]]) -> Iterator[str]:
+def needed(
+    name: str, extras: frozenset[str], seen: set[tuple[str, frozenset[str]]]
+) -> Iterator[str]:
     """Installed distributions that one needs with these extras, however far down."""
     if (name, extras) in seen:
         return
@@ -25,9 +27,13 @@ def needed(name: str, extras: frozenset[str], seen: set[tuple[str, frozenset[str
     yield name
     for text in found.requires or ():
         requirement = Requirement(text)
-        wanted = requirement.marker is None or any(requirement.marker.evaluate({"extra": e}) for e in ("", *extras))
+        wanted = requirement.marker is None or any(
+            requirement.marker.evaluate({"extra": e}) for e in ("", *extras)
+        )
         if wanted:
-            yield from needed(canonicalize_name(requirement.name), frozenset(requirement.extras), seen)
+            yield from needed(
+                canonicalize_name(requirement.name), frozenset(requirement.extras), seen
+            )
 
 
 def test_every_package_that_is_installed_has_a_version_in_the_tested_set() -> None:

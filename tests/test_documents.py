@@ -34,7 +34,9 @@ def outside_code(text: str) -> str:
 
 def anchors(page: Path) -> set[str]:
     headings = re.findall(r"^#+ (.+)$", BLOCK.sub("", page.read_text(encoding="utf-8")), re.M)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings
+    }
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -92,7 +94,13 @@ def test_blocks_of_yaml_can_be_read_and_problems_load(name: str, tmp_path: Path)
             assert load_study(tmp_path / "study.yaml").vary
         elif isinstance(data, dict) and {"start", "limits", "eye"} & set(data):
             complete = {"robot", "start", "motion"} <= set(data)
-            rest = {} if complete else yaml.safe_load((ROOT / "problems/tilt_insert.yaml").read_text(encoding="utf-8"))
+            rest = (
+                {}
+                if complete
+                else yaml.safe_load(
+                    (ROOT / "problems/tilt_insert.yaml").read_text(encoding="utf-8")
+                )
+            )
             whole = {**rest, **data}
             named = ROOT / "problems/robots" / Path(whole["robot"]).name
             file = tmp_path / f"{k}.yaml"
@@ -119,7 +127,10 @@ STANDS_FOR = {
     "my_drives.yaml": "problems/controllers/epos4.yaml",
     "csv|epos4|pvt|ros2|urdf|c": "csv",
     "TIME": "1s",
-    **{name: f"problems/catalogues/{name}" for name in ("motors_24v.csv", "worms.csv", "screws.csv")},
+    **{
+        name: f"problems/catalogues/{name}"
+        for name in ("motors_24v.csv", "worms.csv", "screws.csv")
+    },
 }
 """What the words in capitals, and files that a reader would have, are in the tests."""
 FILES = {"retime": "path.csv", "new": "made.yaml", "identify": "identified.yaml"}
@@ -149,8 +160,14 @@ FAILING = {"simulate PLAN --stall tilt@1s": 1}
 
 def whole_commands() -> list[str]:
     """Every command of the documents once, without those that name it alone in a sentence."""
-    lines = [" ".join(words) for page in PAGES if page.stem != "tutorial" for words in commands(page)]
-    alone = {*COMMANDS, "new robot robot.yaml", "workspace robot.yaml"}  # the tutorial runs these two
+    lines = [
+        " ".join(words) for page in PAGES if page.stem != "tutorial" for words in commands(page)
+    ]
+    alone = {
+        *COMMANDS,
+        "new robot robot.yaml",
+        "workspace robot.yaml",
+    }  # the tutorial runs these two
     return sorted({line for line in lines if line not in alone and line.split()[0] in COMMANDS})
 
 
@@ -179,16 +196,22 @@ def test_what_is_not_run_is_in_the_documents() -> None:
     assert all(any(line.startswith(start) for line in whole_commands()) for start in NOT_RUN)
 
 
-RUN = {" ".join(filled(line)): line for line in whole_commands() if not line.startswith(tuple(NOT_RUN))}
+RUN = {
+    " ".join(filled(line)): line for line in whole_commands() if not line.startswith(tuple(NOT_RUN))
+}
 """By what is run the line of a document; lines that come to the same are run once."""
 
 
 @pytest.mark.parametrize("line", sorted(RUN.values()))
-def test_a_command_of_the_documents_runs(line: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_of_the_documents_runs(
+    line: str, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Within this process, in a folder like a checkout."""
     monkeypatch.chdir(place)
     folder = f"out/{line.split()[0]}"
-    assert main([folder if word == "DIR" else word for word in filled(line)]) == FAILING.get(line, 0)
+    assert main([folder if word == "DIR" else word for word in filled(line)]) == FAILING.get(
+        line, 0
+    )
 
 
 def test_python_in_the_readme_runs(tmp_path: Path) -> None:
@@ -201,20 +224,31 @@ def test_python_in_the_readme_runs(tmp_path: Path) -> None:
 
 
 def test_messages_of_the_faq_are_the_programs() -> None:
-    source = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "ssm_planner").rglob("*.py"))
-    for heading in re.findall(r"^## (.+)$", (ROOT / "docs/faq.md").read_text(encoding="utf-8"), re.M):
+    source = "".join(
+        file.read_text(encoding="utf-8") for file in (ROOT / "ssm_planner").rglob("*.py")
+    )
+    for heading in re.findall(
+        r"^## (.+)$", (ROOT / "docs/faq.md").read_text(encoding="utf-8"), re.M
+    ):
         assert heading in source, heading
 
 
 def test_every_page_is_in_the_site() -> None:
     listed = set((ROOT / "docs/index.md").read_text(encoding="utf-8").split())
     assert {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"} <= listed
-    assert all((ROOT / "docs" / f"{name}.md").exists() for name in listed & {"tutorial", "cad", "glossary", "faq"})
+    assert all(
+        (ROOT / "docs" / f"{name}.md").exists()
+        for name in listed & {"tutorial", "cad", "glossary", "faq"}
+    )
 
 
-def run(words: list[str], folder: Path, text: str | None = None) -> subprocess.CompletedProcess[str]:
+def run(
+    words: list[str], folder: Path, text: str | None = None
+) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100"}
-    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, input=text)
+    return subprocess.run(
+        words, cwd=folder, env=environment, capture_output=True, text=True, input=text
+    )
 
 
 def test_the_tutorial_does_what_it_says(tmp_path: Path) -> None:

@@ -31,7 +31,9 @@ COMMAND = {f"run_{name}" for name in COMMANDS} | {f"{name}_arguments" for name i
 Definition = ast.FunctionDef | ast.ClassDef
 
 
-def public(tree: ast.Module, open_classes: Collection[str] = ()) -> Iterator[tuple[str, Definition]]:
+def public(
+    tree: ast.Module, open_classes: Collection[str] = ()
+) -> Iterator[tuple[str, Definition]]:
     """Public functions and classes of a module, and the public methods of those classes that users hold in hand."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
@@ -48,7 +50,9 @@ def undocumented(tree: ast.Module, open_classes: Collection[str] = ()) -> list[s
 def said_elsewhere(name: str) -> bool:
     """A command's function, or a method that does what its base class says of it."""
     owner, _, method = name.rpartition(".")
-    return name in COMMAND or bool(owner and inspect.getdoc(getattr(getattr(ssm_planner, owner), method)))
+    return name in COMMAND or bool(
+        owner and inspect.getdoc(getattr(getattr(ssm_planner, owner), method))
+    )
 
 
 def without_shape(tree: ast.Module, open_classes: Collection[str] = ()) -> list[str]:
@@ -57,7 +61,9 @@ def without_shape(tree: ast.Module, open_classes: Collection[str] = ()) -> list[
         name
         for name, node in public(tree, open_classes)
         if isinstance(node, ast.FunctionDef)
-        and ARRAY.search(f"{ast.unparse(node.args)} {ast.unparse(node.returns) if node.returns else ''}")
+        and ARRAY.search(
+            f"{ast.unparse(node.args)} {ast.unparse(node.returns) if node.returns else ''}"
+        )
         and not SHAPE.search(ast.get_docstring(node) or "")
     ]
 
@@ -93,7 +99,9 @@ def test_a_module_says_what_it_holds(name: str) -> None:
 
 @pytest.mark.parametrize("name", TREES)
 def test_every_public_name_has_a_docstring(name: str) -> None:
-    assert not [each for each in undocumented(TREES[name], ssm_planner.__all__) if not said_elsewhere(each)]
+    assert not [
+        each for each in undocumented(TREES[name], ssm_planner.__all__) if not said_elsewhere(each)
+    ]
 
 
 @pytest.mark.parametrize("name", TREES)

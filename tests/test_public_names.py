@@ -30,7 +30,9 @@ CALLABLE = f"assert all(callable(getattr(ssm_planner, name)) for name in {sorted
 
 
 def run(code: str) -> None:
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT)
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT
+    )
 
 
 def test_these_names_and_no_others() -> None:
@@ -99,7 +101,12 @@ def words(annotation: ast.expr | None) -> set[str]:
 
 def in_signature(node: ast.FunctionDef) -> set[str]:
     a = node.args
-    arguments = [*a.posonlyargs, *a.args, *a.kwonlyargs, *(each for each in (a.vararg, a.kwarg) if each)]
+    arguments = [
+        *a.posonlyargs,
+        *a.args,
+        *a.kwonlyargs,
+        *(each for each in (a.vararg, a.kwarg) if each),
+    ]
     return set().union(words(node.returns), *(words(each.annotation) for each in arguments))
 
 
@@ -107,7 +114,11 @@ def in_class(node: ast.ClassDef) -> set[str]:
     """Names in the fields and in the public methods and properties."""
     found: set[str] = set()
     for part in node.body:
-        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and part.target.id[0] != "_":
+        if (
+            isinstance(part, ast.AnnAssign)
+            and isinstance(part.target, ast.Name)
+            and part.target.id[0] != "_"
+        ):
             found |= words(part.annotation)
         if isinstance(part, ast.FunctionDef) and (part.name[0] != "_" or part.name == "__init__"):
             found |= in_signature(part)
@@ -116,7 +127,9 @@ def in_class(node: ast.ClassDef) -> set[str]:
 
 def of_this_package(module: str) -> set[str]:
     """Classes and types that a module defines, or takes from other modules of the package."""
-    tree = ast.parse(Path(importlib.import_module(module).__file__ or "").read_text(encoding="utf-8"))
+    tree = ast.parse(
+        Path(importlib.import_module(module).__file__ or "").read_text(encoding="utf-8")
+    )
     taken = {
         alias.asname or alias.name
         for node in ast.walk(tree)
@@ -135,7 +148,13 @@ def of_this_package(module: str) -> set[str]:
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_every_name_in_a_public_signature_is_public(name: str) -> None:
     value = getattr(ssm_planner, name)
-    kinds = [value] if inspect.isfunction(value) else inspect.getmro(value) if inspect.isclass(value) else []
+    kinds = (
+        [value]
+        if inspect.isfunction(value)
+        else inspect.getmro(value)
+        if inspect.isclass(value)
+        else []
+    )
     for kind in kinds:
         if kind.__module__.startswith("ssm_planner"):
             node = ast.parse(inspect.cleandoc("\n" + inspect.getsource(kind))).body[0]
@@ -178,22 +197,40 @@ def test_importing_the_package_loads_nothing() -> None:
 def test_a_session_in_python(tmp_path: Path) -> None:
     """The README's lines; what they return agrees with itself and with the command."""
     problem = ssm_planner.load_problem(ROOT / "problems/tilt_insert.yaml")
-    assert problem.robot.name == ssm_planner.load_robot(ROOT / "problems/robots/vitreoretinal.yaml").name
+    assert (
+        problem.robot.name
+        == ssm_planner.load_robot(ROOT / "problems/robots/vitreoretinal.yaml").name
+    )
     plan = ssm_planner.plan(problem)
     assert plan.passed
     found = ssm_planner.check(plan)
     assert found.to_dict() == plan.certificate.to_dict()
-    assert ssm_planner.check(plan.trajectory, problem.robot, problem.task_limits).to_dict() == found.to_dict()
+    assert (
+        ssm_planner.check(plan.trajectory, problem.robot, problem.task_limits).to_dict()
+        == found.to_dict()
+    )
     assert ssm_planner.size(plan).to_dict() == plan.sizing.to_dict()
     files, manifest = ssm_planner.export(plan, "csv", tmp_path / "csv")
     assert manifest["verified"] is True
     assert ssm_planner.check(files["trajectory.csv"], problem.robot, problem.task_limits).passed
-    assert main(["check", str(files["trajectory.csv"]), "--problem", str(ROOT / "problems/tilt_insert.yaml")]) == 0
+    assert (
+        main(
+            [
+                "check",
+                str(files["trajectory.csv"]),
+                "--problem",
+                str(ROOT / "problems/tilt_insert.yaml"),
+            ]
+        )
+        == 0
+    )
 
 
 def test_candidates_and_conditions_of_size() -> None:
     motor = ROOT / "problems/motors/maxon_ecx_speed_13_m.yaml"
-    sizing = ssm_planner.size(ROOT / "results/tilt_insert/plan.json", {"insertion": [motor]}, pause=1.0)
+    sizing = ssm_planner.size(
+        ROOT / "results/tilt_insert/plan.json", {"insertion": [motor]}, pause=1.0
+    )
     assert sizing.conditions.pause == 1.0
     assert [verdict.joint for verdict in sizing.verdicts] == ["roll", "tilt", "insertion"]
 
@@ -211,7 +248,9 @@ def test_identify_and_predict_give_values() -> None:
 
 def test_the_lines_in_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = re.search(
-        r"## From Python\n\n```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+        r"## From Python\n\n```python\n(.*?)```",
+        (ROOT / "README.md").read_text(encoding="utf-8"),
+        re.DOTALL,
     )
     assert found is not None
     shutil.copytree(ROOT / "problems", tmp_path / "problems")
@@ -235,10 +274,14 @@ ssm.load_plan("out").trajectory.sample(0.001)
 """
 
 
-def test_a_problem_made_in_python_is_planned_saved_and_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_problem_made_in_python_is_planned_saved_and_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(AS_A_LIBRARY, names)
     assert names["plan"].passed
-    assert {"plan.json", "report.html", "trajectory.csv"} < {path.name for path in Path("out").iterdir()}
+    assert {"plan.json", "report.html", "trajectory.csv"} < {
+        path.name for path in Path("out").iterdir()
+    }
     assert ssm_planner.load_plan("out").to_json() == names["plan"].to_json()

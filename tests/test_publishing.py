@@ -15,7 +15,14 @@ import pytest
 from ssm_planner import atomic, publishing
 from ssm_planner.atomic import replacing
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.publishing import EXPORT, check_generation, file_name, hashes, publishing_results, read_manifest
+from ssm_planner.publishing import (
+    EXPORT,
+    check_generation,
+    file_name,
+    hashes,
+    publishing_results,
+    read_manifest,
+)
 
 OLD, NEW = "a" * 64, "b" * 64
 KINDS = {"plan.json": "plan", "report.html": "page", "trajectory.csv": "rows"}
@@ -38,7 +45,11 @@ def export(folder: Path, **files: str) -> None:
 
 
 def content(folder: Path) -> dict[str, str]:
-    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_a_folder_holds_one_generation_and_keeps_what_others_put_there(tmp_path: Path) -> None:
@@ -49,7 +60,9 @@ def test_a_folder_holds_one_generation_and_keeps_what_others_put_there(tmp_path:
     assert set(read_manifest(out)["files"]) == {*KINDS, "motion.pdf"}
     check_generation(out)
     publish(out, NEW)
-    assert set(content(out)) == {*KINDS, "manifest.json", "notes.txt"}, "the earlier plan's figure is stale"
+    assert set(content(out)) == {*KINDS, "manifest.json", "notes.txt"}, (
+        "the earlier plan's figure is stale"
+    )
     check_generation(out)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
@@ -179,7 +192,8 @@ def test_a_symbolic_link_is_followed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("umask", "file", "folder"), [(0o022, 0o644, 0o755), (0o077, 0o600, 0o700), (0o002, 0o664, 0o775)]
+    ("umask", "file", "folder"),
+    [(0o022, 0o644, 0o755), (0o077, 0o600, 0o700), (0o002, 0o664, 0o775)],
 )
 def test_the_umask_decides_who_may_read(tmp_path: Path, umask: int, file: int, folder: int) -> None:
     before = os.umask(umask)
@@ -194,7 +208,9 @@ def test_the_umask_decides_who_may_read(tmp_path: Path, umask: int, file: int, f
     assert stat.S_IMODE((tmp_path / "one").stat().st_mode) == file
 
 
-def test_signals_wait_while_files_change_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_signals_wait_while_files_change_places(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     publish(tmp_path, OLD)
     replace = Path.replace
 
@@ -209,7 +225,9 @@ def test_signals_wait_while_files_change_places(tmp_path: Path, monkeypatch: pyt
     check_generation(tmp_path)
 
 
-def test_folders_that_a_killed_process_left_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folders_that_a_killed_process_left_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     left = tmp_path / ".out-0123456789ab"
     left.mkdir()
     publish(tmp_path / "out", OLD)
@@ -227,7 +245,21 @@ def test_folders_that_a_killed_process_left_are_removed(tmp_path: Path, monkeypa
 
 @pytest.mark.parametrize(
     "name",
-    ["../../x", "/etc/x", "..", ".", "", "a/b", "a\\b", "a\0b", "a\nb", "x" * 5000, ".hidden", "\udcff", "motion é"],
+    [
+        "../../x",
+        "/etc/x",
+        "..",
+        ".",
+        "",
+        "a/b",
+        "a\\b",
+        "a\0b",
+        "a\nb",
+        "x" * 5000,
+        ".hidden",
+        "\udcff",
+        "motion é",
+    ],
 )
 def test_names_are_data_and_never_paths(name: str, tmp_path: Path) -> None:
     made = file_name(name)

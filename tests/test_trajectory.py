@@ -16,7 +16,12 @@ def random_trajectory(seed: int, pieces: int = 5) -> Trajectory:
     breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.5, pieces))])
     states = [rng.normal(size=(pieces + 1, 4)) for _ in range(3)]
     start, end = tuple(x[:-1] for x in states), tuple(x[1:] for x in states)
-    return join([("move", breaks, hermite(breaks, start, end)), ("rest", np.array([0.0, 0.3]), hold(states[0][-1]))])
+    return join(
+        [
+            ("move", breaks, hermite(breaks, start, end)),
+            ("rest", np.array([0.0, 0.3]), hold(states[0][-1])),
+        ]
+    )
 
 
 @given(seed=st.integers(0, 1000))
@@ -87,4 +92,6 @@ def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float)
     assert np.allclose(cubic.end, cubic.at(1.0)[:2], rtol=1e-12, atol=1e-12)
     assert cubic.jerk == pytest.approx(acceleration.deriv()(0.0))
     bernstein = np.array([v, cubic.middle_velocity, cubic.end[1]])
-    assert np.array([(1 - c) ** 2, 2 * c * (1 - c), c**2]) @ bernstein == pytest.approx(exact[1], rel=1e-9, abs=1e-12)
+    assert np.array([(1 - c) ** 2, 2 * c * (1 - c), c**2]) @ bernstein == pytest.approx(
+        exact[1], rel=1e-9, abs=1e-12
+    )

@@ -15,10 +15,32 @@ FUNCTION_NODES = 60
 ARITHMETIC_NODES = 25
 """The same for expressions of arithmetic alone, which are laws."""
 PREFIXES = {"np", "numpy", "ca", "casadi", "math", "xp"}
-SAME = {"fmax": "maximum", "fmin": "minimum", "if_else": "where", "fabs": "abs", "arctan2": "atan2", "norm_2": "norm"}
+SAME = {
+    "fmax": "maximum",
+    "fmin": "minimum",
+    "if_else": "where",
+    "fabs": "abs",
+    "arctan2": "atan2",
+    "norm_2": "norm",
+}
 """What NumPy and CasADi call differently."""
 SCALES = {1e-3, 1e3, 1e-6, 60.0}
-UNITS = {"mm", "deg", "deg/s", "mm/s", "mN·m", "rpm", "ms", "rad/s", "m/s", "mA", "kHz", "g", "min", "µm"}
+UNITS = {
+    "mm",
+    "deg",
+    "deg/s",
+    "mm/s",
+    "mN·m",
+    "rpm",
+    "ms",
+    "rad/s",
+    "m/s",
+    "mA",
+    "kHz",
+    "g",
+    "min",
+    "µm",
+}
 
 
 class _Shape(ast.NodeTransformer):
@@ -41,17 +63,32 @@ class _Shape(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         # a function that is called by its bare name counts by that name
-        called = ast.Name(node.func.id, ast.Load()) if isinstance(node.func, ast.Name) else self.visit(node.func)
-        return ast.Call(called, [self.visit(each) for each in node.args], [self.visit(each) for each in node.keywords])
+        called = (
+            ast.Name(node.func.id, ast.Load())
+            if isinstance(node.func, ast.Name)
+            else self.visit(node.func)
+        )
+        return ast.Call(
+            called,
+            [self.visit(each) for each in node.args],
+            [self.visit(each) for each in node.keywords],
+        )
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
-        return self.visit(ast.Assign([node.target], node.value, lineno=0)) if node.value else ast.Pass()
+        return (
+            self.visit(ast.Assign([node.target], node.value, lineno=0))
+            if node.value
+            else ast.Pass()
+        )
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         body = node.body
         if isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
             body = body[1:]
-        arguments = [self.visit(arg) for arg in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+        arguments = [
+            self.visit(arg)
+            for arg in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+        ]
         return ast.Module([*arguments, *(self.visit(each) for each in body)], [])
 
 
@@ -79,8 +116,14 @@ ARITHMETIC = (
 
 def laws(tree: ast.AST) -> list[ast.AST]:
     """Right-hand sides and results that are arithmetic alone."""
-    values = [node.value for node in ast.walk(tree) if isinstance(node, (ast.Return, ast.Assign)) and node.value]
-    return [value for value in values if all(isinstance(part, ARITHMETIC) for part in ast.walk(value))]
+    values = [
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.Return, ast.Assign)) and node.value
+    ]
+    return [
+        value for value in values if all(isinstance(part, ARITHMETIC) for part in ast.walk(value))
+    ]
 
 
 def twins(sources: dict[str, str]) -> list[list[str]]:
@@ -88,7 +131,9 @@ def twins(sources: dict[str, str]) -> list[list[str]]:
     found: dict[str, list[str]] = defaultdict(list)
     for name, text in sources.items():
         tree = ast.parse(text)
-        for node, least in [(f, FUNCTION_NODES) for f in functions(tree)] + [(v, ARITHMETIC_NODES) for v in laws(tree)]:
+        for node, least in [(f, FUNCTION_NODES) for f in functions(tree)] + [
+            (v, ARITHMETIC_NODES) for v in laws(tree)
+        ]:
             nodes, digest = shape(node)
             if nodes >= least:
                 found[digest].append(f"{name}:{node.lineno}")
@@ -102,18 +147,28 @@ def scale_tables(sources: dict[str, str]) -> list[str]:
         for node in ast.walk(ast.parse(text)):
             if not isinstance(node, ast.Dict) or len(node.keys) < 3:
                 continue
-            keys = [key.value for key in node.keys if isinstance(key, ast.Constant) and isinstance(key.value, str)]
+            keys = [
+                key.value
+                for key in node.keys
+                if isinstance(key, ast.Constant) and isinstance(key.value, str)
+            ]
             scaled = [
                 value
                 for value in node.values
-                if any(isinstance(part, ast.Constant) and part.value in SCALES for part in ast.walk(value))
+                if any(
+                    isinstance(part, ast.Constant) and part.value in SCALES
+                    for part in ast.walk(value)
+                )
             ]
             if len(set(keys) & UNITS) >= 2 and scaled:
                 found.append(f"{name}:{node.lineno}")
     return found
 
 
-SOURCES = {str(file.relative_to(PACKAGE)): file.read_text(encoding="utf-8") for file in sorted(PACKAGE.rglob("*.py"))}
+SOURCES = {
+    str(file.relative_to(PACKAGE)): file.read_text(encoding="utf-8")
+    for file in sorted(PACKAGE.rglob("*.py"))
+}
 
 
 def test_no_function_and_no_law_stands_twice() -> None:
@@ -143,7 +198,9 @@ def torque_of_mesh(gear: Gear, load: ca.SX, way: ca.SX, coefficient: ca.SX) -> c
 
 def test_a_twin_under_other_names_is_found() -> None:
     assert twins({"numpy.py": FRICTION, "casadi.py": TWIN}) == [["numpy.py:2", "casadi.py:2"]]
-    assert not twins({"numpy.py": FRICTION, "casadi.py": TWIN.replace("spread * abs(load)", "spread * load")})
+    assert not twins(
+        {"numpy.py": FRICTION, "casadi.py": TWIN.replace("spread * abs(load)", "spread * load")}
+    )
 
 
 @pytest.mark.parametrize("names", [("a", "b", "c", "d"), ("slope", "inertia", "w", "wd")])
@@ -156,4 +213,6 @@ def test_a_law_written_again_is_found(names: tuple[str, str, str, str]) -> None:
 def test_a_table_of_units_is_found() -> None:
     table = 'SCALE = {"deg": math.pi / 180, "mm": 1e-3, "s": 1.0}\n'
     assert scale_tables({"elsewhere.py": table}) == ["elsewhere.py:1"]
-    assert not scale_tables({"elsewhere.py": 'NAMES = {"deg": "degrees", "mm": "millimetres", "s": "seconds"}\n'})
+    assert not scale_tables(
+        {"elsewhere.py": 'NAMES = {"deg": "degrees", "mm": "millimetres", "s": "seconds"}\n'}
+    )

@@ -108,7 +108,9 @@ def test_as_pint_converts(kind: str) -> None:
 @pytest.mark.parametrize("text", ["3 kilograms", "2 kilogram", "40 g", "40 grams"])
 def test_units_written_out_have_plurals(text: str) -> None:
     amount, unit = text.split()
-    assert quantity(text, "mass") == pytest.approx(float(amount) * (1e-3 if unit[0] == "g" else 1.0))
+    assert quantity(text, "mass") == pytest.approx(
+        float(amount) * (1e-3 if unit[0] == "g" else 1.0)
+    )
 
 
 @pytest.mark.parametrize("text", ["3 cms", "3 kmm", "3 s_", "3 mmm"])
@@ -119,7 +121,9 @@ def test_neither_two_prefixes_nor_plurals_of_symbols(text: str) -> None:
 
 @given(NUMBERS)
 def test_prefixes_agree(value: float) -> None:
-    assert quantity(f"{value!r} mN*m", "torque") == pytest.approx(quantity(f"{value / 1000!r} N*m", "torque"))
+    assert quantity(f"{value!r} mN*m", "torque") == pytest.approx(
+        quantity(f"{value / 1000!r} N*m", "torque")
+    )
 
 
 @given(st.floats(-700, 700))
@@ -145,7 +149,10 @@ def outcome(text: str, kind: str) -> float | str:
         return str(error)
 
 
-@given(st.text(max_size=30) | st.text("0123456789.eE+-*/^() mNgskradegV1", max_size=20), st.sampled_from(sorted(KINDS)))
+@given(
+    st.text(max_size=30) | st.text("0123456789.eE+-*/^() mNgskradegV1", max_size=20),
+    st.sampled_from(sorted(KINDS)),
+)
 def test_any_text_is_read_or_refused(text: str, kind: str) -> None:
     for written in (text, "1 " + text):
         result = outcome(written, kind)
@@ -155,7 +162,9 @@ def test_any_text_is_read_or_refused(text: str, kind: str) -> None:
 def test_vectors_and_intervals() -> None:
     assert vector("(1, -2, 3e1) mm", ("length",) * 3) == pytest.approx((0.001, -0.002, 0.03))
     assert vector(["1 mm", "2 mm"], ("length",) * 2) == pytest.approx((0.001, 0.002))
-    assert interval(["-139 deg", "-81 deg"], "angle") == pytest.approx((math.radians(-139), math.radians(-81)))
+    assert interval(["-139 deg", "-81 deg"], "angle") == pytest.approx(
+        (math.radians(-139), math.radians(-81))
+    )
 
 
 @pytest.mark.parametrize(

@@ -34,10 +34,16 @@ COMMANDS = {
     "retime": ("retime", "anyone's path of the joints, timed by TOPP-RA and checked"),
     "check": ("check", "certificate for a plan.json, a CSV or a JointTrajectory of anyone's"),
     "export": ("export", "files for the controller: csv, epos4, pvt, ros2, urdf, c"),
-    "simulate": ("simulate", "the exported set points played on the simulated arm, and what may go wrong"),
+    "simulate": (
+        "simulate",
+        "the exported set points played on the simulated arm, and what may go wrong",
+    ),
     "compare": ("compare", "a recording of the executed motion against the plan"),
     "size": ("size", "what the motion requires; which motors and gears satisfy it"),
-    "study": ("study", "candidate robots by the thousand: geometry, gears and motors over a set of motions"),
+    "study": (
+        "study",
+        "candidate robots by the thousand: geometry, gears and motors over a set of motions",
+    ),
     "report": ("pages", "a page with mechanism, plots and certificate; of two plans, a comparison"),
     "view": ("pages", "a local page: workspace, inverse kinematics and planning by sliders"),
     "workspace": ("kinematics", "closed-form tilt range, or the (alpha, beta) that reach a range"),
@@ -95,7 +101,9 @@ def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
     if as_json:
         import json
 
-        parts = {name: getattr(error, name, None) for name in ("file", "line", "key", "value", "allowed")}
+        parts = {
+            name: getattr(error, name, None) for name in ("file", "line", "key", "value", "allowed")
+        }
         parts["value"] = None if parts["value"] is None else str(parts["value"])
         print(json.dumps({"error": {"message": str(error), **parts}}, indent=1))
     return BAD_INPUT
@@ -139,7 +147,9 @@ class _Signals:
         """An interruption within a weak reference's callback or a finaliser is lost there: let it come once more."""
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._hook(unraisable)
-        elif self.arrived is not None:  # else it stops a search; from a thread: here it would be lost again
+        elif (
+            self.arrived is not None
+        ):  # else it stops a search; from a thread: here it would be lost again
             threading.Timer(AGAIN, self._again).start()
 
     def _again(self) -> None:
@@ -149,14 +159,22 @@ class _Signals:
 
 def _interrupted(signals: _Signals) -> int:
     """Say what an interruption leaves; its exit status."""
-    exec("")  # CPython remembers an interruption within exec(), and would end by SIGINT; the next exec() forgets it
+    exec(
+        ""
+    )  # CPython remembers an interruption within exec(), and would end by SIGINT; the next exec() forgets it
     atomic = sys.modules.get("ssm_planner.atomic")
     written = [str(path) for path in atomic.written] if atomic is not None else []
     if atomic is not None and signals.for_good:
         atomic.remove_temporaries()
-    left = f"written whole before that: {', '.join(written)}" if written else "earlier results are untouched"
+    left = (
+        f"written whole before that: {', '.join(written)}"
+        if written
+        else "earlier results are untouched"
+    )
     term = signals.arrived is not None and signals.arrived != signal.SIGINT
-    print(f"\nssm-planner: {'ended from outside' if term else 'interrupted'}; {left}", file=sys.stderr)
+    print(
+        f"\nssm-planner: {'ended from outside' if term else 'interrupted'}; {left}", file=sys.stderr
+    )
     return TERMINATED if term else INTERRUPTED
 
 
@@ -169,7 +187,11 @@ def _fault(error: Exception) -> int:
     place = error.__traceback__
     while place is not None and place.tb_next is not None:
         place = place.tb_next
-    where = "" if place is None else f" at {os.path.basename(place.tb_frame.f_code.co_filename)}:{place.tb_lineno}"
+    where = (
+        ""
+        if place is None
+        else f" at {os.path.basename(place.tb_frame.f_code.co_filename)}:{place.tb_lineno}"
+    )
     text = " ".join(f"{type(error).__name__}: {error}".split())
     print(
         f"ssm-planner: internal fault{where}: {text[:200]}; nothing of what you gave says so: please report it in {ISSUES}, "
@@ -193,15 +215,23 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     from ssm_planner.cli.terminal import Parser, UsageError, suggestion
 
     named = next((word for word in words if not word.startswith("-")), None)
-    if named is not None and named not in COMMANDS and not {"-h", "--help", "--version"} & set(words):
-        raise UsageError(f"no command {named!r}{suggestion(named, COMMANDS)} (allowed: {', '.join(COMMANDS)})")
+    if (
+        named is not None
+        and named not in COMMANDS
+        and not {"-h", "--help", "--version"} & set(words)
+    ):
+        raise UsageError(
+            f"no command {named!r}{suggestion(named, COMMANDS)} (allowed: {', '.join(COMMANDS)})"
+        )
     parser = Parser(
         prog="ssm-planner",
         description="Plan, verify and export motions of serial spherical mechanisms with self-locking drives.",
         epilog="Exit status: 0 done and every check passed; 1 infeasible, or a check failed; 2 bad input; "
         "3 a fault of this program; 130 interrupted; 143 ended by SIGTERM.",
     )
-    parser.add_argument("--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}")
+    parser.add_argument(
+        "--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}"
+    )
     asked = [*words, *os.environ.get("COMP_LINE", "").split()]
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (module, text) in COMMANDS.items():

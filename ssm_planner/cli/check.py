@@ -35,11 +35,17 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="plan.json, CSV (columns named with units), JointTrajectory (YAML or rosbag2), or folder of a plan or export",
     )
-    parser.add_argument("--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json")
     parser.add_argument(
-        "--problem", type=Path, help="problem file: its limits of the task, and its robot unless --robot is given"
+        "--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json"
     )
-    parser.add_argument("--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed")
+    parser.add_argument(
+        "--problem",
+        type=Path,
+        help="problem file: its limits of the task, and its robot unless --robot is given",
+    )
+    parser.add_argument(
+        "--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed"
+    )
     for end in ("start", "end"):
         parser.add_argument(
             f"--{end}-rate",
@@ -76,18 +82,26 @@ def run_check(options: argparse.Namespace) -> int:
         resolution=reading.resolution,
     ).with_more(reading.checks)
     progress("done")
-    document = {"trajectory": str(options.trajectory), "robot": robot.name, "notes": list(reading.notes)}
+    document = {
+        "trajectory": str(options.trajectory),
+        "robot": robot.name,
+        "notes": list(reading.notes),
+    }
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
     return OK if certificate.passed else FAILED
 
 
-def _check_speeds(options: argparse.Namespace, reading: Reading, robot: Robot, limits: TaskLimits) -> int:
+def _check_speeds(
+    options: argparse.Namespace, reading: Reading, robot: Robot, limits: TaskLimits
+) -> int:
     """The motion at one lower speed, or at all of a range; exit status. Raises ProblemError."""
     from ssm_planner.verification.slower import check_slower, check_speeds
 
     if reading.resolution is not None:
-        raise ProblemError("the trajectory is straight between its points", key="--speed", allowed="smooth motions")
+        raise ProblemError(
+            "the trajectory is straight between its points", key="--speed", allowed="smooth motions"
+        )
     slowest, dots, fastest = options.speed.partition("..")
     document: dict[str, Any] = {
         "trajectory": str(options.trajectory),
@@ -98,10 +112,15 @@ def _check_speeds(options: argparse.Namespace, reading: Reading, robot: Robot, l
     if dots:
         if share(fastest) != 1.0:
             raise ProblemError(
-                "does not end at full speed", key="--speed", value=options.speed, allowed="such as 1%..100%"
+                "does not end at full speed",
+                key="--speed",
+                value=options.speed,
+                allowed="such as 1%..100%",
             )
         found = check_speeds(reading.trajectory, robot, limits, speed)
-        certificate = min((each for _, each in found.certificates), key=lambda each: each.worst.margin)
+        certificate = min(
+            (each for _, each in found.certificates), key=lambda each: each.worst.margin
+        )
         speed = next(factor for factor, each in found.certificates if each is certificate)
         lines = speed_lines(found)
         document["speeds"] = found.to_dict()
@@ -109,7 +128,11 @@ def _check_speeds(options: argparse.Namespace, reading: Reading, robot: Robot, l
         certificate = check_slower(reading.trajectory, robot, limits, speed, reading.interpolation)
     document |= {"speed": speed, **certificate.to_dict()}
     heading = f"at {100 * speed:.4g} % of the speed{', where a limit is nearest' if dots else ''}:"
-    show(options.json, document, lambda: [*lines, heading, *certificate_lines(certificate, reading.notes, robot)])
+    show(
+        options.json,
+        document,
+        lambda: [*lines, heading, *certificate_lines(certificate, reading.notes, robot)],
+    )
     return OK if certificate.passed else FAILED
 
 
@@ -140,7 +163,9 @@ def speed_lines(found: SpeedRange) -> list[str]:
     ]
 
 
-def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) -> tuple[Reading, Robot, TaskLimits]:
+def read(
+    path: Path, robot_file: Path | None, problem_file: Path | None = None
+) -> tuple[Reading, Robot, TaskLimits]:
     """(trajectory, robot, limits of the task) of a file.
 
     A plan.json brings its own robot and limits; those of a problem file come first, a robot file before both. Raises
@@ -152,16 +177,28 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
     from ssm_planner.problem.problem import TaskLimits
 
     problem = None if problem_file is None else load_problem(problem_file)
-    robot = load_robot(robot_file) if robot_file is not None else None if problem is None else problem.robot
+    robot = (
+        load_robot(robot_file)
+        if robot_file is not None
+        else None
+        if problem is None
+        else problem.robot
+    )
     limits = None if problem is None else problem.task_limits
     if path.suffix.lower() == ".json" or (path / PLAN_FILE).is_file():
         from ssm_planner.formats.points import Reading
         from ssm_planner.plans import load_plan
 
         plan = load_plan(path)
-        notes = [] if plan.doubt is None else [f"the certificate in the file does not hold: {plan.doubt}"]
+        notes = (
+            []
+            if plan.doubt is None
+            else [f"the certificate in the file does not hold: {plan.doubt}"]
+        )
         if robot is None:
-            notes.append("robot and limits are the plan's own: give --robot or --problem to hold it against others")
+            notes.append(
+                "robot and limits are the plan's own: give --robot or --problem to hold it against others"
+            )
         else:
             notes += plan.limits_unlike(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
@@ -176,7 +213,9 @@ def read(path: Path, robot_file: Path | None, problem_file: Path | None = None) 
         f"the limits between its rows: `ssm-planner export {path.parent} --to csv`"
     )
     if robot is None:
-        reason = "does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+        reason = (
+            "does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+        )
         raise TrajectoryError(f"{path}: {reason}{f'; {instead}' if sampled else ''}")
     limits = TaskLimits(robot.limits) if limits is None else limits.within(robot)
     reading = read_trajectory(path, robot)
@@ -203,7 +242,9 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
         name, _, value = (part.strip() for part in word.partition("="))
         if name not in TASK:
             allowed = f"any, or {', '.join(TASK)}"
-            raise ProblemError("no task coordinate", key=option, value=word.strip(), allowed=allowed)
+            raise ProblemError(
+                "no task coordinate", key=option, value=word.strip(), allowed=allowed
+            )
         kind = "velocity" if name == "depth" else "angular_velocity"
         rates[name] = part_quantity(option, value, kind, whole=word.strip())
     return rates
@@ -213,7 +254,9 @@ def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: R
     """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
     from ssm_planner.reporting.text import limits_table
 
-    verdict = "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
+    verdict = (
+        "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
+    )
     how = f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes"
     lines = [f"check: {verdict}", how, ""]
     lines += limits_table(certificate.limits).lines()

@@ -29,7 +29,10 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         "not given",
     )
     parser.add_argument(
-        "--counts-per-turn", type=int, metavar="N", help="increments per motor turn of a position channel"
+        "--counts-per-turn",
+        type=int,
+        metavar="N",
+        help="increments per motor turn of a position channel",
     )
     parser.add_argument(
         "--lag",
@@ -49,7 +52,9 @@ def run_compare(options: argparse.Namespace) -> int:
 
     plan = load_plan(options.plan)
     named = assign(options.recordings, plan.robot)
-    recordings = [read_measured(path, plan.robot, joint, options.counts_per_turn) for joint, path in named]
+    recordings = [
+        read_measured(path, plan.robot, joint, options.counts_per_turn) for joint, path in named
+    ]
     progress("comparing")
     found = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
     progress("done")
@@ -65,26 +70,67 @@ def compare_lines(found: Comparison) -> list[str]:
 
     clock = found.clock
     rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"
-    played = f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed" if clock.slower else ""
-    answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(found.verdict, "CANNOT TELL")
+    played = (
+        f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed"
+        if clock.slower
+        else ""
+    )
+    answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(
+        found.verdict, "CANNOT TELL"
+    )
     lines = [f"margins: {answer}", ""]
-    lines += [f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}{played}", ""]
+    lines += [
+        f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}{played}",
+        "",
+    ]
     errors = []
     for axis in found:
-        shares = (fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque"))
+        shares = (
+            fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque")
+        )
         began = axis.alignment
-        errors.append((axis.joint, axis.recording, fixed(began.delay, 4), fixed(began.correlation, 4), *shares))
-    header = ("axis", "recording", "begins at s", "correlation", "NRMSD position", "speed", "torque")
+        errors.append(
+            (
+                axis.joint,
+                axis.recording,
+                fixed(began.delay, 4),
+                fixed(began.correlation, 4),
+                *shares,
+            )
+        )
+    header = (
+        "axis",
+        "recording",
+        "begins at s",
+        "correlation",
+        "NRMSD position",
+        "speed",
+        "torque",
+    )
     lines += [*Table(header, errors, range(2, 7)).lines(), ""]
     rows = []
     for axis in found:
         for limit in axis.limits:
             unit, scale = unit_of_limit(limit)
-            values = number(scale * limit.measured, 5), number(scale * limit.noise, 2), number(scale * limit.limit, 5)
+            values = (
+                number(scale * limit.measured, 5),
+                number(scale * limit.noise, 2),
+                number(scale * limit.limit, 5),
+            )
             margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
             verdict = "EXCEEDED" if limit.verdict == "not held" else limit.verdict
             rows.append((limit.name, axis.joint, *values, unit, *margins, verdict))
-    of_limits = ("limit", "joint", "measured", "noise", "limit", "unit", "margin planned", "measured", "")
+    of_limits = (
+        "limit",
+        "joint",
+        "measured",
+        "noise",
+        "limit",
+        "unit",
+        "margin planned",
+        "measured",
+        "",
+    )
     lines += [*Table(of_limits, rows, (2, 3, 4, 6, 7)).lines(), ""]
     lines += [f"note: {axis.joint}: {note}" for axis in found for note in axis.notes]
     findings = [("", each) for each in found.findings]

@@ -5,7 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from ssm_planner.cli.shared import OK, output_arguments, plan_argument, progress_reporter, rate_argument, share, show
+from ssm_planner.cli.shared import (
+    OK,
+    output_arguments,
+    plan_argument,
+    progress_reporter,
+    rate_argument,
+    share,
+    show,
+)
 from ssm_planner.errors import ExportError
 
 FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
@@ -15,7 +23,9 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
     parser.add_argument("--to", required=True, choices=FORMATS, help="form to write")
     output_arguments(parser, "folder (default: beside the plan)")
-    parser.add_argument("--force", action="store_true", help="export an unverified plan too, in files marked so")
+    parser.add_argument(
+        "--force", action="store_true", help="export an unverified plan too, in files marked so"
+    )
     parser.add_argument(
         "--rate",
         type=rate_argument,
@@ -23,8 +33,12 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         help="csv: rows at equal distances (default: where the limits need them); epos4: setpoints per second (default "
         "1000); ros2: states in the bag (default 100)",
     )
-    parser.add_argument("--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque, or counts")
-    parser.add_argument("--mode", choices=("csp", "csv", "cst"), help="epos4: cyclic mode (default csp)")
+    parser.add_argument(
+        "--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque, or counts"
+    )
+    parser.add_argument(
+        "--mode", choices=("csp", "csv", "cst"), help="epos4: cyclic mode (default csp)"
+    )
     parser.add_argument(
         "--counts-per-turn",
         nargs="+",
@@ -32,11 +46,19 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         help="epos4, pvt, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder",
     )
     parser.add_argument(
-        "--speed", metavar="PERCENT", help="share of its speed at which the motion is exported, such as 10%%"
+        "--speed",
+        metavar="PERCENT",
+        help="share of its speed at which the motion is exported, such as 10%%",
     )
-    parser.add_argument("--stops", type=int, metavar="N", help="csv, epos4: also controlled stops from N instants")
-    parser.add_argument("--effort", action="store_true", default=None, help="ros2: give joint efforts too")
-    parser.add_argument("--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2")
+    parser.add_argument(
+        "--stops", type=int, metavar="N", help="csv, epos4: also controlled stops from N instants"
+    )
+    parser.add_argument(
+        "--effort", action="store_true", default=None, help="ros2: give joint efforts too"
+    )
+    parser.add_argument(
+        "--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2"
+    )
 
 
 def run_export(options: argparse.Namespace) -> int:
@@ -46,9 +68,13 @@ def run_export(options: argparse.Namespace) -> int:
 
     chosen: dict[str, Any] = {
         "rate": options.rate,
-        "columns": None if options.columns is None else [word.strip() for word in options.columns.split(",")],
+        "columns": None
+        if options.columns is None
+        else [word.strip() for word in options.columns.split(",")],
         "mode": options.mode,
-        "counts_per_turn": None if options.counts_per_turn is None else _counts(options.counts_per_turn),
+        "counts_per_turn": None
+        if options.counts_per_turn is None
+        else _counts(options.counts_per_turn),
         "effort": options.effort,
         "bag": options.bag,
         "speed": None if options.speed is None else share(options.speed),
@@ -61,7 +87,11 @@ def run_export(options: argparse.Namespace) -> int:
     lines = [f"note: {note}" for note in manifest.get("notes", [])]
     if not manifest["verified"]:
         lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
-    show(options.json, {**manifest, "files": paths}, lambda: [*lines, *(f"file: {path}" for path in paths.values())])
+    show(
+        options.json,
+        {**manifest, "files": paths},
+        lambda: [*lines, *(f"file: {path}" for path in paths.values())],
+    )
     return OK
 
 
@@ -74,5 +104,7 @@ def _counts(words: list[str]) -> int | dict[str, int]:
             raise ExportError(f"--counts-per-turn {word}: not [JOINT=]N with a whole number N")
         counts[joint] = int(number)
     if "" in counts and len(counts) > 1:
-        raise ExportError("--counts-per-turn: either one number for all joints, or JOINT=N for each")
+        raise ExportError(
+            "--counts-per-turn: either one number for all joints, or JOINT=N for each"
+        )
     return counts.get("", counts)

@@ -52,8 +52,12 @@ def run_schema(options: argparse.Namespace) -> int:
 
 def new_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = *EXAMPLES, "study"
-    parser.add_argument("kind", choices=kinds, help="kind of file; drive: of a worm gear, screw: of a lead screw")
-    parser.add_argument("file", type=Path, nargs="?", help="file to write (default: on stdout); it must not exist")
+    parser.add_argument(
+        "kind", choices=kinds, help="kind of file; drive: of a worm gear, screw: of a lead screw"
+    )
+    parser.add_argument(
+        "file", type=Path, nargs="?", help="file to write (default: on stdout); it must not exist"
+    )
 
 
 def run_new(options: argparse.Namespace) -> int:
@@ -65,7 +69,9 @@ def run_new(options: argparse.Namespace) -> int:
     from ssm_planner.atomic import replacing
 
     if options.file.exists():
-        raise ExportError(f"{options.file}: exists already; nothing of yours is overwritten: name another file")
+        raise ExportError(
+            f"{options.file}: exists already; nothing of yours is overwritten: name another file"
+        )
     with replacing(options.file) as temporary:
         temporary.write_text(text, encoding="utf-8")
     print(f"file: {options.file}")
@@ -78,7 +84,11 @@ def schema(kind: str) -> dict[str, Any]:
     from ssm_planner.studies.study_file import StudyModel
 
     found = StudyModel.model_json_schema() if kind == "study" else json_schema(kind)  # type: ignore[arg-type]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": f"ssm_planner {kind} file"}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **found,
+        "title": f"ssm_planner {kind} file",
+    }
 
 
 def file_keys(kind: str) -> tuple[Key, ...]:
@@ -98,7 +108,11 @@ def template(kind: str, name: str) -> str:
 
     known = {key.path: key for key in file_keys(kind)}
     data = STUDY if kind == "study" else read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
-    figures = "a study to begin with" if kind == "study" else f"the figures of the shipped {EXAMPLES[kind]}"
+    figures = (
+        "a study to begin with"
+        if kind == "study"
+        else f"the figures of the shipped {EXAMPLES[kind]}"
+    )
     kind = "drive" if kind == "screw" else kind
     head = [
         f"# A {kind} file with {figures}: put yours in their place.",
@@ -123,7 +137,11 @@ class _Writer:
         for place, key in self.known.items():
             name = place[len(path) :]
             if place.startswith(path) and "." not in name and name not in data and self._new(place):
-                default = f" {key.default}" if key.default not in ("", "required") else f" … {key.unit}".rstrip()
+                default = (
+                    f" {key.default}"
+                    if key.default not in ("", "required")
+                    else f" … {key.unit}".rstrip()
+                )
                 yield _commented(f"{'  ' * depth}# {name}:{default}", key)
 
     def _entry(self, name: str, value: Any, path: str, depth: int) -> Iterator[str]:
@@ -143,7 +161,11 @@ class _Writer:
 
     def _new(self, path: str) -> bool:
         """Whether a key was not described yet; joints that turn have the same ones."""
-        place = re.sub(r"\b(tilt|spin)\.", "roll.", path) if path.startswith(("joints.", "compliance.")) else path
+        place = (
+            re.sub(r"\b(tilt|spin)\.", "roll.", path)
+            if path.startswith(("joints.", "compliance."))
+            else path
+        )
         self.said, before = self.said | {place}, place in self.said
         return not before
 
@@ -157,13 +179,21 @@ def _commented(line: str, key: Key | None) -> str:
     if len(line) < COLUMN and COLUMN + len(text) < WIDTH:
         return f"{line.ljust(COLUMN)}# {text}"
     pad = " " * (len(line) - len(line.lstrip()))
-    return "\n".join([*wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# "), line])
+    return "\n".join(
+        [*wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# "), line]
+    )
 
 
 def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
     """A value on one line; files that are shipped by their names, which are found from anywhere."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items()) + "}"
+        return (
+            "{"
+            + ", ".join(
+                f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items()
+            )
+            + "}"
+        )
     if isinstance(value, list):
         return "[" + ", ".join(_flow(item, reference, True) for item in value) + "]"
     if isinstance(value, bool):

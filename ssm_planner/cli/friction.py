@@ -19,7 +19,9 @@ LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 
 
 def identify_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("drive", type=Path, help="drive file (YAML) with the rig's payload and recorder settings")
+    parser.add_argument(
+        "drive", type=Path, help="drive file (YAML) with the rig's payload and recorder settings"
+    )
     parser.add_argument(
         "recordings",
         type=Path,
@@ -28,14 +30,25 @@ def identify_arguments(parser: argparse.ArgumentParser) -> None:
         help="EPOS recorder files, CSV with named columns, or folders; none: the shipped table of figures of the rig",
     )
     output_arguments(
-        parser, "folder of the drive file and its map (default: results/<drive>); FILE.yaml names the drive file"
-    )
-    parser.add_argument("--law", choices=LAWS, default="auto", help="friction law (default: by blind error)")
-    parser.add_argument(
-        "--fix", action="append", default=[], metavar="NAME=VALUE", help="a known parameter, SI, such as preload=0.8"
+        parser,
+        "folder of the drive file and its map (default: results/<drive>); FILE.yaml names the drive file",
     )
     parser.add_argument(
-        "--free", action="append", default=[], metavar="NAME", help="fit this parameter too: b_ov, preload"
+        "--law", choices=LAWS, default="auto", help="friction law (default: by blind error)"
+    )
+    parser.add_argument(
+        "--fix",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a known parameter, SI, such as preload=0.8",
+    )
+    parser.add_argument(
+        "--free",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="fit this parameter too: b_ov, preload",
     )
 
 
@@ -46,7 +59,12 @@ def run_identify(options: argparse.Namespace) -> int:
     fixed = dict(_known(text) for text in options.fix)
     progress(f"identifying {options.drive}")
     found = identify(
-        options.drive, options.recordings, law=options.law, fixed=fixed, free=tuple(options.free), progress=progress
+        options.drive,
+        options.recordings,
+        law=options.law,
+        fixed=fixed,
+        free=tuple(options.free),
+        progress=progress,
     )
     result = {**found.to_dict(), "files": _write_drive(found, options.drive, options.output)}
     progress("done")
@@ -63,7 +81,9 @@ def _write_drive(found: Identification, drive: Path, output: Path | None) -> dic
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
         found.save(temporary / path.name)
-        figures = save_figure(map_figure(found.fit, found.data, found.load), temporary / f"{path.stem}_map")
+        figures = save_figure(
+            map_figure(found.fit, found.data, found.load), temporary / f"{path.stem}_map"
+        )
     names = (str(path.with_name(figure.name)) for figure in figures.values())
     return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
 
@@ -73,7 +93,11 @@ def _known(text: str) -> tuple[str, float]:
     try:
         return name.strip(), float(value)
     except ValueError:
-        reason = "a known parameter is NAME=VALUE with a number in SI" if sign else "the value is missing"
+        reason = (
+            "a known parameter is NAME=VALUE with a number in SI"
+            if sign
+            else "the value is missing"
+        )
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 
@@ -95,7 +119,9 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
         scale, unit = (RPM, "rpm") if name == "stribeck_speed" else (1.0, unit)
         values = (number(scale * p[key], 4) for key in ("value", "low", "high"))
         rows.append((name, *values, unit, ", ".join(flags)))
-    lines += Table(("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)).lines()
+    lines += Table(
+        ("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)
+    ).lines()
     if result["inseparable"]:
         given = (
             f"{1e3 * c['value']:.3f} [{1e3 * c['low']:.3f}, {1e3 * c['high']:.3f}] mN·m {way}"
@@ -109,8 +135,15 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
     ripple = []
     for way, found in result["harmonics"].items():
         pairs = zip(found["orders"], found["amplitudes"], strict=True)
-        ripple.append(f"{way}: " + ", ".join(f"{1e3 * a:.3f} mN·m at {order:.3g} per motor turn" for order, a in pairs))
-    sections = (("Repeats with the angle", ripple), ("Repairs", result["repairs"]), ("Notes", result["notes"]))
+        ripple.append(
+            f"{way}: "
+            + ", ".join(f"{1e3 * a:.3f} mN·m at {order:.3g} per motor turn" for order, a in pairs)
+        )
+    sections = (
+        ("Repeats with the angle", ripple),
+        ("Repairs", result["repairs"]),
+        ("Notes", result["notes"]),
+    )
     for title, items in sections:
         if items:
             lines += ["", title, *(f"  {item}" for item in items)]
@@ -125,7 +158,13 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
 
 def predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drive", type=Path, help="drive file (YAML)")
-    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings or folders of them")
+    parser.add_argument(
+        "recordings",
+        type=Path,
+        nargs="+",
+        metavar="RECORDING",
+        help="recordings or folders of them",
+    )
     output_arguments(parser, "write a figure per recording there")
 
 
@@ -141,10 +180,18 @@ def run_predict(options: argparse.Namespace) -> int:
         if options.output is not None:
             progress(f"figure {k + 1} of {len(predictions)}: {prediction.recording.name}")
         results.append(
-            {**prediction.to_dict(), "friction": origin, "files": _write_figures(prediction, options.output)}
+            {
+                **prediction.to_dict(),
+                "friction": origin,
+                "files": _write_figures(prediction, options.output),
+            }
         )
     progress("done")
-    show(options.json, results, lambda: [line for result in results for line in _predicted_lines(result)])
+    show(
+        options.json,
+        results,
+        lambda: [line for result in results for line in _predicted_lines(result)],
+    )
     return OK
 
 

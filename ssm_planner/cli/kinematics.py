@@ -25,7 +25,9 @@ def ik_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tilt", type=angle, required=True, help="such as -100deg")
     parser.add_argument("--spin", type=angle, default=0.0, help="such as 90deg (default 0)")
     parser.add_argument("--depth", type=length, default=0.0, help="such as 15mm (default 0)")
-    parser.add_argument("--within-limits", action="store_true", help="only solutions within the joint ranges")
+    parser.add_argument(
+        "--within-limits", action="store_true", help="only solutions within the joint ranges"
+    )
     output_arguments(parser)
 
 
@@ -54,10 +56,17 @@ def workspace_arguments(parser: argparse.ArgumentParser) -> None:
     angle = quantity_argument("angle")
     parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
     parser.add_argument(
-        "--reach", type=angle, nargs=2, metavar=("A", "B"), help="tilt range to reach, such as -140deg -80deg"
+        "--reach",
+        type=angle,
+        nargs=2,
+        metavar=("A", "B"),
+        help="tilt range to reach, such as -140deg -80deg",
     )
     parser.add_argument(
-        "--margin", type=angle, default=0.0, help="tilt to spare at both ends, such as 1deg (default 0)"
+        "--margin",
+        type=angle,
+        default=0.0,
+        help="tilt to spare at both ends, such as 1deg (default 0)",
     )
     output_arguments(parser, "write the figures there")
 
@@ -86,11 +95,15 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
         from ssm_planner.kinematics.mechanism import Mechanism
         from ssm_planner.reporting.figures.workspace import publish_figures, workspace_figures
 
-        result["files"] = publish_figures(workspace_figures(Mechanism.from_geometry(robot.geometry)), output)
+        result["files"] = publish_figures(
+            workspace_figures(Mechanism.from_geometry(robot.geometry)), output
+        )
     return result
 
 
-def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | None) -> dict[str, Any]:
+def _designs(
+    reach: Range, margin: float, robot: Robot | None, output: Path | None
+) -> dict[str, Any]:
     """{alpha, beta, region, margin, reachable} of the designs that reach a range, and what a robot has to spare."""
     from ssm_planner.kinematics.of_robot import workspace
     from ssm_planner.kinematics.workspace import design_margin, design_region
@@ -108,11 +121,17 @@ def _designs(reach: Range, margin: float, robot: Robot | None, output: Path | No
     if robot is not None:
         own = workspace(robot)
         built = own.alpha, own.beta
-        result["robot"] = {"alpha": own.alpha, "beta": own.beta, "margin": design_margin(*built, reach)}
+        result["robot"] = {
+            "alpha": own.alpha,
+            "beta": own.beta,
+            "margin": design_margin(*built, reach),
+        }
     if output is not None:
         from ssm_planner.reporting.figures.workspace import design_region_figure, publish_figures
 
-        result["files"] = publish_figures({"design_region": design_region_figure(region, built)}, output)
+        result["files"] = publish_figures(
+            {"design_region": design_region_figure(region, built)}, output
+        )
     return result
 
 

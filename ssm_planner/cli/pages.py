@@ -6,16 +6,29 @@ import argparse
 import sys
 from pathlib import Path
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, output_file, plan_argument, progress_reporter, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    output_file,
+    plan_argument,
+    progress_reporter,
+    show,
+)
 from ssm_planner.errors import ProblemError
 
 
 def report_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
-    parser.add_argument("other", type=Path, nargs="?", help="a second one, to compare the first with")
+    parser.add_argument(
+        "other", type=Path, nargs="?", help="a second one, to compare the first with"
+    )
     output_arguments(parser, "folder of the page (default: that of PLAN); FILE.html names the page")
     parser.add_argument(
-        "--figures", type=Path, metavar="DIR", help="also write the figures of PLAN there, as PNG (300 dpi) and PDF"
+        "--figures",
+        type=Path,
+        metavar="DIR",
+        help="also write the figures of PLAN there, as PNG (300 dpi) and PDF",
     )
     parser.add_argument(
         "--width",
@@ -30,10 +43,16 @@ def run_report(options: argparse.Namespace) -> int:
     from ssm_planner.reporting.html.report import write_report
 
     if options.width is not None and options.figures is None:
-        raise ProblemError("is the width of figures: name their folder too", key="--width", allowed="--figures DIR")
+        raise ProblemError(
+            "is the width of figures: name their folder too", key="--width", allowed="--figures DIR"
+        )
     plan = load_plan(options.plan)
     if options.other is None:
-        files = {"report": write_report(plan, output_file(options.output, ".html", plan.path.with_name("report.html")))}
+        files = {
+            "report": write_report(
+                plan, output_file(options.output, ".html", plan.path.with_name("report.html"))
+            )
+        }
     else:
         out = output_file(options.output, ".html", plan.path.with_name("comparison.html"))
         files = {"comparison": write_comparison(plan, load_plan(options.other), out)}
@@ -43,15 +62,22 @@ def run_report(options: argparse.Namespace) -> int:
 
         files |= write_figures_of_file(plan, options.figures, WIDTHS.get(options.width, WIDE))
     named = {name: str(path) for name, path in files.items()}
-    show(options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()])
+    show(
+        options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()]
+    )
     return OK
 
 
 def view_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "problem", type=Path, nargs="?", help="problem file (YAML); without it the paper's mechanism, without planning"
+        "problem",
+        type=Path,
+        nargs="?",
+        help="problem file (YAML); without it the paper's mechanism, without planning",
     )
-    parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1 (default: any free one)")
+    parser.add_argument(
+        "--port", type=int, default=0, help="port on 127.0.0.1 (default: any free one)"
+    )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
 
 
@@ -67,7 +93,9 @@ def run_view(options: argparse.Namespace) -> int:
         server = ViewServer(Study(problem), options.port)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ProblemError(f"{ADDRESS} cannot be used: {reason}", key="--port", value=options.port) from error
+        raise ProblemError(
+            f"{ADDRESS} cannot be used: {reason}", key="--port", value=options.port
+        ) from error
     with server:
         print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
         if not options.no_browser:
@@ -91,7 +119,11 @@ def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
         help="recordings of the three rigs (default ../shared/recordings); where absent, their rows are left out",
     )
     parser.add_argument(
-        "--problems", type=Path, metavar="DIR", default=Path("problems"), help="the project's problem files"
+        "--problems",
+        type=Path,
+        metavar="DIR",
+        default=Path("problems"),
+        help="the project's problem files",
     )
 
 
@@ -107,5 +139,9 @@ def run_reproduce(options: argparse.Namespace) -> int:
     progress("done")
     paths, left_out = {name: str(path) for name, path in files.items()}, document.left_out
     result = {"passed": document.passed, "left_out": list(left_out), "files": paths}
-    show(options.json, result, lambda: [*(f"left out: {line}" for line in left_out), f"Results: {folder}"])
+    show(
+        options.json,
+        result,
+        lambda: [*(f"left out: {line}" for line in left_out), f"Results: {folder}"],
+    )
     return OK if document.passed else FAILED

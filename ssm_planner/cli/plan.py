@@ -18,7 +18,9 @@ from ssm_planner.errors import ProblemError
 
 
 def plan_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert")
+    parser.add_argument(
+        "problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert"
+    )
     parser.add_argument(
         "--rate",
         type=rate_argument,
@@ -54,7 +56,11 @@ def run_plan(options: argparse.Namespace) -> int:
         from ssm_planner.reporting.text import summary_lines
 
         if (options.moving is None) != (options.at is None):
-            raise ProblemError("where does the motion begin?", key="--at", allowed="--from PLAN and --at TIME together")
+            raise ProblemError(
+                "where does the motion begin?",
+                key="--at",
+                allowed="--from PLAN and --at TIME together",
+            )
         problem = load_problem(options.problem)
         if options.moving is not None:
             problem = begun_at(problem, load_plan(options.moving), options.at)
@@ -62,5 +68,9 @@ def run_plan(options: argparse.Namespace) -> int:
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress("done")
     document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
-    show(options.json, document, lambda: [*summary_lines(result), *(("", f"Results: {folder}") if files else ())])
+    show(
+        options.json,
+        document,
+        lambda: [*summary_lines(result), *(("", f"Results: {folder}") if files else ())],
+    )
     return OK if result.passed else FAILED

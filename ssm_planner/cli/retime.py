@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, rate_argument, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    progress_reporter,
+    rate_argument,
+    show,
+)
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -31,8 +38,12 @@ def retime_arguments(parser: argparse.ArgumentParser) -> None:
         help="CSV (columns named with units), JointTrajectory (YAML or rosbag2), or folder of an export",
     )
     parser.add_argument("--robot", type=Path, help="robot file; needed unless --problem is given")
-    parser.add_argument("--problem", type=Path, help="problem file: its limits of the task, and its robot")
-    parser.add_argument("--rate", type=rate_argument, metavar="HZ", help="rows per second of trajectory.csv")
+    parser.add_argument(
+        "--problem", type=Path, help="problem file: its limits of the task, and its robot"
+    )
+    parser.add_argument(
+        "--rate", type=rate_argument, metavar="HZ", help="rows per second of trajectory.csv"
+    )
     output_arguments(parser, "result folder (default: results/<name of the file>_retimed)")
 
 
@@ -46,7 +57,9 @@ def run_retime(options: argparse.Namespace) -> int:
     from ssm_planner.reporting.text import summary_lines
 
     if (options.robot is None) == (options.problem is None):
-        raise ProblemError("whose joints are these?", key="--robot", allowed="either --robot or --problem")
+        raise ProblemError(
+            "whose joints are these?", key="--robot", allowed="either --robot or --problem"
+        )
     base = None if options.problem is None else load_problem(options.problem)
     robot = load_robot(options.robot) if base is None else base.robot
     reading = read_trajectory(options.path, robot)
@@ -55,19 +68,31 @@ def run_retime(options: argparse.Namespace) -> int:
     result, files = plan_to_folder(problem, folder, progress, rate=options.rate)
     progress("done")
     before = reading.trajectory.duration
-    runs = f"{len(problem.motion)} smooth runs, at rest between them" if len(problem.motion) > 1 else "one smooth curve"
-    away = (
-        f"{np.degrees(off_lines[:3].max()):.3g} deg and {1e3 * off_lines[3]:.3g} mm from the lines between its points"
+    runs = (
+        f"{len(problem.motion)} smooth runs, at rest between them"
+        if len(problem.motion) > 1
+        else "one smooth curve"
     )
-    lines = [f"the path       {runs}, at most {away}", f"in the file    {before:.4f} s, {reading.interpolation}", ""]
+    away = f"{np.degrees(off_lines[:3].max()):.3g} deg and {1e3 * off_lines[3]:.3g} mm from the lines between its points"
+    lines = [
+        f"the path       {runs}, at most {away}",
+        f"in the file    {before:.4f} s, {reading.interpolation}",
+        "",
+    ]
     document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
-    document |= {"runs": len(problem.motion), "off_lines": off_lines.tolist(), "duration_in_file": before}
+    document |= {
+        "runs": len(problem.motion),
+        "off_lines": off_lines.tolist(),
+        "duration_in_file": before,
+    }
     shown = [*lines, *summary_lines(result), *(("", f"Results: {folder}") if files else ())]
     show(options.json, document, lambda: shown)
     return OK if result.passed else FAILED
 
 
-def retimed_problem(reading: Reading, robot: Robot, base: Problem | None, name: str) -> tuple[Problem, Array]:
+def retimed_problem(
+    reading: Reading, robot: Robot, base: Problem | None, name: str
+) -> tuple[Problem, Array]:
     """A problem along the path of a trajectory, and how far its curves go from the lines between the points, (4,).
 
     base: the problem whose limits of the task hold. Raises ProblemError for a path that goes nowhere or has too many points.
@@ -80,7 +105,9 @@ def retimed_problem(reading: Reading, robot: Robot, base: Problem | None, name: 
     trajectory, scale = reading.trajectory, np.array([joint.velocity for joint in robot.joints])
     count = 1 if reading.resolution is not None else BETWEEN
     if count * len(trajectory.breaks) > MOST:
-        raise ProblemError(f"{len(trajectory.breaks)} points", key="path", allowed=f"at most {MOST // count}")
+        raise ProblemError(
+            f"{len(trajectory.breaks)} points", key="path", allowed=f"at most {MOST // count}"
+        )
     share = np.arange(count) / count
     times = (trajectory.breaks[:-1, None] + share * np.diff(trajectory.breaks)[:, None]).ravel()
     runs = smooth_runs(trajectory.sample(np.append(times, trajectory.breaks[-1])).q, scale)
@@ -89,7 +116,9 @@ def retimed_problem(reading: Reading, robot: Robot, base: Problem | None, name: 
     mechanism = Mechanism.from_geometry(robot.geometry)
     away = np.max([SplinePath(mechanism, run, scale).off_lines for run in runs], axis=0)
     points = [[Joints((a, b, c, d)) for a, b, c, d in run.tolist()] for run in runs]
-    motion = tuple(Follow(run[-1], tuple(run[1:-1]), f"path {k}") for k, run in enumerate(points, 1))
+    motion = tuple(
+        Follow(run[-1], tuple(run[1:-1]), f"path {k}") for k, run in enumerate(points, 1)
+    )
     start = points[0][0]
     problem = replace(
         base or Problem(robot, start, motion),

@@ -18,17 +18,24 @@ from ssm_planner.errors import ProblemError
 OK, FAILED = 0, 1
 
 
-def plan_argument(parser: argparse.ArgumentParser, text: str = "plan.json, or the result folder that holds it") -> None:
+def plan_argument(
+    parser: argparse.ArgumentParser, text: str = "plan.json, or the result folder that holds it"
+) -> None:
     """PLAN."""
     parser.add_argument("plan", type=Path, help=text)
 
 
 def output_arguments(
-    parser: argparse.ArgumentParser, text: str | None = None, metavar: str = "DIR", default: Path | None = None
+    parser: argparse.ArgumentParser,
+    text: str | None = None,
+    metavar: str = "DIR",
+    default: Path | None = None,
 ) -> None:
     """--json, and --output where the command writes files: what goes there."""
     if text is not None:
-        parser.add_argument("-o", "--output", type=Path, metavar=metavar, default=default, help=text)
+        parser.add_argument(
+            "-o", "--output", type=Path, metavar=metavar, default=default, help=text
+        )
     parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
 
 
@@ -82,7 +89,9 @@ def share(text: str, option: str = "--speed") -> float:
     try:
         return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
     except ValueError:
-        raise ProblemError("not a share", key=option, value=text, allowed="such as 10% or 0.1") from None
+        raise ProblemError(
+            "not a share", key=option, value=text, allowed="such as 10% or 0.1"
+        ) from None
 
 
 COUNTED = re.compile(r"\b(\d+) of (\d+)\b")
@@ -107,11 +116,15 @@ def progress_reporter() -> Callable[[str], None]:
             if FIRST < number < count and now - shown < EVERY:
                 return
             if number > first and now - series > EVERY:
-                left = f", about {(now - series) / (number - first) * (count - number + 1):.0f} s left"
+                left = (
+                    f", about {(now - series) / (number - first) * (count - number + 1):.0f} s left"
+                )
             end = "\r" if live else "\n"
         shown = now
         text = f"[{now - begin:6.2f} s] {step}{left}"
-        print(f"\x1b[K{text[: columns() - 1]}" if live else text, file=sys.stderr, end=end, flush=True)
+        print(
+            f"\x1b[K{text[: columns() - 1]}" if live else text, file=sys.stderr, end=end, flush=True
+        )
 
     return report
 

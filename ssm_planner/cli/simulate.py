@@ -28,27 +28,69 @@ if TYPE_CHECKING:
 
 def simulate_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
-    parser.add_argument("--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant")
-    parser.add_argument("--power-loss", metavar="TIME|everywhere", help="all drives off at a time, or at many instants")
-    parser.add_argument("--instants", type=int, default=1000, metavar="N", help="of a power loss everywhere (1000)")
-    parser.add_argument("--payload", metavar="MASS[@TIME]", help="point mass at the tip, from a time on (default 0 s)")
+    parser.add_argument(
+        "--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant"
+    )
+    parser.add_argument(
+        "--power-loss",
+        metavar="TIME|everywhere",
+        help="all drives off at a time, or at many instants",
+    )
+    parser.add_argument(
+        "--instants", type=int, default=1000, metavar="N", help="of a power loss everywhere (1000)"
+    )
+    parser.add_argument(
+        "--payload",
+        metavar="MASS[@TIME]",
+        help="point mass at the tip, from a time on (default 0 s)",
+    )
     parser.add_argument("--stall", metavar="JOINT@TIME", help="a motor is held fast from a time on")
-    parser.add_argument("--supply", type=quantity_argument("voltage"), help="supply voltage (default: nominal)")
     parser.add_argument(
-        "--friction", type=float, default=1.0, metavar="FACTOR", help="times the friction of all drives"
+        "--supply", type=quantity_argument("voltage"), help="supply voltage (default: nominal)"
     )
     parser.add_argument(
-        "--draws", type=int, default=0, metavar="N", help="frictions drawn from what the drive files know"
+        "--friction",
+        type=float,
+        default=1.0,
+        metavar="FACTOR",
+        help="times the friction of all drives",
     )
-    parser.add_argument("--spread", metavar="PERCENT", help="range of friction that the drive files state nothing of")
-    parser.add_argument("--compliance", type=float, default=1.0, metavar="FACTOR", help="times the assumed stiffness")
-    parser.add_argument("--speed", default="100%", metavar="PERCENT", help="of the playback, such as 10%%")
-    parser.add_argument("--dropped", type=quantity_argument("time"), metavar="TIME", help="a set point is lost then")
-    parser.add_argument("--wrong-direction", metavar="JOINT", help="a controller counts the wrong way")
     parser.add_argument(
-        "--tip-error", type=quantity_argument("length"), help="largest tip error that passes (default 0.1 mm)"
+        "--draws",
+        type=int,
+        default=0,
+        metavar="N",
+        help="frictions drawn from what the drive files know",
     )
-    parser.add_argument("--travel", type=quantity_argument("length"), help="largest way of the tip without power")
+    parser.add_argument(
+        "--spread",
+        metavar="PERCENT",
+        help="range of friction that the drive files state nothing of",
+    )
+    parser.add_argument(
+        "--compliance",
+        type=float,
+        default=1.0,
+        metavar="FACTOR",
+        help="times the assumed stiffness",
+    )
+    parser.add_argument(
+        "--speed", default="100%", metavar="PERCENT", help="of the playback, such as 10%%"
+    )
+    parser.add_argument(
+        "--dropped", type=quantity_argument("time"), metavar="TIME", help="a set point is lost then"
+    )
+    parser.add_argument(
+        "--wrong-direction", metavar="JOINT", help="a controller counts the wrong way"
+    )
+    parser.add_argument(
+        "--tip-error",
+        type=quantity_argument("length"),
+        help="largest tip error that passes (default 0.1 mm)",
+    )
+    parser.add_argument(
+        "--travel", type=quantity_argument("length"), help="largest way of the tip without power"
+    )
     output_arguments(parser, "write simulation.json, a page, recordings and figures")
 
 
@@ -65,21 +107,29 @@ def run_simulate(options: argparse.Namespace) -> int:
     document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
     stops = plan.stops if options.power_loss == EVERYWHERE else None
     if stops is not None:
-        document["controlled_stops"] = {key: stops.to_dict()[key] for key in ("passed", "longest", "farthest")}
+        document["controlled_stops"] = {
+            key: stops.to_dict()[key] for key in ("passed", "longest", "farthest")
+        }
 
     def write(folder: Path) -> dict[str, Path]:
         from ssm_planner.reporting.figures.plan import write_simulation_figures
         from ssm_planner.reporting.html.simulation import write_simulation_page
         from ssm_planner.simulation.recorder import write_recordings
 
-        recordings = {f"recording_{joint}": path for joint, path in write_recordings(result, folder).items()}
+        recordings = {
+            f"recording_{joint}": path for joint, path in write_recordings(result, folder).items()
+        }
         page = write_simulation_page(plan, result, folder / "simulation.html")
         return {"page": page, **recordings, **write_simulation_figures(result, folder)}
 
     document["files"] = write_results(options.output, "simulation", document, write)
     progress("done")
     files = document["files"].values()
-    show(options.json, document, lambda: [*simulation_lines(result, stops), *(f"file: {path}" for path in files)])
+    show(
+        options.json,
+        document,
+        lambda: [*simulation_lines(result, stops), *(f"file: {path}" for path in files)],
+    )
     return OK if result.passed else FAILED
 
 
@@ -96,16 +146,25 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
     if options.stall is not None:
         joint, at, time = options.stall.partition("@")
         if not at:
-            raise ProblemError("no instant", key="--stall", value=options.stall, allowed="JOINT@TIME, such as tilt@1s")
+            raise ProblemError(
+                "no instant",
+                key="--stall",
+                value=options.stall,
+                allowed="JOINT@TIME, such as tilt@1s",
+            )
         stall = (joint, part_quantity("--stall", time, "time"))
     loss = options.power_loss
     if options.instants < 1:
-        raise ProblemError("no instant", key="--instants", value=options.instants, allowed="1 and more")
+        raise ProblemError(
+            "no instant", key="--instants", value=options.instants, allowed="1 and more"
+        )
     return Scenario(
         speed=share(options.speed),
         payload=payload,
         payload_time=payload_time,
-        power_loss=loss if loss in (None, EVERYWHERE) else part_quantity("--power-loss", loss, "time"),
+        power_loss=loss
+        if loss in (None, EVERYWHERE)
+        else part_quantity("--power-loss", loss, "time"),
         instants=options.instants,
         stall=stall,
         supply=options.supply,
@@ -124,7 +183,11 @@ def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> li
     """The verdict with its reasons, tracking, motors, stops with power beside those without."""
     from ssm_planner.reporting.text import simulation_tables
 
-    lines = ["PASSED" if result.passed else "NOT PASSED", *(f"reason: {reason}" for reason in result.reasons), ""]
+    lines = [
+        "PASSED" if result.passed else "NOT PASSED",
+        *(f"reason: {reason}" for reason in result.reasons),
+        "",
+    ]
     lines += [line for table in simulation_tables(result) for line in (*table.lines(), "")]
     losses = result.losses
     lines.append(f"tip error     {1e3 * result.tip_error:.4g} mm")

@@ -29,8 +29,13 @@ if TYPE_CHECKING:
 
 
 def size_arguments(parser: argparse.ArgumentParser) -> None:
-    plan_argument(parser, "plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads")
-    parser.add_argument("--robot", type=Path, help="robot file (YAML) of a trajectory that is no plan.json")
+    plan_argument(
+        parser,
+        "plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads",
+    )
+    parser.add_argument(
+        "--robot", type=Path, help="robot file (YAML) of a trajectory that is no plan.json"
+    )
     parser.add_argument(
         "--motor",
         nargs="+",
@@ -38,26 +43,65 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[JOINT=]FILE",
         help="candidate motors (YAML) for every driven joint or for one; default: the robot's own",
     )
-    parser.add_argument("--ambient", type=quantity_argument("temperature"), help="surroundings (default 25degC)")
-    parser.add_argument("--supply", type=quantity_argument("voltage"), help="controller's voltage (default: nominal)")
-    parser.add_argument("--current-limit", type=quantity_argument("current"), help="controller's largest current")
     parser.add_argument(
-        "--pause", type=quantity_argument("time"), help="rest after each motion (default: the plan's duty, else 0)"
-    )
-    parser.add_argument("--payload", type=quantity_argument("mass"), default=0.0, help="point mass at the tool tip")
-    parser.add_argument("--confidence", type=float, default=0.99, help="for which adequate is claimed (default 0.99)")
-    parser.add_argument(
-        "--spread", type=float, help="range of friction that the drive files state nothing of, such as 0.2 for ±20 %%"
-    )
-    parser.add_argument("--draws", type=int, default=0, help="Monte Carlo draws of the friction (default: linearised)")
-    parser.add_argument(
-        "--catalogue", type=Path, metavar="FILE", help="judge every motor of a CSV or folder of YAML on every axis"
+        "--ambient", type=quantity_argument("temperature"), help="surroundings (default 25degC)"
     )
     parser.add_argument(
-        "--gears", type=Path, nargs="+", default=[], metavar="FILE", help="with every worm or screw of these catalogues"
+        "--supply",
+        type=quantity_argument("voltage"),
+        help="controller's voltage (default: nominal)",
     )
-    parser.add_argument("--rank", choices=("mass", "length", "torque", "margin"), default="mass", help="of --catalogue")
-    parser.add_argument("--what-if", action="store_true", help="largest payload and shortest duration")
+    parser.add_argument(
+        "--current-limit", type=quantity_argument("current"), help="controller's largest current"
+    )
+    parser.add_argument(
+        "--pause",
+        type=quantity_argument("time"),
+        help="rest after each motion (default: the plan's duty, else 0)",
+    )
+    parser.add_argument(
+        "--payload", type=quantity_argument("mass"), default=0.0, help="point mass at the tool tip"
+    )
+    parser.add_argument(
+        "--confidence",
+        type=float,
+        default=0.99,
+        help="for which adequate is claimed (default 0.99)",
+    )
+    parser.add_argument(
+        "--spread",
+        type=float,
+        help="range of friction that the drive files state nothing of, such as 0.2 for ±20 %%",
+    )
+    parser.add_argument(
+        "--draws",
+        type=int,
+        default=0,
+        help="Monte Carlo draws of the friction (default: linearised)",
+    )
+    parser.add_argument(
+        "--catalogue",
+        type=Path,
+        metavar="FILE",
+        help="judge every motor of a CSV or folder of YAML on every axis",
+    )
+    parser.add_argument(
+        "--gears",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="with every worm or screw of these catalogues",
+    )
+    parser.add_argument(
+        "--rank",
+        choices=("mass", "length", "torque", "margin"),
+        default="mass",
+        help="of --catalogue",
+    )
+    parser.add_argument(
+        "--what-if", action="store_true", help="largest payload and shortest duration"
+    )
     output_arguments(parser, "write sizing.json and the figures there")
 
 
@@ -83,7 +127,10 @@ def run_size(options: argparse.Namespace) -> int:
         motors = chosen_motors(sizing)
         payload = largest_payload(duty, motors, conditions, options.payload)
         duration = shortest_duration(duty, motors, conditions, options.payload)
-        document["what_if"] = {"largest_payload": payload.to_dict(), "shortest_duration": duration.to_dict()}
+        document["what_if"] = {
+            "largest_payload": payload.to_dict(),
+            "shortest_duration": duration.to_dict(),
+        }
         lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
 
     def write(folder: Path) -> dict[str, Path]:
@@ -93,7 +140,11 @@ def run_size(options: argparse.Namespace) -> int:
 
     document["files"] = write_results(options.output, "sizing", document, write)
     progress("done")
-    show(options.json, document, lambda: [*lines, *(f"file: {path}" for path in document["files"].values())])
+    show(
+        options.json,
+        document,
+        lambda: [*lines, *(f"file: {path}" for path in document["files"].values())],
+    )
     return FAILED if sizing.adequate is False else OK
 
 
@@ -109,7 +160,11 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
 
     if options.motor or options.what_if or options.catalogue is None:
         key = "--motor" if options.motor else "--what-if" if options.what_if else "--gears"
-        raise ProblemError("not with this choice", key=key, allowed="--catalogue, with --gears, --rank and conditions")
+        raise ProblemError(
+            "not with this choice",
+            key=key,
+            allowed="--catalogue, with --gears, --rank and conditions",
+        )
     motors = motors_of(options.catalogue)
     gears: dict[str, list[Part[Drive]]] = {
         joint.name: [part for path in options.gears for part in gears_of(path, joint.drive)]
@@ -121,7 +176,10 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     joints = select(duty, motors, gears, conditions, options.payload)
     found = {joint.load.joint: joint.adequate.max(initial=-1) for joint in joints}
     adequate = False if -1 in found.values() else None if 0 in found.values() or not found else True
-    notes = [*duty.notes, "the friction of each joint's own drive is taken for every gear that states none"]
+    notes = [
+        *duty.notes,
+        "the friction of each joint's own drive is taken for every gear that states none",
+    ]
     document: dict[str, Any] = {
         "motion": duty.name,
         "adequate": adequate,
@@ -131,7 +189,11 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     }
     document["files"] = write_results(options.output, "selection", document, lambda folder: {})
     lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
-    show(options.json, document, lambda: [*lines, *(f"file: {path}" for path in document["files"].values())])
+    show(
+        options.json,
+        document,
+        lambda: [*lines, *(f"file: {path}" for path in document["files"].values())],
+    )
     return FAILED if adequate is False else OK
 
 
@@ -150,19 +212,30 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
         reading = read_trajectory(path, robot)
         notes = reading.notes
         if reading.resolution is not None:
-            notes = (*notes, f"{path} gives no accelerations for all of its points: inertia is not fully counted")
+            notes = (
+                *notes,
+                f"{path} gives no accelerations for all of its points: inertia is not fully counted",
+            )
         return DutyCycle(str(path), robot, ((reading.trajectory, None),), notes)
     if path.suffix.lower() in (".yaml", ".yml"):
         from ssm_planner.loading.load import load_motorisation
 
         return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
-        raise TrajectoryError(f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot")
+        raise TrajectoryError(
+            f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot"
+        )
     from ssm_planner.plans import load_plan
 
     found = load_plan(path)
-    duty = replace(DutyCycle.of_trajectory(found.motion, found.robot, str(path)), pause=pause_of(found.problem))
-    return duty if found.doubt is None else replace(duty, notes=(*duty.notes, f"not certified: {found.doubt}"))
+    duty = replace(
+        DutyCycle.of_trajectory(found.motion, found.robot, str(path)), pause=pause_of(found.problem)
+    )
+    return (
+        duty
+        if found.doubt is None
+        else replace(duty, notes=(*duty.notes, f"not certified: {found.doubt}"))
+    )
 
 
 def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:
@@ -178,7 +251,9 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
         joint, equals, file = word.partition("=")
         if equals and "/" not in joint and not Path(word).exists():
             if joint not in JOINTS:
-                raise ProblemError("no joint of this name", key="--motor", value=word, allowed=", ".join(JOINTS))
+                raise ProblemError(
+                    "no joint of this name", key="--motor", value=word, allowed=", ".join(JOINTS)
+                )
             names = [joint]
         else:
             names, file = moved, word

@@ -39,9 +39,20 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
         "puts two beside each other",
     )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="worker processes (default: one for each processor)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="of a running Dask scheduler, such as tcp://host:8786")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="write the table there too: .csv or .parquet")
+    where.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="worker processes (default: one for each processor)",
+    )
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a running Dask scheduler, such as tcp://host:8786",
+    )
+    parser.add_argument(
+        "--table", type=Path, metavar="FILE", help="write the table there too: .csv or .parquet"
+    )
     output_arguments(parser, "default results/NAME")
 
 
@@ -52,14 +63,20 @@ def run_study(options: argparse.Namespace) -> int:
     study = load_study(file)
     folder = options.output or Path("results") / study.name
     if options.workers is not None and options.workers < 1:
-        raise ProblemError("not a number of workers", key="--workers", value=options.workers, allowed="1 or more")
+        raise ProblemError(
+            "not a number of workers", key="--workers", value=options.workers, allowed="1 or more"
+        )
     if verb == "study":
         return _study(study, folder, options)
     from ssm_planner.studies.show import compared, shown
 
     if verb == "show":
         written = [path for number in numbers for path in shown(study, folder, number)]
-        show(options.json, {"files": [str(path) for path in written]}, lambda: [f"file: {path}" for path in written])
+        show(
+            options.json,
+            {"files": [str(path) for path in written]},
+            lambda: [f"file: {path}" for path in written],
+        )
         return OK
     document = compared(study, folder, *numbers)
     show(options.json, document, lambda: _compared_lines(document))
@@ -74,8 +91,13 @@ def _words(words: Sequence[str]) -> tuple[str, list[int], str]:
         return "study", [], words[0]
     numbers = words[1:-1]
     needed = "two" if words[0] == "compare" else "at least one"
-    if not all(word.isdecimal() for word in numbers) or (len(numbers) != 2 if words[0] == "compare" else not numbers):
-        raise ProblemError(f"{words[0]} needs {needed} of the table's numbers, and then the study file", key=words[0])
+    if not all(word.isdecimal() for word in numbers) or (
+        len(numbers) != 2 if words[0] == "compare" else not numbers
+    ):
+        raise ProblemError(
+            f"{words[0]} needs {needed} of the table's numbers, and then the study file",
+            key=words[0],
+        )
     return words[0], [int(word) for word in numbers], words[-1]
 
 
@@ -87,7 +109,11 @@ def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
         result = studies.study(study, folder, options.workers, executor, _progress())
     if options.table is not None:
         write_table(result.rows, options.table)
-    files = {path.name: str(path) for path in sorted(folder.iterdir()) if path.suffix in (".csv", ".html", ".png")}
+    files = {
+        path.name: str(path)
+        for path in sorted(folder.iterdir())
+        if path.suffix in (".csv", ".html", ".png")
+    }
     document = {
         "study": study.name,
         "candidates": len(result.rows),
@@ -116,13 +142,17 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
         import distributed
     except ImportError:
         raise ProblemError(
-            "needs the package distributed: pip install 'ssm_planner[dask]'", key="--scheduler", value=address
+            "needs the package distributed: pip install 'ssm_planner[dask]'",
+            key="--scheduler",
+            value=address,
         ) from None
     try:
         connect: Any = distributed.Client
         client = connect(address, timeout="10s")
     except (OSError, ValueError, TimeoutError) as error:
-        raise ProblemError(f"no scheduler answers: {error}", key="--scheduler", value=address) from None
+        raise ProblemError(
+            f"no scheduler answers: {error}", key="--scheduler", value=address
+        ) from None
     with client:
         yield client.get_executor(retries=3)
 
@@ -142,7 +172,11 @@ def _progress() -> Callable[[int, int, dict[str, int]], None]:
         rate = (done - first) / max(now - begin, 1e-9)
         left = f", {(count - done) / rate:.0f} s left" if rate > 0 else ""
         listed = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
-        print(f"[{now - begin:6.1f} s] {done}/{count}: {listed}; {rate:.1f}/s{left}", file=sys.stderr, flush=True)
+        print(
+            f"[{now - begin:6.1f} s] {done}/{count}: {listed}; {rate:.1f}/s{left}",
+            file=sys.stderr,
+            flush=True,
+        )
 
     return report
 
@@ -165,7 +199,11 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
     if len(front) > SHOWN:
         lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
     lines += ["", against_own(study, result.own, front)]
-    lines += ["", "Why candidates fall out", *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN])]
+    lines += [
+        "",
+        "Why candidates fall out",
+        *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN]),
+    ]
     return [*lines, "", *study.notes, *(f"file: {path}" for path in files.values())]
 
 
@@ -175,6 +213,11 @@ def _compared_lines(document: dict[str, Any]) -> list[str]:
     a, b = document["numbers"]
     lines = [f"{'':36}{a:>20}{b:>20}"]
     for name, pair in {**document["design"], **document["figures"]}.items():
-        cells = [number(value * unit_of(name)[1], 5) if isinstance(value, float) else str(value) for value in pair]
-        lines.append(f"{title_of(name) if name in document['figures'] else name:36}{cells[0]:>20}{cells[1]:>20}")
+        cells = [
+            number(value * unit_of(name)[1], 5) if isinstance(value, float) else str(value)
+            for value in pair
+        ]
+        lines.append(
+            f"{title_of(name) if name in document['figures'] else name:36}{cells[0]:>20}{cells[1]:>20}"
+        )
     return lines

@@ -19,7 +19,10 @@ LABEL = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
 WIDEST_LABEL = 20
 RED, GREEN, YELLOW = 31, 32, 33
 COLOURS = (
-    (RED, r"NOT \w+|DOES NOT HOLD|FAILED|EXCEEDED|BEYOND|OUTSIDE|SATURATED|TRIPPED|UNVERIFIED|NO|no plan"),
+    (
+        RED,
+        r"NOT \w+|DOES NOT HOLD|FAILED|EXCEEDED|BEYOND|OUTSIDE|SATURATED|TRIPPED|UNVERIFIED|NO|no plan",
+    ),
     (GREEN, r"PASSED|held in reality|suffices?"),
     (YELLOW, r"not known|not checked|not decided|placeholder figures|CANNOT TELL"),
 )
@@ -45,7 +48,9 @@ class Parser(argparse.ArgumentParser):
         """Every option, those of the commands that were loaded too."""
         for action in self._actions:
             yield from action.option_strings
-            for parser in action.choices.values() if isinstance(action, argparse._SubParsersAction) else ():
+            for parser in (
+                action.choices.values() if isinstance(action, argparse._SubParsersAction) else ()
+            ):
                 yield from parser.options()
 
 
@@ -62,7 +67,9 @@ def wrapped(line: str, width: int) -> list[str]:
     label = LABEL.match(line)
     end = label.end() if label is not None else 0
     indent = end if 0 < end <= WIDEST_LABEL else len(line) - len(line.lstrip()) + 2
-    return wrap(line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
+    return wrap(
+        line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def printed(lines: Iterable[str], stream: TextIO | None = None) -> None:

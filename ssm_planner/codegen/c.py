@@ -40,7 +40,11 @@ class Argument:
 
     def at(self, index: int) -> str:
         """A number of it."""
-        return self.name if self.size == 0 else f"{self.name}[{index if self.places is None else self.places[index]}]"
+        return (
+            self.name
+            if self.size == 0
+            else f"{self.name}[{index if self.places is None else self.places[index]}]"
+        )
 
 
 def write_function(
@@ -68,7 +72,9 @@ def write_function(
             read.add(step.argument)
         elif step.name == "output":
             output = outputs[step.argument]
-            results.append((f"{output.at(step.index)} {'+=' if output.adds else '='}", operands[0], len(body)))
+            results.append(
+                (f"{output.at(step.index)} {'+=' if output.adds else '='}", operands[0], len(body))
+            )
             body.append("")
         else:
             used[step.out] = None
@@ -80,7 +86,9 @@ def write_function(
     unused = [f"(void){argument.name};" for i, argument in enumerate(inputs) if i not in read]
     names = [f"w{k}" for k in sorted(used)] + [f"r{k}" for k in range(len(results))]
     lines = [f"    ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
-    return "\n".join([declaration, "{", *lines, *(f"    {line}" for line in (*unused, *body)), "}", ""])
+    return "\n".join(
+        [declaration, "{", *lines, *(f"    {line}" for line in (*unused, *body)), "}", ""]
+    )
 
 
 def literal(value: float) -> str:

@@ -17,7 +17,9 @@ class Mapped:
     """A CasADi Function (z, *p, multipliers if any) at n elements, dense: (n, size) or (n, rows, columns)."""
 
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
-        mapped = _mapped(function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1))
+        mapped = _mapped(
+            function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1)
+        )
         buffer: Any
         buffer, self._trigger = mapped.buffer()
         self._arguments = [np.empty((count, function.size1_in(0)))]
@@ -36,7 +38,9 @@ class Mapped:
     def at(self, z: int, *others: int) -> None:
         """The same by addresses: of z, (n, size), of the multipliers where there are any, and of the last result, dense."""
         *multipliers, result = others
-        for values, start in zip((self._arguments[0], *self._arguments[-1:]), (z, *multipliers), strict=False):
+        for values, start in zip(
+            (self._arguments[0], *self._arguments[-1:]), (z, *multipliers), strict=False
+        ):
             ctypes.memmove(values.ctypes.data, start, values.nbytes)
         self._trigger()
         values, (shape, places) = self._results[-1], self._outputs[-1]
@@ -75,5 +79,7 @@ def _outputs(function: ca.Function) -> list[tuple[tuple[int, int], Indices | Non
     for i in range(function.n_out()):
         rows, columns = function.size_out(i)
         row, column = np.array(function.sparsity_out(i).get_triplet(), dtype=int)
-        found.append(((rows, columns), None if columns == 1 and len(row) == rows else row * columns + column))
+        found.append(
+            ((rows, columns), None if columns == 1 and len(row) == rows else row * columns + column)
+        )
     return found

@@ -20,7 +20,9 @@ class Namespace(SimpleNamespace):
     """
 
 
-NUMPY = Namespace(**{name: getattr(np, name) for name in NAMES}, nonnegative=lambda value: np.maximum(value, 0.0))
+NUMPY = Namespace(
+    **{name: getattr(np, name) for name in NAMES}, nonnegative=lambda value: np.maximum(value, 0.0)
+)
 
 
 @cache

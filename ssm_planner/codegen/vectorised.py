@@ -108,15 +108,23 @@ def steps(function: ca.Function) -> Iterator[Step]:
         operation = function.instruction_id(k)
         name = names.get(operation)
         if name is None:
-            raise NotImplementedError(f"{function.name()}: CasADi operation {operation} is not known here")
+            raise NotImplementedError(
+                f"{function.name()}: CasADi operation {operation} is not known here"
+            )
         if name == "const":
-            yield Step(name, function.instruction_output(k)[0], constant=float(function.instruction_constant(k)))
+            yield Step(
+                name,
+                function.instruction_output(k)[0],
+                constant=float(function.instruction_constant(k)),
+            )
         elif name == "input":
             argument, index = function.instruction_input(k)[:2]
             yield Step(name, function.instruction_output(k)[0], argument=argument, index=index)
         elif name == "output":
             argument, index = function.instruction_output(k)[:2]
-            yield Step(name, operands=(function.instruction_input(k)[0],), argument=argument, index=index)
+            yield Step(
+                name, operands=(function.instruction_input(k)[0],), argument=argument, index=index
+            )
         else:
             operands = tuple(function.instruction_input(k)[: OPERATIONS[name].operands])
             yield Step(name, function.instruction_output(k)[0], operands)
@@ -131,7 +139,11 @@ def dense(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
 @cache
 def _names() -> dict[int, str]:
     known = ("const", "input", "output", *OPERATIONS)
-    return {getattr(ca, f"OP_{name.upper()}"): name for name in known if hasattr(ca, f"OP_{name.upper()}")}
+    return {
+        getattr(ca, f"OP_{name.upper()}"): name
+        for name in known
+        if hasattr(ca, f"OP_{name.upper()}")
+    }
 
 
 MANY = 200
@@ -139,7 +151,21 @@ MANY = 200
 BLOCK = 1024
 """Samples at a time: the registers stay in the cache."""
 NATIVE = (
-    *("assign", "neg", "sqrt", "sq", "twice", "inv", "fabs", "sign", "not", "add", "sub", "mul", "div"),
+    *(
+        "assign",
+        "neg",
+        "sqrt",
+        "sq",
+        "twice",
+        "inv",
+        "fabs",
+        "sign",
+        "not",
+        "add",
+        "sub",
+        "mul",
+        "div",
+    ),
     *("lt", "le", "eq", "ne", "and", "or", "if_else_zero", "fmin", "fmax"),
 )
 """Operations that native/vectorised.c does where it is compiled, in the order of its codes."""
@@ -157,23 +183,34 @@ class Vectorised:
         self._registers = function.sz_w()
         named, constants = self._compile(function)
         self._constants = np.array(constants)
-        self._program = [(OPERATIONS[name].numpy, one, other, out) for name, one, other, out in named]
+        self._program = [
+            (OPERATIONS[name].numpy, one, other, out) for name, one, other, out in named
+        ]
         codes = [
-            (NATIVE.index(name) if name in NATIVE else -1, one, max(other, 0), out) for name, one, other, out in named
+            (NATIVE.index(name) if name in NATIVE else -1, one, max(other, 0), out)
+            for name, one, other, out in named
         ]
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
         self._parts = []
         """From where to where, and where the codes of operations begin that are all native, and how many these are."""
         for first, last in pairwise([0, *bounds.tolist(), len(codes)]):
-            code = ctypes.c_void_p(self._codes[first:].ctypes.data) if self._codes[first, 0] >= 0 else None
+            code = (
+                ctypes.c_void_p(self._codes[first:].ctypes.data)
+                if self._codes[first, 0] >= 0
+                else None
+            )
             self._parts.append((first, last, code, ctypes.c_long(last - first)))
         sizes = self._registers, len(constants), *self.rows_in, *self.rows_out
         self._table = np.repeat(np.arange(len(sizes)), sizes)
         self._row = np.concatenate([np.arange(size) for size in sizes])
         """Of every slot: registers, constants, arguments and results, which of these, and which row of it."""
         self._seen = sorted(
-            {k for _, *slots in (codes[i] for i in np.flatnonzero(self._codes[:, 0] < 0)) for k in slots}
+            {
+                k
+                for _, *slots in (codes[i] for i in np.flatnonzero(self._codes[:, 0] < 0))
+                for k in slots
+            }
         )
         """Slots of those that are not."""
         self._places = list(zip(self._table.tolist(), self._row.tolist(), strict=True))
@@ -186,7 +223,9 @@ class Vectorised:
         n = arguments[0].shape[0]
         for argument, rows in zip(arguments, self.rows_in, strict=True):
             if argument.shape != (n, rows):
-                raise GeometryError(f"{self.name}: argument of shape {argument.shape}, expected {(n, rows)}")
+                raise GeometryError(
+                    f"{self.name}: argument of shape {argument.shape}, expected {(n, rows)}"
+                )
         results = [np.empty((rows, n)) for rows in self.rows_out]
         size = self._registers * min(n, BLOCK)
         kept = _KEPT.pop() if _KEPT else np.empty(0)
@@ -228,7 +267,9 @@ class Vectorised:
                         else:
                             operation(rows[one], rows[other], rows[out])
 
-    def _compile(self, function: ca.Function) -> tuple[list[tuple[str, int, int, int]], list[float]]:
+    def _compile(
+        self, function: ca.Function
+    ) -> tuple[list[tuple[str, int, int, int]], list[float]]:
         """Operations on slots: registers, constants, rows of the arguments, rows of the results; and the constants."""
         sequence = list(steps(function))
         constants = [step.constant for step in sequence if step.name == "const"]
@@ -305,7 +346,9 @@ class Layout:
 
     def __init__(self, **lengths: int) -> None:
         ends = accumulate(lengths.values(), initial=0)
-        self.slices = {name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)}
+        self.slices = {
+            name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)
+        }
         self.size = sum(lengths.values())
 
     def pack(self, **values: Any) -> Array:
@@ -316,12 +359,17 @@ class Layout:
         parts = {name: np.ravel(value) for name, value in values.items()}
         wanted = {name: part.stop - part.start for name, part in self.slices.items()}
         if {name: part.size for name, part in parts.items()} != wanted:
-            raise GeometryError(f"parameters {wanted} expected, got { {name: p.size for name, p in parts.items()} }")
+            raise GeometryError(
+                f"parameters {wanted} expected, got { {name: p.size for name, p in parts.items()} }"
+            )
         return np.concatenate([parts[name] for name in self.slices])
 
     def unpack(self, vector: Any) -> SimpleNamespace:
         """The parameters by name: of a CasADi vector (size,), or of the last axis of an array (…, size)."""
         last_axis = isinstance(vector, np.ndarray)
         return SimpleNamespace(
-            **{name: vector[..., part] if last_axis else vector[part] for name, part in self.slices.items()}
+            **{
+                name: vector[..., part] if last_axis else vector[part]
+                for name, part in self.slices.items()
+            }
         )

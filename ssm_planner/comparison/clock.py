@@ -95,7 +95,11 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
 
     drift: share by which the rate must be off, beyond its uncertainty, to count.
     """
-    good = [a for a in axes if a.agreement >= ALIKE and abs(a.size - 1) <= FOLLOWS and np.isfinite(a.rate_error)]
+    good = [
+        a
+        for a in axes
+        if a.agreement >= ALIKE and abs(a.size - 1) <= FOLLOWS and np.isfinite(a.rate_error)
+    ]
     told = good or [max(axes, key=lambda axis: axis.agreement)]
     weights = np.array([1 / axis.rate_error**2 for axis in good])
     rate, error = 1.0, np.inf
@@ -166,6 +170,9 @@ def _refined(
     errors = np.sqrt(np.diag(np.linalg.inv(normal)) * float(np.mean(residual[near] ** 2)))
     delay = centre - middle / rate
     better = np.sum((w - size * at(planned_time, planned, rate * (t - delay))) ** 2)
-    if not better <= np.sum((w - at(planned_time, planned, t - begin)) ** 2) or abs(delay - begin) > 0.1 * duration:
+    if (
+        not better <= np.sum((w - at(planned_time, planned, t - begin)) ** 2)
+        or abs(delay - begin) > 0.1 * duration
+    ):
         return unknown
     return delay, rate, size, (float(errors[0]), float(errors[1]))

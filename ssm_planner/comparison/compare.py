@@ -71,7 +71,12 @@ class AxisComparison:
     @property
     def verdict(self) -> Verdict:
         """Of this axis alone."""
-        return worst_of([*(finding.verdict for finding in self.findings), *(limit.verdict for limit in self.limits)])
+        return worst_of(
+            [
+                *(finding.verdict for finding in self.findings),
+                *(limit.verdict for limit in self.limits),
+            ]
+        )
 
     @property
     def held(self) -> bool:
@@ -109,7 +114,9 @@ class Comparison:
     @property
     def verdict(self) -> Verdict:
         """Held, not held, or cannot tell."""
-        return worst_of([*(finding.verdict for finding in self.findings), *(axis.verdict for axis in self.axes)])
+        return worst_of(
+            [*(finding.verdict for finding in self.findings), *(axis.verdict for axis in self.axes)]
+        )
 
     @property
     def held(self) -> bool:
@@ -130,7 +137,10 @@ class Comparison:
         return {
             "held": self.held,
             "verdict": self.verdict,
-            "clock": {name: value if np.isfinite(value) else None for name, value in vars(self.clock).items()},
+            "clock": {
+                name: value if np.isfinite(value) else None
+                for name, value in vars(self.clock).items()
+            },
             "findings": [vars(finding) for finding in self.findings],
             "axes": [axis.to_dict() for axis in self.axes],
         }
@@ -151,13 +161,20 @@ def compare(
     if not recordings:
         raise RecordingError("no recording to compare with")
     plans = predicted(trajectory, robot, [each.joint for each in recordings])
-    alignments = [align(plan.time, plan.speed, each.time, each.w) for plan, each in zip(plans, recordings, strict=True)]
+    alignments = [
+        align(plan.time, plan.speed, each.time, each.w)
+        for plan, each in zip(plans, recordings, strict=True)
+    ]
     clock = clock_of(alignments, DRIFT)
-    axes = [place(*each[:2], clock, each[2]) for each in zip(plans, recordings, alignments, strict=True)]
+    axes = [
+        place(*each[:2], clock, each[2]) for each in zip(plans, recordings, alignments, strict=True)
+    ]
     for axis in axes:
         _refuse_other_motion(axis)
     return Comparison(
-        tuple(_compare_axis(axis, certificate, lag) for axis in axes), clock, tuple(of_the_clock(clock, axes))
+        tuple(_compare_axis(axis, certificate, lag) for axis in axes),
+        clock,
+        tuple(of_the_clock(clock, axes)),
     )
 
 
@@ -182,7 +199,9 @@ def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float
         raise RecordingError(f"{measured.name}: holds nothing of the motion")
     notes = list(measured.repairs)
     if axis.integrated:
-        notes.append("no position channel: position is the integral of the measured speed, from the planned start")
+        notes.append(
+            "no position channel: position is the integral of the measured speed, from the planned start"
+        )
     planned = {"position": plan.position, "speed": plan.speed, "torque": plan.torque}
     channels = {"position": axis.q, "speed": measured.w, "torque": measured.tau}
     return AxisComparison(

@@ -14,7 +14,13 @@ from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.noise import CERTAIN, longest, noise_of, smoothed, windows, worst_excess
 from ssm_planner.comparison.predicted import PLAN_RATE, Predicted
 from ssm_planner.formats.points import Flags
-from ssm_planner.problem.limits import JointLimit, JointPosition, JointVelocity, MotorSpeed, MotorTorque
+from ssm_planner.problem.limits import (
+    JointLimit,
+    JointPosition,
+    JointVelocity,
+    MotorSpeed,
+    MotorTorque,
+)
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 
@@ -113,12 +119,18 @@ class AlignedAxis:
         """(n,): the plan moves the joint; all of it where it does not move it at all."""
         peak = self.plan.peak
         moving: Flags = np.abs(self.speed) > STANDS * peak
-        return moving if moving.sum() > 8 * windows(self.step)[-1][0] else np.ones(len(self.t), dtype=bool)
+        return (
+            moving
+            if moving.sum() > 8 * windows(self.step)[-1][0]
+            else np.ones(len(self.t), dtype=bool)
+        )
 
     @property
     def sigma(self) -> float:
         """Noise of a single sample of the speed, rad/s."""
-        return noise_of((self.measured.w - self.speed)[self.moving], 1, self.measured.speed_resolution)
+        return noise_of(
+            (self.measured.w - self.speed)[self.moving], 1, self.measured.speed_resolution
+        )
 
 
 def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment) -> AlignedAxis:
@@ -132,20 +144,36 @@ def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignmen
         begin = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
         for first, end in pairwise(begin):
             w, part = measured.w[first:end], t[first:end]
-            way = np.concatenate([[0.0], np.cumsum(np.diff(part) * (w[1:] + w[:-1]) / 2)]) / plan.ratio
+            way = (
+                np.concatenate([[0.0], np.cumsum(np.diff(part) * (w[1:] + w[:-1]) / 2)])
+                / plan.ratio
+            )
             # anchored at the motion's start if the part holds it
             anchor = int(np.clip(np.searchsorted(part, 0.0), 0, len(part) - 1))
             q[first:end] = way - way[anchor] + np.interp(part[anchor], plan.time, plan.position)
     speed = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
     return AlignedAxis(
-        plan, measured, clock, alignment, t=t, speed=speed, q=q, integrated=measured.q is None, step=step
+        plan,
+        measured,
+        clock,
+        alignment,
+        t=t,
+        speed=speed,
+        q=q,
+        integrated=measured.q is None,
+        step=step,
     )
 
 
 def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
     """Everything that is to be said of one axis but for its limits."""
     stall = stalled(axis)
-    found = [*sampling(axis), *tracking(axis, lag), *([stall] if stall is not None else saturated(axis)), *torque(axis)]
+    found = [
+        *sampling(axis),
+        *tracking(axis, lag),
+        *([stall] if stall is not None else saturated(axis)),
+        *torque(axis),
+    ]
     return tuple(found)
 
 
@@ -169,7 +197,13 @@ def sampling(axis: AlignedAxis) -> Iterator[Finding]:
     share = missing / (missing + len(steps))
     if share > MISSING:
         verdict: Verdict = "cannot tell" if share > TOO_MANY else "held"
-        yield Finding("missing samples", verdict, f"{100 * share:.2g} % of the samples are missing", share, TOO_MANY)
+        yield Finding(
+            "missing samples",
+            verdict,
+            f"{100 * share:.2g} % of the samples are missing",
+            share,
+            TOO_MANY,
+        )
 
 
 def tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
@@ -241,7 +275,9 @@ def saturated(axis: AlignedAxis) -> Iterator[Finding]:
     """Torque stays at one largest value while the speed sags, or stays at the motor's own."""
     tau, w, motor = axis.measured.tau, axis.measured.w, axis.plan.joint.motor
     size = np.abs(tau)
-    band = 2 * max(axis.measured.torque_resolution, noise_of(tau, 1, axis.measured.torque_resolution))
+    band = 2 * max(
+        axis.measured.torque_resolution, noise_of(tau, 1, axis.measured.torque_resolution)
+    )
     top = float(np.quantile(size, 0.995))
     if motor is not None and top >= 0.98 * motor.max_torque:
         first, last, length = longest(size >= 0.98 * motor.max_torque, axis.t)
@@ -254,8 +290,12 @@ def saturated(axis: AlignedAxis) -> Iterator[Finding]:
     first, last, length = longest(near, axis.t)
     if length < SHORT or last - first < n:
         return
-    lack = float(np.mean((axis.speed[first:last] - w[first:last]) * np.sign(axis.speed[first:last])))
-    allowed = STANDS * axis.plan.peak + CERTAIN * noise_of(w - axis.speed, n, axis.measured.speed_resolution)
+    lack = float(
+        np.mean((axis.speed[first:last] - w[first:last]) * np.sign(axis.speed[first:last]))
+    )
+    allowed = STANDS * axis.plan.peak + CERTAIN * noise_of(
+        w - axis.speed, n, axis.measured.speed_resolution
+    )
     needed = float(np.mean(np.abs(np.interp(axis.t[first:last], axis.plan.time, axis.plan.torque))))
     if lack > allowed and needed > top:
         text = (
@@ -269,23 +309,32 @@ def torque(axis: AlignedAxis) -> Iterator[Finding]:
     """Torque in motion beside the band that is predicted for it, averaged over the longest window."""
     plan, n = axis.plan, windows(axis.step)[-1][0]
     tau = axis.measured.tau
-    moving = (np.abs(axis.speed) > STANDS * plan.peak) if plan.peak > 0 else np.zeros(len(tau), dtype=bool)
+    moving = (
+        (np.abs(axis.speed) > STANDS * plan.peak)
+        if plan.peak > 0
+        else np.zeros(len(tau), dtype=bool)
+    )
     if len(tau) < 3 * n or moving.sum() < n:
         return
     reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
     low, high = (
-        np.interp(axis.t, plan.time, each) for each in (_extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
+        np.interp(axis.t, plan.time, each)
+        for each in (_extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
     )
     mean, expected = smoothed(tau, n), smoothed(np.interp(axis.t, plan.time, plan.torque), n)
     noise = CERTAIN * noise_of(
-        (tau - np.interp(axis.t, plan.time, plan.torque))[axis.moving], n, axis.measured.torque_resolution
+        (tau - np.interp(axis.t, plan.time, plan.torque))[axis.moving],
+        n,
+        axis.measured.torque_resolution,
     )
     whole = smoothed(moving.astype(float), n) > 1 - 0.5 / n
     low, high = smoothed(low, n), smoothed(high, n)
     outside = whole & ((mean > high + noise) | (mean < low - noise))
     share = float(outside.sum() / max(whole.sum(), 1))
     if share > OUTSIDE:
-        ratio = float(np.median(np.abs(mean[outside]) / np.maximum(np.abs(expected[outside]), 1e-12)))
+        ratio = float(
+            np.median(np.abs(mean[outside]) / np.maximum(np.abs(expected[outside]), 1e-12))
+        )
         source = "the drive's posterior" if plan.known else "assumed"
         text = f"torque is {ratio:.2f} times the predicted, outside its band ({source}) in {100 * share:.0f} % of the motion"
         yield Finding("torque", "not held", text, share, OUTSIDE)
@@ -294,20 +343,34 @@ def torque(axis: AlignedAxis) -> Iterator[Finding]:
 def _extreme(values: Array, reach: int, sign: int) -> Array:
     """The largest (sign +1) or smallest (−1) of the values (n,) within `reach` samples on both sides."""
     padded = np.pad(sign * values, reach, mode="edge")
-    return np.asarray(sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1))
+    return np.asarray(
+        sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+    )
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
     """Position, velocity, motor speed and motor torque against their limits."""
     plan, joint, measured = axis.plan, axis.plan.joint, axis.measured
-    stated = {c.name: c.margin for c in certificate.limits if c.joint == joint.name} if certificate is not None else {}
+    stated = (
+        {c.name: c.margin for c in certificate.limits if c.joint == joint.name}
+        if certificate is not None
+        else {}
+    )
     low, high = joint.position
     q = axis.q
-    nearer, end = (float(q.max()), high) if high - q.max() <= q.min() - low else (float(q.min()), low)
+    nearer, end = (
+        (float(q.max()), high) if high - q.max() <= q.min() - low else (float(q.min()), low)
+    )
     half = (high - low) / 2
     margin, noise = min(high - float(q.max()), float(q.min()) - low) / half, position_noise(axis)
     unit = joint.unit
-    verdict: Verdict = "not held" if margin * half < -noise else "held" if noise <= UNRESOLVED * half else "cannot tell"
+    verdict: Verdict = (
+        "not held"
+        if margin * half < -noise
+        else "held"
+        if noise <= UNRESOLVED * half
+        else "cannot tell"
+    )
     found = [
         Kept(
             JointPosition.name,
@@ -326,7 +389,9 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
 
     def kept(limit: JointLimit, values: Array, departure: Array, resolution: float) -> Kept:
         largest = limit.largest
-        worst, noise, window = worst_excess(values, departure[axis.moving], largest, axis.step, resolution)
+        worst, noise, window = worst_excess(
+            values, departure[axis.moving], largest, axis.step, resolution
+        )
         verdict: Verdict = "held" if noise <= UNRESOLVED * largest else "cannot tell"
         verdict = "not held" if worst > largest + noise else verdict
         return Kept(
@@ -343,11 +408,20 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
         )
 
     ratio = plan.ratio
-    found.append(kept(joint.limit(JointVelocity), measured.w / ratio, apart / ratio, resolution / ratio))
+    found.append(
+        kept(joint.limit(JointVelocity), measured.w / ratio, apart / ratio, resolution / ratio)
+    )
     if joint.motor is not None:
         expected = np.interp(axis.t, plan.time, plan.torque)
         found.append(kept(joint.limit(MotorSpeed), measured.w, apart, resolution))
-        found.append(kept(joint.limit(MotorTorque), measured.tau, measured.tau - expected, measured.torque_resolution))
+        found.append(
+            kept(
+                joint.limit(MotorTorque),
+                measured.tau,
+                measured.tau - expected,
+                measured.torque_resolution,
+            )
+        )
     return tuple(found)
 
 
@@ -358,13 +432,26 @@ def of_the_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
             f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their times, and what follows "
             "from them, are corrected by it"
         )
-        yield Finding("clock", "cannot tell", text, abs(clock.rate - 1), DRIFT + CERTAIN * clock.rate_error)
+        yield Finding(
+            "clock", "cannot tell", text, abs(clock.rate - 1), DRIFT + CERTAIN * clock.rate_error
+        )
     if len(axes) < 2:
         return
-    late = {axis.name: axis.alignment.delay - clock.delay for axis in axes if axis.alignment.correlation >= ALIKE}
-    errors = [axis.alignment.delay_error for axis in axes if np.isfinite(axis.alignment.delay_error)]
-    apart, allowed = float(np.ptp(list(late.values()))) if late else 0.0, STEP + CERTAIN * max(errors, default=0.0)
+    late = {
+        axis.name: axis.alignment.delay - clock.delay
+        for axis in axes
+        if axis.alignment.correlation >= ALIKE
+    }
+    errors = [
+        axis.alignment.delay_error for axis in axes if np.isfinite(axis.alignment.delay_error)
+    ]
+    apart, allowed = (
+        float(np.ptp(list(late.values()))) if late else 0.0,
+        STEP + CERTAIN * max(errors, default=0.0),
+    )
     if apart > allowed:
-        words = ", ".join(f"{name} {1e3 * (each - min(late.values())):.3g} ms" for name, each in late.items())
+        words = ", ".join(
+            f"{name} {1e3 * (each - min(late.values())):.3g} ms" for name, each in late.items()
+        )
         text = f"the joints are out of step, behind the first by: {words} (or their recordings do not share a clock)"
         yield Finding("out of step", "not held", text, apart, allowed)

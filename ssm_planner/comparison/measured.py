@@ -39,11 +39,15 @@ class Measured:
     repairs: tuple[str, ...] = ()
 
 
-def read_measured(path: Path, robot: Robot, joint: str, counts_per_turn: int | None = None) -> Measured:
+def read_measured(
+    path: Path, robot: Robot, joint: str, counts_per_turn: int | None = None
+) -> Measured:
     """One recording in SI units and the joint's positive direction. Raises RecordingError."""
     axis = next(each for each in robot.joints if each.name == joint)
     if axis.drive is None:
-        raise RecordingError(f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its motor")
+        raise RecordingError(
+            f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its motor"
+        )
     nominal = None if axis.motor is None else axis.motor.nominal_torque
     recording = read_recording(path, nominal_torque=nominal, direction=axis.motor_direction)
     time = recording.begin + recording.time
@@ -74,7 +78,9 @@ def _recorded_position(
     if column is None or joint.drive is None:
         return None, 0.0
     if table.units[column].strip().lower() not in INCREMENTS:
-        raise RecordingError(f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, qc)")
+        raise RecordingError(
+            f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, qc)"
+        )
     counts = counts_per_turn
     if counts is None and joint.motor is not None and joint.motor.encoder_known:
         assert joint.motor.encoder_counts is not None
@@ -103,7 +109,9 @@ def assign(words: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
         if not given:
             joint, file = _joint_in(Path(word).stem.lower(), names), word
         if joint not in names:
-            raise RecordingError(f"{word}: of which joint? write JOINT=FILE with one of {', '.join(names)}")
+            raise RecordingError(
+                f"{word}: of which joint? write JOINT=FILE with one of {', '.join(names)}"
+            )
         if joint in (other for other, _ in found):
             raise RecordingError(f"{word}: a second recording of joint {joint}")
         found.append((joint, Path(file)))

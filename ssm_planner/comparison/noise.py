@@ -41,7 +41,10 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
 
 def windows(step: float) -> list[tuple[int, float]]:
     """(samples, standard deviations that stand out) of a single sample and of every window; step: s per sample."""
-    return [(1, CERTAIN_ALONE), *((max(LEAST, round(length / step)), CERTAIN) for length in WINDOWS)]
+    return [
+        (1, CERTAIN_ALONE),
+        *((max(LEAST, round(length / step)), CERTAIN) for length in WINDOWS),
+    ]
 
 
 def worst_excess(
@@ -60,7 +63,9 @@ def worst_excess(
 
 def runs(flags: Flags) -> Indices:
     """(first, one past last) of every stretch of true (m, 2)."""
-    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(-1, 2)
+    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(
+        -1, 2
+    )
 
 
 def longest(flags: Flags, time: Array) -> tuple[int, int, float]:

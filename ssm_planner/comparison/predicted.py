@@ -68,8 +68,19 @@ def predicted(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> li
         if joint.drive is None:
             raise RecordingError(f"joint {name} has no drive in the robot file")
         torque = motor.torque[:, i]
-        band = _band(joint.drive, rigid[:, i], samples.qd[:, i], samples.qdd[:, i], way[:, i], breakaway=away[:, i])
-        low, high = (torque - SPREAD * np.abs(torque), torque + SPREAD * np.abs(torque)) if band is None else band
+        band = _band(
+            joint.drive,
+            rigid[:, i],
+            samples.qd[:, i],
+            samples.qdd[:, i],
+            way[:, i],
+            breakaway=away[:, i],
+        )
+        low, high = (
+            (torque - SPREAD * np.abs(torque), torque + SPREAD * np.abs(torque))
+            if band is None
+            else band
+        )
         found.append(
             Predicted(
                 joint,
@@ -94,8 +105,12 @@ def _band(
     if friction.posterior is None:
         return None
     sets: dict[str, Any] = {
-        name: column[:, None] for name, column in friction.posterior.values().items() if name != LOAD_OFFSET
+        name: column[:, None]
+        for name, column in friction.posterior.values().items()
+        if name != LOAD_OFFSET
     }
-    torque = np.asarray(drive_torque(drawn(drive, sets), rigid, qd, qdd, way, breakaway=breakaway)[0])
+    torque = np.asarray(
+        drive_torque(drawn(drive, sets), rigid, qd, qdd, way, breakaway=breakaway)[0]
+    )
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return low - TAIL * friction.posterior.scatter, high + TAIL * friction.posterior.scatter

@@ -20,7 +20,9 @@ STANDSTILL = 0.005
 def friction_of(drive: Drive) -> Friction:
     """The friction of a drive; ProblemError where it is still to be identified."""
     if drive.friction is None:
-        raise ProblemError("its friction is still to be identified", file=drive.file, key="friction")
+        raise ProblemError(
+            "its friction is still to be identified", file=drive.file, key="friction"
+        )
     return drive.friction
 
 
@@ -59,7 +61,9 @@ def breakaway_coefficient(friction: Friction, w: Expression = 0.0) -> Expression
     return namespace_of(w).maximum(friction_coefficient(friction, w), friction.mu_static)
 
 
-def static_coefficient(friction: Friction, dwell: Expression, arrival: Expression | None = None) -> Expression:
+def static_coefficient(
+    friction: Friction, dwell: Expression, arrival: Expression | None = None
+) -> Expression:
     """Coefficient at breakaway after a rest of `dwell` seconds, shape of `dwell`; arrays or CasADi expressions.
 
     Rises from its value on arrival at rest (default mu) to mu_static as exp(−c / t_dwell); with no dwell constant c the

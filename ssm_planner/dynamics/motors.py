@@ -40,19 +40,25 @@ class MotorMotion:
     effort: Array
 
 
-def motor_motion(robot: Robot, body: RigidBody, samples: Samples, direction: Array, breakaway: Array) -> MotorMotion:
+def motor_motion(
+    robot: Robot, body: RigidBody, samples: Samples, direction: Array, breakaway: Array
+) -> MotorMotion:
     """Motor side of a motion at n samples.
 
     direction (n, 4): +1, −1 or 0 (the joint stands and its drive holds) for every joint, as `directions` gives it.
     breakaway (n, 4), bool: the joint starts to move there, so friction is that of breakaway.
     """
     tau = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
-    ratio = np.array([np.nan if joint.drive is None else joint.drive.ratio for joint in robot.joints])
+    ratio = np.array(
+        [np.nan if joint.drive is None else joint.drive.ratio for joint in robot.joints]
+    )
     torque, effort = np.full(tau.shape, np.nan), np.full(tau.shape, np.nan)
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:
             motion = (samples.qd[:, i], samples.qdd[:, i], direction[:, i])
-            torque[:, i], effort[:, i] = drive_torque(joint.drive, tau[:, i], *motion, breakaway=breakaway[:, i])
+            torque[:, i], effort[:, i] = drive_torque(
+                joint.drive, tau[:, i], *motion, breakaway=breakaway[:, i]
+            )
     return MotorMotion(ratio * samples.q, ratio * samples.qd, ratio * samples.qdd, torque, effort)
 
 
@@ -68,7 +74,9 @@ def motor_law(
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:
             motion = (qd[i], qdd[i], direction[i])
-            torque[i], effort[i] = drive_torque(joint.drive, tau[i], *motion, breakaway=breakaway[i])
+            torque[i], effort[i] = drive_torque(
+                joint.drive, tau[i], *motion, breakaway=breakaway[i]
+            )
     return tau, torque, effort
 
 
@@ -99,9 +107,13 @@ def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]
     return direction, breakaway
 
 
-def directions_law(robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int) -> tuple[ca.SX, ca.SX]:
+def directions_law(
+    robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int
+) -> tuple[ca.SX, ca.SX]:
     """(direction, breakaway), (4,) each, by `joint_direction`."""
-    columns = [joint_direction(joint, qd[i], qdd[i], qddd[i], side) for i, joint in enumerate(robot.joints)]
+    columns = [
+        joint_direction(joint, qd[i], qdd[i], qddd[i], side) for i, joint in enumerate(robot.joints)
+    ]
     direction, breakaway = (ca.vertcat(*column) for column in zip(*columns, strict=True))
     return direction, breakaway
 

@@ -36,7 +36,11 @@ def inverse_dynamics_symbolic(
     axes = [constant(axis) for axis in numbers]
     rotations = [rotation_symbolic(axis, q[i]) for i, axis in enumerate(numbers)]
     figures = [
-        (body.mass, constant(body.frame @ body.com), constant(body.frame @ inertia_about_com(body) @ body.frame.T))
+        (
+            body.mass,
+            constant(body.frame @ body.com),
+            constant(body.frame @ inertia_about_com(body) @ body.frame.T),
+        )
         for body in bodies
     ]
     return _newton_euler(axes, rotations, figures, base=ca.DM(-gravity), motion=(q, qd, qdd))
@@ -63,22 +67,36 @@ def _newton_euler(
         if i < 3:
             # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
             back = rotations[i].T
-            omega, omega_dot, base_acceleration = back @ omega, back @ omega_dot, back @ base_acceleration
+            omega, omega_dot, base_acceleration = (
+                back @ omega,
+                back @ omega_dot,
+                back @ base_acceleration,
+            )
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
             turns.append(back.T)
             if mass is None:
                 moments.append(
-                    inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(com, base_acceleration)
+                    inertia @ omega_dot
+                    + ca.cross(omega, inertia @ omega)
+                    + ca.cross(com, base_acceleration)
                 )
                 continue
             place, sliding = ca.SX(com), ca.SX.zeros(3)
         else:
-            place, sliding = com + axes[2] * q[3], axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
+            place, sliding = (
+                com + axes[2] * q[3],
+                axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3],
+            )
         force = mass * (
-            base_acceleration + sliding + ca.cross(omega_dot, place) + ca.cross(omega, ca.cross(omega, place))
+            base_acceleration
+            + sliding
+            + ca.cross(omega_dot, place)
+            + ca.cross(omega, ca.cross(omega, place))
         )
-        moments.append(inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(place, force))
+        moments.append(
+            inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(place, force)
+        )
     tau = [ca.dot(axes[2], force)]
     total = moments[2] + moments[3]  # body 4 turns with body 3
     tau.append(ca.dot(axes[2], total))
@@ -99,7 +117,10 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
     (4, 3, 3), of the base and three bodies; angles between neighbouring axes; and the angle of joint 2 that brings the third
     axis into that plane, which is to be added to θ2."""
     first, second, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
-    angles = [float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)) for a, b in ((first, second), (second, third))]
+    angles = [
+        float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+        for a, b in ((first, second), (second, third))
+    ]
     x = second - first * (first @ second)
     x /= np.linalg.norm(x)
     base = np.column_stack([x, np.cross(first, x), first])
@@ -123,7 +144,9 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
         second_turn=[np.cos(angles[1]), np.sin(angles[1])],
         gravity=frames[0].T @ gravity,
         first_moments=[body.mass * frame.T @ com for frame, com, _, body in turning],
-        inertias=[(frame.T @ inertia @ frame)[np.triu_indices(3)] for frame, _, inertia, _ in turning],
+        inertias=[
+            (frame.T @ inertia @ frame)[np.triu_indices(3)] for frame, _, inertia, _ in turning
+        ],
         mass=bodies[3].mass,
         com=frames[3].T @ coms[3],
     )
@@ -147,7 +170,13 @@ def efforts_by_figures(figures: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX
 def _about_y(turn: ca.SX) -> ca.SX:
     """Rotation about y by the angle of this cosine and sine."""
     matrix = ca.SX(3, 3)
-    matrix[0, 0], matrix[0, 2], matrix[1, 1], matrix[2, 0], matrix[2, 2] = turn[0], turn[1], 1.0, -turn[1], turn[0]
+    matrix[0, 0], matrix[0, 2], matrix[1, 1], matrix[2, 0], matrix[2, 2] = (
+        turn[0],
+        turn[1],
+        1.0,
+        -turn[1],
+        turn[0],
+    )
     return matrix
 
 
@@ -159,7 +188,9 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
     """
     points = q.shape[1]
     of_robot = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
-    found = call(_static_load(tuple(gravity)), q.reshape(-1, 4), np.repeat(of_robot, points, axis=0))[0]
+    found = call(
+        _static_load(tuple(gravity)), q.reshape(-1, 4), np.repeat(of_robot, points, axis=0)
+    )[0]
     return found.reshape(-1, points, 4)
 
 
@@ -169,7 +200,10 @@ def _static_load(gravity: tuple[float, ...]) -> ca.Function:
     axes = [robot[3 * i : 3 * i + 3] for i in range(3)]
     hats = [ca.skew(axis) for axis in axes]
     # Rodrigues with a symbolic axis
-    rotations = [ca.SX.eye(3) + hat * ca.sin(q[i]) + hat @ hat * (1 - ca.cos(q[i])) for i, hat in enumerate(hats)]
+    rotations = [
+        ca.SX.eye(3) + hat * ca.sin(q[i]) + hat @ hat * (1 - ca.cos(q[i]))
+        for i, hat in enumerate(hats)
+    ]
     bodies = [(robot[9 + i], robot[13 + 3 * i : 16 + 3 * i], ca.SX.zeros(3, 3)) for i in range(4)]
     load = _newton_euler(axes, rotations, bodies, base=-ca.DM(gravity), motion=(q, still, still))
     return ca.Function("static_load", [q, robot], [load])
@@ -229,12 +263,20 @@ class RigidBody:
         return kinetic[:, 0], potential[:, 0]
 
     def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-        return inverse_dynamics_symbolic(self.geometry, self.bodies, gravity=self.gravity, q=q, qd=qd, qdd=qdd)
+        return inverse_dynamics_symbolic(
+            self.geometry, self.bodies, gravity=self.gravity, q=q, qd=qd, qdd=qdd
+        )
 
     @cached_property
     def _inverse_dynamics(self) -> ca.Function:
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
-        return ca.Function("inverse_dynamics", [q, qd, qdd], [self.symbolic(q, qd, qdd)], ["q", "qd", "qdd"], ["tau"])
+        return ca.Function(
+            "inverse_dynamics",
+            [q, qd, qdd],
+            [self.symbolic(q, qd, qdd)],
+            ["q", "qd", "qdd"],
+            ["tau"],
+        )
 
     @cached_property
     def _path_load(self) -> ca.Function:
@@ -249,7 +291,11 @@ class RigidBody:
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
         zero = ca.SX.zeros(4)
         still = self.symbolic(q, zero, zero)
-        parts: Any = [self.symbolic(q, zero, qdd) - still, self.symbolic(q, qd, zero) - still, still]
+        parts: Any = [
+            self.symbolic(q, zero, qdd) - still,
+            self.symbolic(q, qd, zero) - still,
+            still,
+        ]
         return ca.Function("parts", [q, qd, qdd], ca.cse(parts))
 
     @cached_property

@@ -61,7 +61,9 @@ def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
     return Moments(mass, moments.first, moments.second + spread)
 
 
-def arc(start: Array, end: Array, radius: float, section: tuple[float, float], density: float) -> Moments:
+def arc(
+    start: Array, end: Array, radius: float, section: tuple[float, float], density: float
+) -> Moments:
     """A curved bar about the origin from the direction `start` to `end` (unit vectors (3,), less than 180° apart).
 
     radius: of its middle line, m; section: in the plane of the arc and across it, m; kg/m³.
@@ -76,7 +78,11 @@ def arc(start: Array, end: Array, radius: float, section: tuple[float, float], d
     sine, cosine = math.sin(angle), math.cos(angle)
     mass = zeroth * angle
     plane = second * np.array(
-        [[(angle + sine * cosine) / 2, sine**2 / 2, 0], [sine**2 / 2, (angle - sine * cosine) / 2, 0], [0, 0, 0]]
+        [
+            [(angle + sine * cosine) / 2, sine**2 / 2, 0],
+            [sine**2 / 2, (angle - sine * cosine) / 2, 0],
+            [0, 0, 0],
+        ]
     )
     plane[2, 2] = mass * height**2 / 12
     return Moments(mass, first * np.array([sine, 1 - cosine, 0.0]), plane).turned(frame)

@@ -22,7 +22,17 @@ from ssm_planner.typing import Array, Range
 
 LINEAR_DRAWS = 20_000
 """Of parameters that are cheap to look at."""
-VARIABLE = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
+VARIABLE = (
+    "mu",
+    "mu_static",
+    "mu_stribeck",
+    "stribeck_speed",
+    "b_c",
+    "b_v",
+    "b_oc",
+    "b_ov",
+    "preload",
+)
 """What a covariance may speak of."""
 SPREAD = ("mu", "b_c", "b_v", "b_oc", "b_ov")
 """What a stated relative spread applies to."""
@@ -56,8 +66,13 @@ class FrictionSpread:
 
     def corners(self) -> tuple[dict[str, float], ...]:
         """Every combination of the ends of the ranges; one empty one without ranges."""
-        ranges = {**self.ranges, **({} if self.inertia is None else {"input_inertia": self.inertia})}
-        return tuple(dict(zip(ranges, ends, strict=True)) for ends in itertools.product(*ranges.values()))
+        ranges = {
+            **self.ranges,
+            **({} if self.inertia is None else {"input_inertia": self.inertia}),
+        }
+        return tuple(
+            dict(zip(ranges, ends, strict=True)) for ends in itertools.product(*ranges.values())
+        )
 
     def deviations(self, count: int) -> Array:
         """Draws of the uncertain parameters less their means, (count, k), always the same.
@@ -119,22 +134,32 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     ranges = dict(drive.friction_ranges)
     posterior = friction.posterior
     if posterior is not None:
-        names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
+        names = tuple(
+            name for name in posterior.names if name != LOAD_OFFSET and name not in ranges
+        )
         mean = np.array([_stated(drive, name, posterior) for name in names])
-        covariance = np.cov(np.column_stack([posterior.column(name) for name in names]), rowvar=False)
+        covariance = np.cov(
+            np.column_stack([posterior.column(name) for name in names]), rowvar=False
+        )
         return FrictionSpread(names, mean, np.atleast_2d(covariance), ranges, posterior)
     table = {name: row for name, row in (friction.covariance or {}).items() if name not in ranges}
     if relative is not None:
-        values = {name: float(getattr(friction, name)) for name in SPREAD if name not in (*ranges, *table)}
+        values = {
+            name: float(getattr(friction, name)) for name in SPREAD if name not in (*ranges, *table)
+        }
         ranges |= {
-            name: (value * (1 - relative), value * (1 + relative)) for name, value in values.items() if value > 0
+            name: (value * (1 - relative), value * (1 + relative))
+            for name, value in values.items()
+            if value > 0
         }
     names = tuple(table)
     unknown = [name for name in names if name not in VARIABLE]
     if unknown:
         raise _not_one(drive, f"{unknown[0]} is not a parameter", allowed=", ".join(VARIABLE))
     try:
-        covariance = np.array([[table[a][b] for b in names] for a in names]).reshape(len(names), len(names))
+        covariance = np.array([[table[a][b] for b in names] for a in names]).reshape(
+            len(names), len(names)
+        )
     except KeyError as error:
         raise _not_one(drive, f"it lacks the entry of {error.args[0]} in a row") from None
     _check(drive, names, covariance)
@@ -192,4 +217,6 @@ def _check(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
 
 
 def _not_one(drive: Drive, reason: str, allowed: str | None = None) -> ProblemError:
-    return ProblemError(f"not a covariance: {reason}", file=drive.file, key="friction.covariance", allowed=allowed)
+    return ProblemError(
+        f"not a covariance: {reason}", file=drive.file, key="friction.covariance", allowed=allowed
+    )

@@ -59,7 +59,11 @@ def of_efficiencies(ratio: float, forwards: float, backwards: float) -> tuple[fl
 
 
 def output_effort(
-    drive: Drive, tau_rigid: Expression, qd: Expression, qdd: Expression, direction: Expression = None
+    drive: Drive,
+    tau_rigid: Expression,
+    qd: Expression,
+    qdd: Expression,
+    direction: Expression = None,
 ) -> Expression:
     """Effort F that the mesh must carry, N·m (worm) or N (screws).
 
@@ -89,7 +93,9 @@ class TorqueRows:
         return carried + self.inertia * wd + self.coulomb + self.viscous * w
 
 
-def motor_torque_rows(drive: Drive, direction: Expression, mu: Expression | None = None) -> TorqueRows:
+def motor_torque_rows(
+    drive: Drive, direction: Expression, mu: Expression | None = None
+) -> TorqueRows:
     """The rows of `TorqueRows` for motion of sign `direction` (±1).
 
     mu: coefficient to use, default the kinetic `friction.mu`. The torque grows with μ in the direction of motion, so an
@@ -105,11 +111,19 @@ def motor_torque_rows(drive: Drive, direction: Expression, mu: Expression | None
     # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction alone decides
     main, second = xp.where(direction > 0, down, up), xp.where(direction > 0, up, down)
     inertia = drive.input_inertia + second * drive.second_nut_mass / drive.ratio
-    return TorqueRows((main, main), inertia, f.b_c * direction + drive.preload * (second - main), f.b_v)
+    return TorqueRows(
+        (main, main), inertia, f.b_c * direction + drive.preload * (second - main), f.b_v
+    )
 
 
 def moving_torque(
-    drive: Drive, F: Expression, w: Expression, wd: Expression, *, direction: Expression, mu: Expression
+    drive: Drive,
+    F: Expression,
+    w: Expression,
+    wd: Expression,
+    *,
+    direction: Expression,
+    mu: Expression,
 ) -> Expression:
     """Motor torque of a drive that moves, or is about to move, in `direction` (±1): the larger or smaller row."""
     rows = motor_torque_rows(drive, direction, mu)
@@ -169,7 +183,9 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
     """(μ − cos θ_n·tan λ, φ − λ in rad), shape of mu: positive while the mesh locks itself, by its own friction alone."""
     mu = friction_of(drive).mu if mu is None else mu
-    return mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle), friction_angle(drive, mu) - drive.lead_angle
+    return mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle), friction_angle(
+        drive, mu
+    ) - drive.lead_angle
 
 
 def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
@@ -181,7 +197,9 @@ def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     F = np.asarray(F, dtype=float)
     if drive.kind != "antibacklash_screw":
         return np.full(np.broadcast(F, wd).shape, np.inf)
-    return np.minimum(drive.preload - F, drive.preload + drive.second_nut_mass * np.asarray(wd) / drive.ratio)
+    return np.minimum(
+        drive.preload - F, drive.preload + drive.second_nut_mass * np.asarray(wd) / drive.ratio
+    )
 
 
 def effective_inertia(
@@ -200,11 +218,20 @@ def effective_inertia(
 def always_unique(drive: Drive) -> bool:
     """Whether every torque gives this drive one motion: its effective inertia is positive at the largest friction."""
     largest = breakaway_coefficient(friction_of(drive))
-    return all(inertia > 0 for direction in (1, -1) for inertia in effective_inertia(drive, largest, direction))
+    return all(
+        inertia > 0
+        for direction in (1, -1)
+        for inertia in effective_inertia(drive, largest, direction)
+    )
 
 
 def motor_acceleration(
-    drive: Drive, tau: Expression, w: Expression, load: Expression, direction: Expression, mu: Expression
+    drive: Drive,
+    tau: Expression,
+    w: Expression,
+    load: Expression,
+    direction: Expression,
+    mu: Expression,
 ) -> tuple[Expression, Expression]:
     """(wd, F), rad/s² and N·m or N: acceleration and mesh effort of a drive that moves in `direction` (±1).
 

@@ -70,7 +70,11 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
     for name, pair in zip((ROBOT, TRAJECTORY), texts, strict=True):
         for ending, text in zip("hc", pair, strict=True):
             (folder / f"{name}{suffix}.{ending}").write_text(text, encoding="utf-8")
-    notes = [f"joint {j.name} has no drive: its motor torque is 0" for j in plan.robot.joints if j.drive is None]
+    notes = [
+        f"joint {j.name} has no drive: its motor torque is 0"
+        for j in plan.robot.joints
+        if j.drive is None
+    ]
     return {"units": {"all": UNITS}, "rate_hz": None, "notes": notes}
 
 
@@ -78,7 +82,9 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     """(header, source) of a robot as C99."""
     functions = c_functions(robot)
     limits = joint_limits(robot)
-    bodies = "\n".join(write_function(_declaration(f), f.function, f.inputs, f.outputs) for f in functions)
+    bodies = "\n".join(
+        write_function(_declaration(f), f.function, f.inputs, f.outputs) for f in functions
+    )
     values = {
         "comment": _comment(robot, remarks),
         "header": f"{ROBOT}{suffix}.h",
@@ -100,8 +106,12 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
         "robot": f"{ROBOT}{suffix}.h",
         "header": f"{TRAJECTORY}{suffix}.h",
         "breaks": [literal(t) for t in motion.breaks - motion.breaks[0]],
-        "pieces": [[[literal(x) for x in row] for row in piece] for piece in motion.coefficients.tolist()],
-        "moves": [(np.abs(velocity) > REST).astype(int).tolist() for velocity in end_velocities(motion)],
+        "pieces": [
+            [[literal(x) for x in row] for row in piece] for piece in motion.coefficients.tolist()
+        ],
+        "moves": [
+            (np.abs(velocity) > REST).astype(int).tolist() for velocity in end_velocities(motion)
+        ],
     }
     return _filled("trajectory", values)
 
@@ -116,13 +126,18 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     return {
         "ssm_position_min": [joint.position[0] for joint in joints],
         "ssm_position_max": [joint.position[1] for joint in joints],
-        **{f"ssm_{name}_max": [limit(joint, kind) for joint in joints] for name, kind in LIMITS.items()},
+        **{
+            f"ssm_{name}_max": [limit(joint, kind) for joint in joints]
+            for name, kind in LIMITS.items()
+        },
     }
 
 
 def _filled(template: str, values: dict[str, Any]) -> tuple[str, str]:
     templates = environment(PACKAGE, escape=False)
-    return filled(templates, f"{template}.h", **values), filled(templates, f"{template}.c", **values)
+    return filled(templates, f"{template}.h", **values), filled(
+        templates, f"{template}.c", **values
+    )
 
 
 def _comment(robot: Robot, remarks: Sequence[str]) -> str:
@@ -143,7 +158,9 @@ def c_text(name: str) -> str:
 def c_functions(robot: Robot) -> list[CFunction]:
     """Forward and inverse kinematics, inverse dynamics, motor torques."""
     mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
-    q, qd, qdd, qddd, task, near = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near"))
+    q, qd, qdd, qddd, task, near = (
+        ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")
+    )
     branch = ca.SX.sym("branch")
     turned, tip = forward_symbolic(mechanism, q)
     # the closed form takes a branch as a number: both are written, one is chosen
@@ -187,5 +204,8 @@ def c_functions(robot: Robot) -> list[CFunction]:
 
 
 def _declaration(f: CFunction) -> str:
-    inputs = [f"ssm_real {a.name}" if a.size == 0 else f"const ssm_real {a.name}[{a.size}]" for a in f.inputs]
+    inputs = [
+        f"ssm_real {a.name}" if a.size == 0 else f"const ssm_real {a.name}[{a.size}]"
+        for a in f.inputs
+    ]
     return f"void {f.name}({', '.join([*inputs, *(f'ssm_real {a.name}[{a.size}]' for a in f.outputs)])})"

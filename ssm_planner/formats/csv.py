@@ -58,7 +58,9 @@ def trajectory_table(
     return table(samples, robot, columns, at_end=samples.t == trajectory.breaks[-1])
 
 
-def table(samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array) -> tuple[list[str], Array]:
+def table(
+    samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array
+) -> tuple[list[str], Array]:
     """Header and rows of samples; at_end (n,): the motion ends there, motors are seen just before."""
     header, values = ["time_s"], [samples.t]
     names = [f"{i + 1}_{joint.unit}" for i, joint in enumerate(robot.joints)]
@@ -70,7 +72,9 @@ def table(samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array)
         after, before = (directions(robot, samples, side) for side in (1, -1))
         ending = at_end.astype(bool)[:, None]
         direction = np.where(ending, before[0], after[0])
-        motor = motor_motion(robot, RigidBody.from_robot(robot), samples, direction, after[1].astype(bool) & ~ending)
+        motor = motor_motion(
+            robot, RigidBody.from_robot(robot), samples, direction, after[1].astype(bool) & ~ending
+        )
         for group, unit in MOTORS.items():
             if group in columns:
                 driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
@@ -85,7 +89,11 @@ def table(samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array)
 
 
 def write_csv(
-    path: Path, trajectory: Trajectory, robot: Robot, rate: float | None = None, columns: Sequence[str] = DEFAULT
+    path: Path,
+    trajectory: Trajectory,
+    robot: Robot,
+    rate: float | None = None,
+    columns: Sequence[str] = DEFAULT,
 ) -> Path:
     """Write the table at a rate, or at RATE as far as ROWS allow; 12 significant digits. Raises ExportError."""
     if rate is None:
@@ -114,14 +122,20 @@ def export_csv(
     wanted = [group for group in columns or () if group != COUNTS]
     unknown = [group for group in wanted if group not in COLUMNS]
     if unknown:
-        raise ExportError(f"columns {', '.join(unknown)} are not known (allowed: {', '.join((*COLUMNS, COUNTS))})")
+        raise ExportError(
+            f"columns {', '.join(unknown)} are not known (allowed: {', '.join((*COLUMNS, COUNTS))})"
+        )
     if rate is not None and not 0 < rate <= LARGEST_RATE:
         raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
     notes = []
     if COUNTS in (columns or ()):
         notes += _write_counts(plan, folder, suffix, rate or RATE, counts_per_turn)
         if not wanted:
-            return {"rate_hz": rate or RATE, "units": {"time": "s", "position": "increments"}, "notes": notes}
+            return {
+                "rate_hz": rate or RATE,
+                "units": {"time": "s", "position": "increments"},
+                "notes": notes,
+            }
     path = folder / f"trajectory{suffix}.csv"
     header, rows, note = _rows(plan, certificate, rate, wanted)
     _write(path, header, rows, "%.17g")
@@ -147,7 +161,11 @@ def _rows(
 
 
 def _write_counts(
-    plan: Plan, folder: Path, suffix: str, rate: float, counts_per_turn: int | Mapping[str, int] | None
+    plan: Plan,
+    folder: Path,
+    suffix: str,
+    rate: float,
+    counts_per_turn: int | Mapping[str, int] | None,
 ) -> list[str]:
     """Target positions in increments, a file for each driven joint; the last row holds the target."""
     axes = axes_of(plan.robot, counts_per_turn)
@@ -159,7 +177,10 @@ def _write_counts(
             counts = fits(counts, INT32, joint.name, "target position", "increments")
             path = folder / f"{joint.name}_time_position{suffix}.csv"
             _write(path, ["time", "position"], np.column_stack([t, counts]), ("%.9g", "%d"))
-    return [f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz", *encoder_notes(axes)]
+    return [
+        f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz",
+        *encoder_notes(axes),
+    ]
 
 
 def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
@@ -216,7 +237,9 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     qd, qdd = (rows.columns(4 * order) if (order, 0) in found else None for order in (1, 2))
     resolution = None if qd is not None else _resolution(path, layout, wanted[1:])
     t = np.concatenate(rows.times)
-    points = Points(t, q, qd, qdd, resolution=resolution, place=lambda k: f"{path}:{_line_of(path, layout, k)}")
+    points = Points(
+        t, q, qd, qdd, resolution=resolution, place=lambda k: f"{path}:{_line_of(path, layout, k)}"
+    )
     notes = (f"columns not used: {', '.join(ignored)}",) if ignored else ()
     return join_points(points, robot, notes)
 
@@ -276,7 +299,9 @@ def _layout(path: Path) -> Layout:
         separator = max(SEPARATORS, key=text.count)
         names = [name.strip().strip('"') for name in text.split(separator)]
         if len(names) < 2:
-            raise TrajectoryError(f"{path}:{k + 1}: no columns (separated by a comma, semicolon or tab)")
+            raise TrajectoryError(
+                f"{path}:{k + 1}: no columns (separated by a comma, semicolon or tab)"
+            )
         if all(_number(name) for name in names):
             raise TrajectoryError(
                 f"{path}:{k + 1}: no header: the first row must name each column with its unit, such as "
@@ -288,8 +313,13 @@ def _layout(path: Path) -> Layout:
 
 def _data_rows(path: Path, layout: Layout, wanted: Sequence[Heading]) -> _Rows:
     """The wanted columns of all rows, SI."""
-    columns, factors = [heading.column for heading in wanted], [heading.factor for heading in wanted]
-    all_columns = sorted(columns) == list(range(len(layout.names)))  # then their number is looked at too
+    columns, factors = (
+        [heading.column for heading in wanted],
+        [heading.factor for heading in wanted],
+    )
+    all_columns = sorted(columns) == list(
+        range(len(layout.names))
+    )  # then their number is looked at too
     read, found = _Rows(), None
     try:
         with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
@@ -299,7 +329,12 @@ def _data_rows(path: Path, layout: Layout, wanted: Sequence[Heading]) -> _Rows:
             while found is None or len(found) == BLOCK:
                 used = None if all_columns else columns
                 found = np.loadtxt(
-                    file, comments=None, delimiter=layout.separator, usecols=used, ndmin=2, max_rows=BLOCK
+                    file,
+                    comments=None,
+                    delimiter=layout.separator,
+                    usecols=used,
+                    ndmin=2,
+                    max_rows=BLOCK,
                 )
                 if len(found) and all_columns and found.shape[1] != len(columns):
                     raise ValueError("rows of another width than the header")
@@ -383,12 +418,18 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 def _last_line(path: Path) -> str:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 4096))
-        lines = [line for line in file.read().decode("utf-8", errors="replace").splitlines() if line.strip()]
+        lines = [
+            line
+            for line in file.read().decode("utf-8", errors="replace").splitlines()
+            if line.strip()
+        ]
     return lines[-1] if lines else ""
 
 
 def _number(text: str) -> bool:
     return (
-        re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)", text.strip(), re.I | re.A)
+        re.fullmatch(
+            r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)", text.strip(), re.I | re.A
+        )
         is not None
     )

@@ -77,16 +77,30 @@ def export_epos4(
         name = f"{joint.name}{suffix}.csv"
         axis = axes.get(joint.name)
         if axis is None:
-            write_table(folder / name, {TIME: t, f"position_{joint.unit}": motion["q"][:, i]}, ("%.3f", "%.17g"))
-            listed[joint.name] = {"file": name, "note": "no drive: its motion for reference, not a stream"}
+            write_table(
+                folder / name,
+                {TIME: t, f"position_{joint.unit}": motion["q"][:, i]},
+                ("%.3f", "%.17g"),
+            )
+            listed[joint.name] = {
+                "file": name,
+                "note": "no drive: its motion for reference, not a stream",
+            }
             continue
         counts = axis.increments(motion["q"][:, i])
         effects = rounding_effects(counts, motion["q"][:, i], axis, period / 1000)
         write_table(folder / name, {TIME: t, **streams[joint.name]})
         if mode == "csp":
-            write_table(folder / f"{joint.name}_time_position{suffix}.csv", {"time": t, "position": counts})
+            write_table(
+                folder / f"{joint.name}_time_position{suffix}.csv", {"time": t, "position": counts}
+            )
         rows += setup_objects(axis, mode, period, effects)
-        listed[joint.name] = {"file": name, **axis.to_dict(), "rounding": effects, "homing": homing(axis, counts[0])}
+        listed[joint.name] = {
+            "file": name,
+            **axis.to_dict(),
+            "rounding": effects,
+            "homing": homing(axis, counts[0]),
+        }
     _write_objects(folder / f"objects{suffix}.csv", rows)
     return {
         "mode": mode,
@@ -94,7 +108,11 @@ def export_epos4(
         "interpolation_period_ms": period,
         "pdo": pdo_mapping(mode),
         "sync": sync_setup(period),
-        "units": {"inc": "increments (quadcounts)", "mrpm": "1e-3 rpm at the motor", "permille": "of rated torque"},
+        "units": {
+            "inc": "increments (quadcounts)",
+            "mrpm": "1e-3 rpm at the motor",
+            "permille": "of rated torque",
+        },
         "axes": listed,
         "stretch": stretch,
         "not_verified": list(NOT_VERIFIED),
@@ -113,7 +131,9 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     return t, float(t[-1]) / plan.motion.duration if moving else 1.0
 
 
-def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "csp") -> dict[str, Stream]:
+def setpoints(
+    plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "csp"
+) -> dict[str, Stream]:
     """What the export writes for every driven joint, by joint: columns (n,) of whole numbers by name. period: ms."""
     return _streams(axes, _motion(plan, *setpoint_times(plan, period)), mode)
 
@@ -121,7 +141,11 @@ def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "cs
 def period_ms(rate: float) -> int:
     """Interpolation period of a rate in Hz, whole ms. Raises ExportError."""
     period = 1000 / rate if rate > 0 else 0.0
-    if not (np.isfinite(period) and 1 <= round(period) <= LARGEST_PERIOD and abs(period - round(period)) < 1e-9):
+    if not (
+        np.isfinite(period)
+        and 1 <= round(period) <= LARGEST_PERIOD
+        and abs(period - round(period)) < 1e-9
+    ):
         raise ExportError(
             f"a rate of {rate:g} Hz is a period of {period:.6g} ms: object 0x60C2 takes whole ms from 1 to {LARGEST_PERIOD} "
             "(allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
@@ -163,7 +187,11 @@ def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
     direction, breakaway = directions(plan.robot, samples, 1)
     direction, starting = np.where(ended, 0.0, direction), breakaway.astype(bool) & ~ended
     motor = motor_motion(
-        plan.robot, RigidBody.from_robot(plan.robot), samples, direction, np.asarray(starting, dtype=float)
+        plan.robot,
+        RigidBody.from_robot(plan.robot),
+        samples,
+        direction,
+        np.asarray(starting, dtype=float),
     )
     return {"q": samples.q, "speed": motor.speed, "torque": motor.torque}
 
@@ -174,11 +202,19 @@ def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> d
         i = JOINTS.index(name)
         speed = np.round(axis.direction * motion["speed"][:, i] / rpm * 1000)
         torque = np.round(axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000)
-        fits(position := axis.increments(motion["q"][:, i]), INT32, name, "target position", "increments")
+        fits(
+            position := axis.increments(motion["q"][:, i]),
+            INT32,
+            name,
+            "target position",
+            "increments",
+        )
         fits(speed, INT32, name, "velocity", "mrpm")
         fits(torque, INT16, name, "torque", "per mille of rated torque (INT16)")
         columns = (position, speed, torque)[3 - len(COLUMNS[mode]) :]
-        streams[name] = {column: values + 0.0 for column, values in zip(COLUMNS[mode], columns, strict=True)}
+        streams[name] = {
+            column: values + 0.0 for column, values in zip(COLUMNS[mode], columns, strict=True)
+        }
     return streams
 
 
@@ -191,7 +227,9 @@ def write_table(path: Path, columns: Stream, forms: tuple[str, str] = ("%.3f", "
 
 def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=["joint", "object", "name", "value", "unit", "reason", "known"])
+        writer = csv.DictWriter(
+            file, fieldnames=["joint", "object", "name", "value", "unit", "reason", "known"]
+        )
         writer.writeheader()
         writer.writerows(rows)
 
@@ -209,7 +247,9 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, listed: dict[str, Any]) 
                 )
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
-            notes.append(f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure")
+            notes.append(
+                f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure"
+            )
         effects = listed[joint.name]["rounding"]
         position, speed, difference = (
             number(scale * effects[name], 2) for name in ("position", "speed", "acceleration")
@@ -222,7 +262,12 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, listed: dict[str, Any]) 
     return [*notes, *encoder_notes(axes)]
 
 
-TIME, POSITION, VELOCITY, TORQUE = "time_s", "target_position_inc", "velocity_offset_mrpm", "torque_offset_permille"
+TIME, POSITION, VELOCITY, TORQUE = (
+    "time_s",
+    "target_position_inc",
+    "velocity_offset_mrpm",
+    "torque_offset_permille",
+)
 COLUMNS = {
     "csp": (POSITION, VELOCITY, TORQUE),
     "csv": ("target_velocity_mrpm", TORQUE),
@@ -233,7 +278,9 @@ SAME = 1e-9
 """Relative: figures of the manifest and of the robot that are the same."""
 
 
-def read_epos4(folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot) -> Reading:
+def read_epos4(
+    folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot
+) -> Reading:
     """Target positions in increments as joint positions, joined by straight lines, and what their offsets show.
 
     Joints without a drive come from their reference file, in rad or m. listed: files of the manifest whose content is
@@ -256,7 +303,9 @@ def read_epos4(folder: Path, manifest: dict[str, Any], listed: Collection[str], 
     if time is None:
         raise TrajectoryError(f"{folder}: no streams")
     q = np.stack(columns, axis=1)
-    reading = join_points(Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot)
+    reading = join_points(
+        Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot
+    )
     return replace(reading, checks=tuple(offset_checks(robot, time, q, resolution, offsets)))
 
 
@@ -269,22 +318,32 @@ def read_axes(
     """
     axes = manifest.get("axes")
     if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:
-        raise TrajectoryError(f"{folder}: the manifest does not list the joints of robot {robot.name}")
+        raise TrajectoryError(
+            f"{folder}: the manifest does not list the joints of robot {robot.name}"
+        )
     for joint in robot.joints:
         axis = axes[joint.name]
         name = axis.get("file") if isinstance(axis, dict) else None
         if not isinstance(name, str) or name not in listed:
             raise TrajectoryError(f"{folder}: the manifest lists no file for joint {joint.name}")
-        yield joint, folder / name, _per_unit(folder, joint, axis) if "increments_per_unit" in axis else None
+        yield (
+            joint,
+            folder / name,
+            _per_unit(folder, joint, axis) if "increments_per_unit" in axis else None,
+        )
 
 
 def _per_unit(folder: Path, joint: Joint, axis: dict[str, Any]) -> float:
     """Increments per rad or m of a joint, which follow from its drive. Raises TrajectoryError."""
     stated, turn = axis["increments_per_unit"], axis.get("increments_per_motor_turn")
     if joint.drive is None or joint.motor is None:
-        raise TrajectoryError(f"{folder}: joint {joint.name} of the robot has no drive or no motor, but a stream")
+        raise TrajectoryError(
+            f"{folder}: joint {joint.name} of the robot has no drive or no motor, but a stream"
+        )
     if type(turn) is not int or not 0 < turn <= INT32 or type(stated) not in (int, float):
-        raise TrajectoryError(f"{folder}: increments of joint {joint.name} are not given by the manifest")
+        raise TrajectoryError(
+            f"{folder}: increments of joint {joint.name} are not given by the manifest"
+        )
     expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
     if not abs(stated - expected) <= SAME * abs(expected):
         raise TrajectoryError(
@@ -292,8 +351,12 @@ def _per_unit(folder: Path, joint: Joint, axis: dict[str, Any]) -> float:
             f"the robot's drive and {turn} increments per motor turn make {expected:.9g}"
         )
     rated = axis.get("rated_torque_Nm")
-    if not isinstance(rated, (int, float)) or not abs(rated - joint.motor.nominal_torque) <= SAME * abs(rated):
-        raise TrajectoryError(f"{folder}: joint {joint.name}: the rated torque is not that of the robot's motor")
+    if not isinstance(rated, (int, float)) or not abs(
+        rated - joint.motor.nominal_torque
+    ) <= SAME * abs(rated):
+        raise TrajectoryError(
+            f"{folder}: joint {joint.name}: the rated torque is not that of the robot's motor"
+        )
     return float(stated)
 
 
@@ -318,8 +381,12 @@ def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, li
                 )
         wanted = [names.index(column) for column in (time, *columns)]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which is said below
-            rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=wanted, ndmin=2, encoding="utf-8")
+            warnings.simplefilter(
+                "ignore", UserWarning
+            )  # of a file without rows, which is said below
+            rows = np.loadtxt(
+                path, delimiter=",", skiprows=1, usecols=wanted, ndmin=2, encoding="utf-8"
+            )
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (ValueError, OverflowError) as error:

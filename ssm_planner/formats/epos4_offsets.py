@@ -35,7 +35,9 @@ class Offsets:
     torque_rounding: float
 
 
-def offset_checks(robot: Robot, t: Array, q: Array, resolution: Array, offsets: dict[int, Offsets]) -> list[LimitCheck]:
+def offset_checks(
+    robot: Robot, t: Array, q: Array, resolution: Array, offsets: dict[int, Offsets]
+) -> list[LimitCheck]:
     """Offsets of the joints (by index) against positions q (n, 4) with a rounding of `resolution` (4,), rad or m.
 
     Between two setpoints the velocity changes by no more than the acceleration limit allows; torques follow from the
@@ -48,7 +50,9 @@ def offset_checks(robot: Robot, t: Array, q: Array, resolution: Array, offsets: 
     checks = []
     for i, offset in offsets.items():
         joint = robot.joints[i]
-        checks.append(_velocity_check(joint, t, slopes[:, i], offset, rounding=float(resolution[i])))
+        checks.append(
+            _velocity_check(joint, t, slopes[:, i], offset, rounding=float(resolution[i]))
+        )
     low, high = _torque_range(robot, t, q, qd, offsets)
     for i, offset in offsets.items():
         joint = robot.joints[i]
@@ -63,17 +67,24 @@ def offset_checks(robot: Robot, t: Array, q: Array, resolution: Array, offsets: 
     return checks
 
 
-def _velocity_check(joint: Joint, t: Array, slope: Array, offset: Offsets, rounding: float) -> LimitCheck:
+def _velocity_check(
+    joint: Joint, t: Array, slope: Array, offset: Offsets, rounding: float
+) -> LimitCheck:
     """|q̇(t) − mean of q̇ over an adjacent interval| ≤ q̈_max h / 2."""
     h = np.diff(t)
     allowed = joint.acceleration * (1 + 1e-6) * h / 2 + 2 * rounding / h + offset.velocity_rounding
-    beyond = np.maximum(np.abs(offset.velocity[1:] - slope), np.abs(offset.velocity[:-1] - slope)) / allowed
+    beyond = (
+        np.maximum(np.abs(offset.velocity[1:] - slope), np.abs(offset.velocity[:-1] - slope))
+        / allowed
+    )
     k = int(np.argmax(beyond))
     limit = FeedForward(joint.name, float(allowed[k]), prismatic=joint.kind == "prismatic")
     return LimitCheck.of(limit, float(beyond[k] * allowed[k]), float(t[k]))
 
 
-def _torque_range(robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int, Offsets]) -> tuple[Array, Array]:
+def _torque_range(
+    robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int, Offsets]
+) -> tuple[Array, Array]:
     """(lowest, highest) motor torque (n, 4) with any acceleration that is near a setpoint and either friction at rest."""
     lowest, highest = _accelerations(robot, t, qd, offsets)
     body = RigidBody.from_robot(robot)
@@ -89,7 +100,9 @@ def _torque_range(robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int
             still = standing[rows]
             samples = Samples(t[rows], q[rows], qd[rows], qdd[rows], np.zeros_like(q[rows]))
             direction = np.where(still, sign, np.sign(qd[rows]))
-            torque = motor_motion(robot, body, samples, direction, (still & breaking).astype(float)).torque
+            torque = motor_motion(
+                robot, body, samples, direction, (still & breaking).astype(float)
+            ).torque
             low[rows], high[rows] = np.fmin(low[rows], torque), np.fmax(high[rows], torque)
     return low, high
 
@@ -99,7 +112,9 @@ def _slow(robot: Robot, i: int, offsets: dict[int, Offsets]) -> float:
     return 1e-6 * robot.joints[i].velocity + (offsets[i].velocity_rounding if i in offsets else 0.0)
 
 
-def _accelerations(robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets]) -> tuple[Array, Array]:
+def _accelerations(
+    robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets]
+) -> tuple[Array, Array]:
     """(lowest, highest) acceleration (n, 4) near every setpoint, within the joints' limits."""
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]
@@ -112,4 +127,6 @@ def _accelerations(robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     pad = limit * np.minimum(1.0, h.max() / FULL) + 2 * rounding / h.min()
     # a drive that holds, or a motion that has ended, needs no acceleration
-    return np.maximum(np.minimum(low - pad, 0.0), -limit), np.minimum(np.maximum(high + pad, 0.0), limit)
+    return np.maximum(np.minimum(low - pad, 0.0), -limit), np.minimum(
+        np.maximum(high + pad, 0.0), limit
+    )

@@ -102,7 +102,12 @@ def fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array
 
 def following_error_window(axis: Axis, period: int) -> int:
     """Object 0x6065, increments: LAG_PERIODS periods (ms) at the joint's largest speed."""
-    return max(math.ceil(axis.joint.velocity * LAG_PERIODS * period / 1000 * abs(axis.increments_per_unit)), 2)
+    return max(
+        math.ceil(
+            axis.joint.velocity * LAG_PERIODS * period / 1000 * abs(axis.increments_per_unit)
+        ),
+        2,
+    )
 
 
 def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> tuple[int, str]:
@@ -110,7 +115,9 @@ def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> tuple[int, s
     counts, motor = given.get(joint.name) if isinstance(given, Mapping) else given, joint.motor
     if counts is None and motor is not None and motor.encoder_counts is not None:
         mark = PLACEHOLDER if "encoder_counts" in motor.placeholders else ""
-        return QUADRATURE * motor.encoder_counts, mark + motor.sources.get("encoder_counts", "the motor's file")
+        return QUADRATURE * motor.encoder_counts, mark + motor.sources.get(
+            "encoder_counts", "the motor's file"
+        )
     if counts is None:
         file = "the motor's file" if motor is None else motor.file
         raise ExportError(
@@ -118,7 +125,9 @@ def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> tuple[int, s
             "motor turn (4 × encoder counts) by --counts-per-turn"
         )
     if counts < 1:
-        raise ExportError(f"--counts-per-turn {counts}: not a number of increments (allowed: 1 and more)")
+        raise ExportError(
+            f"--counts-per-turn {counts}: not a number of increments (allowed: 1 and more)"
+        )
     return int(counts), "given with the export"
 
 
@@ -131,7 +140,10 @@ SYNC = 0x80
 """COB-ID of the SYNC message."""
 CURRENT_POSITION = 37
 """Homing method (0x6098): the present position becomes the home position."""
-BITS = {**dict.fromkeys(("0x6060:00", "0x6061:00"), 8), **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00"), 32)}
+BITS = {
+    **dict.fromkeys(("0x6060:00", "0x6061:00"), 8),
+    **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00"), 32),
+}
 BITS |= dict.fromkeys(("0x6064:00", "0x606C:00"), 32)
 """Of the objects that are mapped; 16 where not named."""
 COMMANDS = ("0x6040:00", "0x6060:00")
@@ -167,7 +179,10 @@ def pdo_mapping(mode: str) -> dict[str, list[dict[str, Any]]]:
             _pdo(0x1600 + k, 0x1400 + k, 0x200 + 0x100 * k, objects)
             for k, objects in enumerate((COMMANDS, *STREAMED[mode]))
         ],
-        "transmit": [_pdo(0x1A00 + k, 0x1800 + k, 0x180 + 0x100 * k, objects) for k, objects in enumerate(RETURNED)],
+        "transmit": [
+            _pdo(0x1A00 + k, 0x1800 + k, 0x180 + 0x100 * k, objects)
+            for k, objects in enumerate(RETURNED)
+        ],
     }
 
 
@@ -204,7 +219,12 @@ def homing(axis: Axis, start: float) -> dict[str, Any]:
     """How the drive's zero comes to be the joint's: start: increments of the first setpoint."""
     return {
         "convention": "0 increments are 0 rad or m of the joint",
-        "home_position": {"object": "0x30B0:00", "value": int(start), "unit": "inc", "known": QUOTED},
+        "home_position": {
+            "object": "0x30B0:00",
+            "value": int(start),
+            "unit": "inc",
+            "known": QUOTED,
+        },
         "home_offset": {"object": "0x30B1:00", "value": 0, "unit": "inc", "known": QUOTED},
         "method": {"object": "0x6098:00", "value": CURRENT_POSITION, "known": QUOTED},
         "note": f"for joint {axis.name} standing at the start of the plan: its present position becomes the home position; "
@@ -214,22 +234,66 @@ def homing(axis: Axis, start: float) -> dict[str, Any]:
 
 OBJECTS = (
     ("0x6060:00", "mode of operation", "", 127, "cyclic synchronous mode of the stream"),
-    ("0x60C2:01", "interpolation time period", "ms", 100, "must equal the SYNC period; 0: none, a noisy motion"),
+    (
+        "0x60C2:01",
+        "interpolation time period",
+        "ms",
+        100,
+        "must equal the SYNC period; 0: none, a noisy motion",
+    ),
     ("0x60C2:02", "interpolation time index", "", 127, "the period is in ms (fixed)"),
-    ("0x60A9:00", "velocity unit", "", UINT32, "velocities in 1e-3 rpm: whole rpm would be too coarse"),
-    ("0x6076:00", "motor rated torque", "µN·m", UINT32, "read only: must read this value, or torque offsets are wrong"),
-    ("0x3001:02", "output current limit", "mA", UINT32, "current at the largest usable torque of the motor"),
+    (
+        "0x60A9:00",
+        "velocity unit",
+        "",
+        UINT32,
+        "velocities in 1e-3 rpm: whole rpm would be too coarse",
+    ),
+    (
+        "0x6076:00",
+        "motor rated torque",
+        "µN·m",
+        UINT32,
+        "read only: must read this value, or torque offsets are wrong",
+    ),
+    (
+        "0x3001:02",
+        "output current limit",
+        "mA",
+        UINT32,
+        "current at the largest usable torque of the motor",
+    ),
     ("0x607D:01", "software position limit, min", "inc", INT32, "range of the joint, outwards"),
     ("0x607D:02", "software position limit, max", "inc", INT32, "range of the joint, outwards"),
-    ("0x6065:00", "following error window", "inc", UINT32, "10 periods at full speed: to be narrowed at the machine"),
-    ("0x607F:00", "max profile velocity", "1e-3 rpm", UINT32, "the joint's limit, with room for the stream's rounding"),
+    (
+        "0x6065:00",
+        "following error window",
+        "inc",
+        UINT32,
+        "10 periods at full speed: to be narrowed at the machine",
+    ),
+    (
+        "0x607F:00",
+        "max profile velocity",
+        "1e-3 rpm",
+        UINT32,
+        "the joint's limit, with room for the stream's rounding",
+    ),
     ("0x6080:00", "max motor speed", "rpm", UINT32, "largest speed of the motor"),
-    ("0x60C5:00", "max acceleration", "rpm/s", UINT32, "the joint's limit; rounding to increments may ask for more"),
+    (
+        "0x60C5:00",
+        "max acceleration",
+        "rpm/s",
+        UINT32,
+        "the joint's limit; rounding to increments may ask for more",
+    ),
 )
 """Object, name, unit, largest value, reason."""
 
 
-def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float]) -> list[dict[str, str]]:
+def setup_objects(
+    axis: Axis, mode: str, period: int, effects: dict[str, float]
+) -> list[dict[str, str]]:
     """Rows joint, object, name, value, unit, reason, known for one axis.
 
     effects: largest effects of rounding on the joint's position, speed, acceleration: limits inside the drive must leave
@@ -237,7 +301,9 @@ def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float])
     """
     joint, motor = axis.joint, axis.joint.motor
     assert motor is not None
-    turns = 60 * abs(axis.increments_per_unit) / axis.counts_per_turn  # rpm of the motor per unit/s of the joint
+    turns = (
+        60 * abs(axis.increments_per_unit) / axis.counts_per_turn
+    )  # rpm of the motor per unit/s of the joint
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)
     values = {
         "0x6060:00": MODES[mode],
@@ -260,7 +326,9 @@ def setup_objects(axis: Axis, mode: str, period: int, effects: dict[str, float])
         if value is None:
             continue
         if abs(value) > largest:
-            raise ExportError(f"joint {axis.name}: {name} ({key}) = {value} does not fit (allowed: up to {largest})")
+            raise ExportError(
+                f"joint {axis.name}: {name} ({key}) = {value} does not fit (allowed: up to {largest})"
+            )
         shown = f"0x{value:08X}" if name == "velocity unit" else str(value)
         row = {"object": key, "name": name, "value": shown, "unit": unit, "reason": reason}
         rows.append({"joint": axis.name, **row, "known": UNVERIFIED if key in DOUBTFUL else QUOTED})

@@ -49,7 +49,9 @@ def export(
     if to not in FORMATS:
         raise ExportError(f"{to!r} is not a form of export (allowed: {', '.join(FORMATS)})")
     if stops is not None and (to not in WITH_STOPS or stops < 1):
-        raise ExportError(f"stops = {stops!r} for {to} (allowed: 1 and more, for {', '.join(WITH_STOPS)})")
+        raise ExportError(
+            f"stops = {stops!r} for {to} (allowed: 1 and more, for {', '.join(WITH_STOPS)})"
+        )
     source = plan if isinstance(plan, Plan) else load_plan(plan)
     certificate, passed = verified(source, force)
     if speed != 1.0:
@@ -63,8 +65,12 @@ def export(
         if speed != 1.0:
             details["speed"] = speed
         if stops is not None:
-            details["stops"] = write_stops(source, temporary / f"stops{suffix}.csv", stops, details.get("axes", {}))
-        manifest = write_manifest(temporary, to, plan=source, certificate=certificate, verified=passed, details=details)
+            details["stops"] = write_stops(
+                source, temporary / f"stops{suffix}.csv", stops, details.get("axes", {})
+            )
+        manifest = write_manifest(
+            temporary, to, plan=source, certificate=certificate, verified=passed, details=details
+        )
     files = {name: folder / name for name in manifest["files"]}
     return {**files, "manifest": folder / MANIFEST}, manifest
 
@@ -80,7 +86,9 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
         plan,
         problem=problem,
         trajectory=motion,
-        certificate=sealed(certificate, motion, plan.robot, problem.task_limits) if passed else None,
+        certificate=sealed(certificate, motion, plan.robot, problem.task_limits)
+        if passed
+        else None,
     )
     object.__setattr__(made, "file", plan.file)
     object.__setattr__(made, "file_sha256", plan.file_sha256)
@@ -120,7 +128,14 @@ def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> 
             parts.append(np.column_stack([np.full(len(t), begin), t, *columns]))
     rows = np.vstack(parts) if parts else np.empty((0, 2 + len(names)))
     forms = ["%.6f", "%.6f", *("%.12g" if scale is None else "%d" for scale in per_unit)]
-    np.savetxt(path, rows, fmt=forms, delimiter=",", header=",".join(["from_s", "time_s", *names]), comments="")
+    np.savetxt(
+        path,
+        rows,
+        fmt=forms,
+        delimiter=",",
+        header=",".join(["from_s", "time_s", *names]),
+        comments="",
+    )
     return {
         "file": path.name,
         "instants": len(found.time),
@@ -138,8 +153,14 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
     if force:
         return found, False
     if found.passed:
-        what = "the plan has no certificate" if stated is None else "the plan has a certificate that did not pass"
-        raise ExportError(f"{plan.path}: {plan.doubt or what}: plan again, or give --force for files marked unverified")
+        what = (
+            "the plan has no certificate"
+            if stated is None
+            else "the plan has a certificate that did not pass"
+        )
+        raise ExportError(
+            f"{plan.path}: {plan.doubt or what}: plan again, or give --force for files marked unverified"
+        )
     worst = found.worst
     raise ExportError(
         f"{plan.path}: the plan does not pass the check: {worst.name} of {worst.joint or 'the tool'} exceeds its limit "
@@ -148,7 +169,12 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
 
 
 def write_manifest(
-    folder: Path, kind: str, plan: Plan, certificate: Certificate, verified: bool, details: dict[str, Any]
+    folder: Path,
+    kind: str,
+    plan: Plan,
+    certificate: Certificate,
+    verified: bool,
+    details: dict[str, Any],
 ) -> dict[str, Any]:
     """Write manifest.json beside the files it lists; details: what the kind of export has to say."""
     ends = plan.limits.slower(details.get("stretch", 1.0))
@@ -168,13 +194,17 @@ def write_manifest(
         "certificate": certificate.to_dict(),
         "files": hashes(folder),
     }
-    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / MANIFEST).write_text(
+        json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
     return manifest
 
 
 def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:
     """The function that writes a format. Raises ExportError for options it does not take."""
-    write: Callable[..., dict[str, Any]] = getattr(import_module(f"ssm_planner.formats.{to}"), f"export_{to}")
+    write: Callable[..., dict[str, Any]] = getattr(
+        import_module(f"ssm_planner.formats.{to}"), f"export_{to}"
+    )
     taken = list(inspect.signature(write).parameters)[4:]
     for name in options:
         if name not in taken:

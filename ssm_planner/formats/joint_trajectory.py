@@ -97,7 +97,9 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
     """The trajectory of a JointTrajectory or a FollowJointTrajectory goal in YAML. Raises TrajectoryError."""
     data = read_bytes(path, LARGEST_FILE)
     try:
-        content: Any = parse(path, data.decode("utf-8-sig"), LARGEST_TREE, trailing=True, tree=False).value
+        content: Any = parse(
+            path, data.decode("utf-8-sig"), LARGEST_TREE, trailing=True, tree=False
+        ).value
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ProblemError as error:
@@ -110,7 +112,11 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
 def message_from(data: Any, where: str) -> Message:
     """A message as plain dictionaries and lists. Raises TrajectoryError."""
-    if not isinstance(data, dict) or not isinstance(data.get("points"), list) or "joint_names" not in data:
+    if (
+        not isinstance(data, dict)
+        or not isinstance(data.get("points"), list)
+        or "joint_names" not in data
+    ):
         raise TrajectoryError(f"{where}: not a JointTrajectory (joint_names and points are needed)")
     names, points = data["joint_names"], data["points"]
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -120,11 +126,15 @@ def message_from(data: Any, where: str) -> Message:
     return Message(tuple(names), time, *fields)
 
 
-def read_message(message: Message, robot: Robot, where: str, notes: tuple[str, ...] = ()) -> Reading:
+def read_message(
+    message: Message, robot: Robot, where: str, notes: tuple[str, ...] = ()
+) -> Reading:
     """The trajectory that a controller runs for a message. Raises TrajectoryError."""
     faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
     if faults:
-        raise TrajectoryError(f"{where}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""))
+        raise TrajectoryError(
+            f"{where}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if len(faults) > 1 else "")
+        )
     order = [message.names.index(joint.name) for joint in robot.joints]
     q, _ = _table(message.positions, order)
     qd, has_qd = _table(message.velocities, order)
@@ -144,22 +154,32 @@ def read_message(message: Message, robot: Robot, where: str, notes: tuple[str, .
 def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
     """(faults, remarks): why joint_trajectory_controller rejects a message, and what depends on its configuration."""
     names, time = message.names, message.time
-    faults = [f"joint {name!r} is not one of {', '.join(joints)}" for name in names if name not in joints]
-    faults += [f"joint {name!r} is named twice" for name in sorted(set(names)) if names.count(name) > 1]
+    faults = [
+        f"joint {name!r} is not one of {', '.join(joints)}" for name in names if name not in joints
+    ]
+    faults += [
+        f"joint {name!r} is named twice" for name in sorted(set(names)) if names.count(name) > 1
+    ]
     faults += [f"joint {name!r} is missing" for name in joints if name not in names]
     if not len(time):
         return [*faults, "no points"], []
     if time[0] < 0:
         faults.append(f"point 0: time_from_start is negative: {time[0]:.12g} s")
     for k in np.flatnonzero(np.diff(time) <= 0)[:1]:
-        faults.append(f"point {k + 1}: time_from_start does not increase ({time[k + 1]:.12g} s after {time[k]:.12g} s)")
+        faults.append(
+            f"point {k + 1}: time_from_start does not increase ({time[k + 1]:.12g} s after {time[k]:.12g} s)"
+        )
     for field in FIELDS:
         for k, values in enumerate(getattr(message, field)):
             if len(values) not in ({len(names)} if field == "positions" else {0, len(names)}):
                 faults.append(f"point {k}: {len(values)} {field} for {len(names)} joints")
                 break
     remarks = []
-    last = np.abs(np.array(message.velocities[-1], dtype=float)) if len(message.velocities[-1]) else np.zeros(1)
+    last = (
+        np.abs(np.array(message.velocities[-1], dtype=float))
+        if len(message.velocities[-1])
+        else np.zeros(1)
+    )
     if last.max(initial=0.0) > REST:
         remarks.append(
             f"the last velocity is {last.max():.3g}, not zero: rejected unless allow_nonzero_velocity_at_trajectory_end"
@@ -167,7 +187,9 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
     if any(len(values) for values in message.effort):
         remarks.append("effort is given: rejected where no effort interface is claimed")
     if time[0] > 0:
-        remarks.append(f"until {time[0]:.6g} s the controller moves from where the robot is: not checked")
+        remarks.append(
+            f"until {time[0]:.6g} s the controller moves from where the robot is: not checked"
+        )
     return faults, remarks
 
 
@@ -187,7 +209,9 @@ def _time(point: Any, k: int, where: str) -> float:
                 return (sec * TICKS + nanosec) / TICKS
     except (OverflowError, TypeError, ValueError):
         stamp = None
-    raise TrajectoryError(f"{where}: point {k}: no time_from_start with sec and nanosec (found: {stamp!r})")
+    raise TrajectoryError(
+        f"{where}: point {k}: no time_from_start with sec and nanosec (found: {stamp!r})"
+    )
 
 
 def _numbers(point: dict[str, Any], key: str, k: int, where: str) -> Sequence[float]:

@@ -86,11 +86,15 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     n = len(points.t)
     none = np.zeros(n, dtype=bool)
     velocity = none if points.qd is None else ~none if points.has_qd is None else points.has_qd
-    acceleration = none if points.qdd is None else ~none if points.has_qdd is None else points.has_qdd
+    acceleration = (
+        none if points.qdd is None else ~none if points.has_qdd is None else points.has_qdd
+    )
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     pieces = PiecesOfPoints(points, cubic, quintic)
-    coefficients = cast("Array", pieces) if n > LONG else pieces[:]  # an array as far as a trajectory needs one
+    coefficients = (
+        cast("Array", pieces) if n > LONG else pieces[:]
+    )  # an array as far as a trajectory needs one
     trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
     resolution = None
@@ -108,7 +112,9 @@ def describe(cubic: Flags, quintic: Flags) -> str:
     if not cubic.any():
         return "linear between points (only positions given)"
     counts = (("linear", ~cubic), ("cubic", cubic & ~quintic), ("quintic", quintic))
-    return "mixed between points: " + ", ".join(f"{int(flags.sum())} {name}" for name, flags in counts if flags.any())
+    return "mixed between points: " + ", ".join(
+        f"{int(flags.sum())} {name}" for name, flags in counts if flags.any()
+    )
 
 
 def check_points(points: Points, robot: Robot) -> None:
@@ -116,7 +122,12 @@ def check_points(points: Points, robot: Robot) -> None:
     t, n = points.t, len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
-    named = (("time", t), ("position", points.q), ("velocity", points.qd), ("acceleration", points.qdd))
+    named = (
+        ("time", t),
+        ("position", points.q),
+        ("velocity", points.qd),
+        ("acceleration", points.qdd),
+    )
     for name, values in named:
         for first in range(0, n, BLOCK):
             finite = np.isfinite(values[first : first + BLOCK] if values is not None else 0.0)
@@ -157,15 +168,23 @@ class PiecesOfPoints:
         for start in range(first, end, BLOCK):
             here = slice(start, min(start + BLOCK, end))
             ahead = slice(here.start + 1, here.stop + 1)
-            out[start - first : here.stop - first] = self._made(here, ahead, self.cubic[here], self.quintic[here])
+            out[start - first : here.stop - first] = self._made(
+                here, ahead, self.cubic[here], self.quintic[here]
+            )
         return out
 
-    def _made(self, here: Indices | slice, ahead: Indices | slice, cubic: Flags, quintic: Flags) -> Array:
+    def _made(
+        self, here: Indices | slice, ahead: Indices | slice, cubic: Flags, quintic: Flags
+    ) -> Array:
         points = self.points
         length = points.t[ahead] - points.t[here]
         h, q0, q1 = length[:, None], points.q[here], points.q[ahead]
         if points.qd is not None and points.qdd is not None and quintic.all():
-            return quintics(length, (q0, points.qd[here], points.qdd[here]), (q1, points.qd[ahead], points.qdd[ahead]))
+            return quintics(
+                length,
+                (q0, points.qd[here], points.qdd[here]),
+                (q1, points.qd[ahead], points.qdd[ahead]),
+            )
         out = np.zeros((len(h), DEGREE + 1, 4))
         out[:, 0], out[:, 1] = q0, (q1 - q0) / h
         if points.qd is not None and cubic.any():
@@ -192,7 +211,10 @@ ALIKE = 0.05
 """Residual and deviation of the factor, relative, up to which two columns are one the multiple of the other."""
 UNLIKE = 2.0
 """Factor beyond which velocities that are a multiple of the slopes are of another unit."""
-FACTORS = ((180 / math.pi, "degrees where radians are meant"), (1000.0, "millimetres where metres are meant"))
+FACTORS = (
+    (180 / math.pi, "degrees where radians are meant"),
+    (1000.0, "millimetres where metres are meant"),
+)
 
 
 def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first: int) -> None:
@@ -209,7 +231,9 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first:
             )
 
 
-def check_derivatives(t: Array, value: Table, derivative: Table, robot: Robot, names: tuple[str, str]) -> None:
+def check_derivatives(
+    t: Array, value: Table, derivative: Table, robot: Robot, names: tuple[str, str]
+) -> None:
     """Derivatives that are not those of the values (n, 4): another unit, or another joint's. Raises TrajectoryError."""
     if len(t) <= FEW:
         return
@@ -229,9 +253,17 @@ def check_derivatives(t: Array, value: Table, derivative: Table, robot: Robot, n
                     f"the {names[1]} given for joint {other.name} are those of joint {joint.name}: swapped columns?"
                 )
         if residual < ALIKE:
-            hint = next((f": {text}?" for known, text in FACTORS if 1 / UNLIKE < factor / known < UNLIKE), "")
+            hint = next(
+                (f": {text}?" for known, text in FACTORS if 1 / UNLIKE < factor / known < UNLIKE),
+                "",
+            )
             hint = hint or next(
-                (f": {text} in the {names[0]}?" for k, text in FACTORS if 1 / UNLIKE < factor * k < UNLIKE), ""
+                (
+                    f": {text} in the {names[0]}?"
+                    for k, text in FACTORS
+                    if 1 / UNLIKE < factor * k < UNLIKE
+                ),
+                "",
             )
             raise TrajectoryError(
                 f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its {names[0]}{hint}"

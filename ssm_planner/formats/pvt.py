@@ -97,38 +97,60 @@ def export_pvt(
             fits(velocity, INT24, joint.name, "velocity", "increments/s")
         times = np.round(np.diff(table.t, prepend=table.t[0]) * 1000)
         columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
-        write_table(folder / name, {TIME: times, **columns}, ("%d", "%d" if axis is not None else "%.17g"))
-        listed[joint.name] = {"file": name, "start": float(position[0]), "start_velocity": float(velocity[0])}
+        write_table(
+            folder / name, {TIME: times, **columns}, ("%d", "%d" if axis is not None else "%.17g")
+        )
+        listed[joint.name] = {
+            "file": name,
+            "start": float(position[0]),
+            "start_velocity": float(velocity[0]),
+        }
         listed[joint.name] |= {"end": float(position[-1]), "end_velocity": float(velocity[-1])}
         if axis is None:
             listed[joint.name]["note"] = "no drive: its motion for reference"
             continue
         wanted, _ = _samples(plan, table.t, table.stretch, plan.robot.joints.index(joint))
         deviation = float(np.abs(position / axis.increments_per_unit - wanted).max())
-        listed[joint.name] |= {**axis.to_dict(), "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn}
+        listed[joint.name] |= {
+            **axis.to_dict(),
+            "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn,
+        }
         listed[joint.name]["deviation"] = deviation
-        notes.append(f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows")
+        notes.append(
+            f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows"
+        )
     return {
         "rate_hz": None,
-        "units": {"time": "ms", "position": "increments", "velocity": "increments/s; without a drive rad, m and s"},
+        "units": {
+            "time": "ms",
+            "position": "increments",
+            "velocity": "increments/s; without a drive rad, m and s",
+        },
         "form": FORM,
         "axes": listed,
         "stretch": table.stretch,
         "start_rate": dict(table.limits.start_rate or {}),
         "end_rate": dict(table.limits.end_rate or {}),
-        "spline": {"interpolation": table.certificate.interpolation, "certificate": table.certificate.to_dict()},
+        "spline": {
+            "interpolation": table.certificate.interpolation,
+            "certificate": table.certificate.to_dict(),
+        },
         "not_verified": list(NOT_VERIFIED),
         "notes": [*notes, *encoder_notes(axes)],
     }
 
 
-def read_pvt(folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot) -> Reading:
+def read_pvt(
+    folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot
+) -> Reading:
     """The cubics that drives run between the rows of an exported table. Raises TrajectoryError."""
     q, qd, time = [], [], None
     for joint, path, per_unit in read_axes(folder, manifest, listed, robot):
         steps, (position, velocity) = read_table(path, TIME, _columns(joint, per_unit is not None))
         if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
-            raise TrajectoryError(f"{path}: {TIME} is 0 in the first row, then a whole number from 1 to {LARGEST_TIME}")
+            raise TrajectoryError(
+                f"{path}: {TIME} is 0 in the first row, then a whole number from 1 to {LARGEST_TIME}"
+            )
         if time is not None and not np.array_equal(time, steps):
             raise TrajectoryError(f"{folder}: the tables of the axes do not have the same times")
         time = steps
@@ -153,7 +175,9 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
         tried.append(table.certificate)
     worst = max(tried, key=lambda each: each.worst.margin).worst
     jerky = any(joint.jerk is not None for joint in plan.robot.joints)
-    jerk = "; cubics between rows jump in acceleration, which limits of jerk forbid" if jerky else ""
+    jerk = (
+        "; cubics between rows jump in acceleration, which limits of jerk forbid" if jerky else ""
+    )
     raise ExportError(
         f"{plan.path}: no PVT table was found that keeps the limits: at best the {worst.name} limit of "
         f"{worst.joint or 'the tool'} is exceeded by {-100 * worst.margin:.3g} % at {worst.time:.4f} s{jerk}"
@@ -174,10 +198,14 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
                 unit = FREE if axis is None else axis.increments_per_unit
                 position, velocity = _Fit(plan, i, t, stretch, unit).rows(whole=axis is not None)
                 state[:, :, i] = position / unit, velocity / unit
-                rows[joint.name] = (position, velocity) if axis is not None else (state[0, :, i], state[1, :, i])
+                rows[joint.name] = (
+                    (position, velocity) if axis is not None else (state[0, :, i], state[1, :, i])
+                )
             reading = join_points(Points(t, *state), plan.robot)
             limits = _at_ends(plan.limits.slower(stretch), plan.robot, *state)
-            found = check(reading.trajectory, plan.robot, limits, interpolation=reading.interpolation)
+            found = check(
+                reading.trajectory, plan.robot, limits, interpolation=reading.interpolation
+            )
             yield Table(t, rows, stretch, limits, found)
 
 
@@ -219,8 +247,13 @@ class _Fit:
         breaks = (motion.breaks - motion.breaks[0]) * stretch
         self._dense = np.unique(np.concatenate([t, breaks, np.linspace(0, t[-1], FINE * n)]))
         self._where = np.searchsorted(self._dense, t[:-1])
-        sides = [motion.sample(motion.breaks[0] + self._dense / stretch, side) for side in ("left", "right")]
-        bend = np.array([s.qdd[:, i] * unit * tau**2 * factor for s in sides for factor in (1, stretch**-2)])
+        sides = [
+            motion.sample(motion.breaks[0] + self._dense / stretch, side)
+            for side in ("left", "right")
+        ]
+        bend = np.array(
+            [s.qdd[:, i] * unit * tau**2 * factor for s in sides for factor in (1, stretch**-2)]
+        )
         a = self._nearby(bend)
         v = self._nearby(np.array([s.qd[:, i] * unit * tau for s in sides]))
         p = self._nearby(np.array([s.q[:, i] * unit for s in sides]))
@@ -243,12 +276,17 @@ class _Fit:
         """(lowest, highest) of values (k, instants) on each interval and the two beside it."""
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
         high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
-        return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max([high[:-2], high[1:-1], high[2:]], axis=0)
+        return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max(
+            [high[:-2], high[1:-1], high[2:]], axis=0
+        )
 
     def rows(self, whole: bool) -> tuple[Array, Array]:
         """Positions (n,), and velocities (n,) in increments/s that suit them best; both whole numbers where asked for."""
         if not whole:
-            d, w = self._solve(np.zeros(len(self.positions)), np.r_[0.0, np.full(len(self.positions) - 2, np.inf), 0.0])
+            d, w = self._solve(
+                np.zeros(len(self.positions)),
+                np.r_[0.0, np.full(len(self.positions) - 2, np.inf), 0.0],
+            )
             return self.positions + d, (self.velocities + w) * self.rate
         ends = np.clip(np.round(self.positions), *self.range) - self.positions
         free = np.full(len(ends), np.inf)
@@ -277,7 +315,9 @@ class _Fit:
             for sign, bound in ((1, high), (-1, -low)):
                 # the plan's own rows and rounded positions may lie a little beyond what the plan has nearby
                 edge = bound if spare else np.max([bound, sign * base, sign * rounded], axis=0)
-                blocks.append([sign * positions, sign * velocities, None, np.full((n - 1, 1), -spare)])
+                blocks.append(
+                    [sign * positions, sign * velocities, None, np.full((n - 1, 1), -spare)]
+                )
                 largest.append(edge - sign * base)
         for sign in (1, -1):
             blocks.append([sign * eye, None, -eye, None])
@@ -286,8 +326,12 @@ class _Fit:
         low, high = np.where(fixed, d, -np.inf), np.where(fixed, d, np.inf)
         found = milp(
             np.r_[np.zeros(2 * n), np.ones(n), EXCESS],
-            constraints=LinearConstraint(sparse.bmat(blocks, format="csr"), -np.inf, np.concatenate(largest)),
-            bounds=Bounds(np.r_[low, -rest, np.zeros(n + 1)], np.r_[high, rest, np.full(n + 1, np.inf)]),
+            constraints=LinearConstraint(
+                sparse.bmat(blocks, format="csr"), -np.inf, np.concatenate(largest)
+            ),
+            bounds=Bounds(
+                np.r_[low, -rest, np.zeros(n + 1)], np.r_[high, rest, np.full(n + 1, np.inf)]
+            ),
         )
         x = np.zeros(3 * n + 1) if found.x is None else found.x
         return x[:n], x[n : 2 * n]

@@ -68,7 +68,9 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
         if not isinstance(name, str):
             raise TrajectoryError(f"{folder}: this export ({kind[:80]}) holds no trajectory")
         if name not in listed:
-            raise TrajectoryError(f"{folder / MANIFEST}: its trajectory {name[:80]!r} is none of the files it lists")
+            raise TrajectoryError(
+                f"{folder / MANIFEST}: its trajectory {name[:80]!r} is none of the files it lists"
+            )
         reading = _read_file(folder / name, robot)
     start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
     return replace(reading, start_rate=start, end_rate=end)
@@ -78,14 +80,18 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest of an export folder. Raises TrajectoryError."""
     path = folder / MANIFEST
     if not path.exists():
-        raise TrajectoryError(f"{folder}: neither a rosbag2 nor an export (no {MANIFEST}; allowed: {ACCEPTED})")
+        raise TrajectoryError(
+            f"{folder}: neither a rosbag2 nor an export (no {MANIFEST}; allowed: {ACCEPTED})"
+        )
     manifest = read_json(path, LARGEST_MANIFEST)
     if not isinstance(manifest, dict) or manifest.get("format") != EXPORT:
         raise TrajectoryError(f"{path}: not the manifest of an export")
     return manifest
 
 
-def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: str = "") -> frozenset[str]:
+def _check_hashes(
+    folder: Path, manifest: dict[str, Any] | None = None, below: str = ""
+) -> frozenset[str]:
     """Names of the files that the manifest lists, all of which are as the export wrote them. Raises TrajectoryError.
 
     below: only those in this folder; without a manifest that lists some, there is nothing to compare.
@@ -97,7 +103,9 @@ def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: s
         manifest = read_json(path, LARGEST_MANIFEST)
     files = manifest.get("files") if isinstance(manifest, dict) else None
     if isinstance(manifest, dict) and manifest.get(INCOMPLETE):
-        raise TrajectoryError(f"{folder}: the export was interrupted while its files were put in place: export again")
+        raise TrajectoryError(
+            f"{folder}: the export was interrupted while its files were put in place: export again"
+        )
     if not isinstance(files, dict):
         raise TrajectoryError(f"{path}: lists no files with their SHA-256")
     for name, stated in files.items():
@@ -113,7 +121,9 @@ def _check_hashes(folder: Path, manifest: dict[str, Any] | None = None, below: s
         if found is None:
             raise TrajectoryError(f"{folder / name}: is missing, though {MANIFEST} lists it")
         if found != stated:
-            raise TrajectoryError(f"{folder / name}: changed since the export: its SHA-256 is not that in {MANIFEST}")
+            raise TrajectoryError(
+                f"{folder / name}: changed since the export: its SHA-256 is not that in {MANIFEST}"
+            )
     return frozenset(files)
 
 
@@ -121,8 +131,12 @@ def _declared(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, flo
     """Rates of task coordinates that a manifest declares at one end. Raises TrajectoryError."""
     rates = manifest.get(key, {})
     if not isinstance(rates, dict) or not set(rates) <= set(TASK):
-        raise TrajectoryError(f"{folder / MANIFEST}: {key} is no mapping of rates (allowed: {', '.join(TASK)})")
+        raise TrajectoryError(
+            f"{folder / MANIFEST}: {key} is no mapping of rates (allowed: {', '.join(TASK)})"
+        )
     for name, rate in rates.items():
         if type(rate) not in (int, float) or not abs(rate) < LARGEST_RATE:
-            raise TrajectoryError(f"{folder / MANIFEST}: {key}.{name} is not a rate: {str(rate)[:40]}")
+            raise TrajectoryError(
+                f"{folder / MANIFEST}: {key}.{name} is not a rate: {str(rate)[:40]}"
+            )
     return {name: float(rate) for name, rate in rates.items()}

@@ -68,13 +68,27 @@ def export_ros2(
     message = trajectory_message(plan, points, effort)
     faults, remarks = controller_faults(message, [joint.name for joint in plan.robot.joints])
     if faults:
-        raise ExportError(f"{plan.path}: joint_trajectory_controller would reject the trajectory: {faults[0]}")
+        raise ExportError(
+            f"{plan.path}: joint_trajectory_controller would reject the trajectory: {faults[0]}"
+        )
     name = f"joint_trajectory{suffix}.yaml"
-    marks = ["UNVERIFIED: the plan has no passed certificate; do not run it on a machine."] if suffix else []
-    marks += [f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.", points.note + "."]
+    marks = (
+        ["UNVERIFIED: the plan has no passed certificate; do not run it on a machine."]
+        if suffix
+        else []
+    )
+    marks += [
+        f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.",
+        points.note + ".",
+    ]
     write_yaml(folder / name, message, [*marks, *PUBLISH], "")
     goal = f"goal{suffix}.yaml"
-    write_yaml(folder / goal, message, [*marks, "Goal of control_msgs/action/FollowJointTrajectory."], "trajectory")
+    write_yaml(
+        folder / goal,
+        message,
+        [*marks, "Goal of control_msgs/action/FollowJointTrajectory."],
+        "trajectory",
+    )
     if bag is None and find_spec("rosbags") is None:
         remarks = [*remarks, f"no rosbag2 was written: {INSTALL}"]
     elif bag is not False:
@@ -84,7 +98,10 @@ def export_ros2(
         "rate_hz": rate,
         "units": {"revolute": "rad", "prismatic": "m", "effort": "N*m, N", "time": "s and ns"},
         "stretch": points.stretch,
-        "spline": {"interpolation": points.certificate.interpolation, "certificate": points.certificate.to_dict()},
+        "spline": {
+            "interpolation": points.certificate.interpolation,
+            "certificate": points.certificate.to_dict(),
+        },
         "notes": [points.note, *remarks],
     }
 
@@ -95,7 +112,9 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise ExportError(f"a rosbag cannot be written: {INSTALL} (or leave it out with --no-bag)") from error
+        raise ExportError(
+            f"a rosbag cannot be written: {INSTALL} (or leave it out with --no-bag)"
+        ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     messages = _Messages(store.types)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -106,7 +125,9 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
 
         def put(connection: Any, t: float, content: Any) -> None:
             sec, nanosec = split_time(t)
-            writer.write(connection, sec * TICKS + nanosec, store.serialize_cdr(content, connection.msgtype))
+            writer.write(
+                connection, sec * TICKS + nanosec, store.serialize_cdr(content, connection.msgtype)
+            )
 
         description = topic("/robot_description", "std_msgs/msg/String", latched=True)
         put(description, 0.0, messages.make("std_msgs/String", data=urdf(plan.robot)))
@@ -167,23 +188,36 @@ class _Messages:
             for k, t in enumerate(message.time)
         ]
         header, names = self.header(0.0, "base"), list(message.names)
-        return self.make("trajectory_msgs/JointTrajectory", header=header, joint_names=names, points=points)
+        return self.make(
+            "trajectory_msgs/JointTrajectory", header=header, joint_names=names, points=points
+        )
 
     def state(self, t: float, names: tuple[str, ...], q: Array, qd: Array) -> Any:
         moving = {"position": np.array(q), "velocity": np.array(qd), "effort": np.zeros(0)}
-        return self.make("sensor_msgs/JointState", header=self.header(t, "base"), name=list(names), **moving)
+        return self.make(
+            "sensor_msgs/JointState", header=self.header(t, "base"), name=list(names), **moving
+        )
 
     def transforms(self, t: float, poses: list[tuple[str, str, Array, Array]]) -> Any:
         transforms = []
         for parent, child, turned, shift in poses:
             transform = self.make(
                 "geometry_msgs/Transform",
-                translation=self.make("geometry_msgs/Vector3", **dict(zip("xyz", shift, strict=True))),
-                rotation=self.make("geometry_msgs/Quaternion", **dict(zip("xyzw", quaternion(turned), strict=True))),
+                translation=self.make(
+                    "geometry_msgs/Vector3", **dict(zip("xyz", shift, strict=True))
+                ),
+                rotation=self.make(
+                    "geometry_msgs/Quaternion", **dict(zip("xyzw", quaternion(turned), strict=True))
+                ),
             )
             header = self.header(t, parent)
             transforms.append(
-                self.make("geometry_msgs/TransformStamped", header=header, child_frame_id=child, transform=transform)
+                self.make(
+                    "geometry_msgs/TransformStamped",
+                    header=header,
+                    child_frame_id=child,
+                    transform=transform,
+                )
             )
         return self.make("tf2_msgs/TFMessage", transforms=transforms)
 
@@ -197,7 +231,14 @@ def quaternion(turned: Array) -> Array:
 
 def _latched() -> Any:
     """The quality of service by which late subscribers still get the robot's description."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
 
     never = QosTime(2147483647, 4294967295)
     return Qos(
@@ -225,31 +266,47 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
         raise TrajectoryError(f"{path}: {INSTALL}") from error
     folder = path if path.is_dir() else path.parent
     if not (folder / "metadata.yaml").is_file():
-        raise TrajectoryError(f"{path}: not a rosbag2: no metadata.yaml beside it (give the bag's folder)")
+        raise TrajectoryError(
+            f"{path}: not a rosbag2: no metadata.yaml beside it (give the bag's folder)"
+        )
     read_bytes(folder / "metadata.yaml", LARGEST_METADATA)
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            found = {kind: [c for c in reader.connections if c.msgtype == kind] for kind in (TRAJECTORY, STATE)}
+            found = {
+                kind: [c for c in reader.connections if c.msgtype == kind]
+                for kind in (TRAJECTORY, STATE)
+            }
             kind = TRAJECTORY if found[TRAJECTORY] else STATE
             wanted = found[kind]
             # without connections the reader gives the messages of all
             raws = reader.messages(wanted) if wanted else iter(())
             messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
-            converted = [_of_message(message) for message in messages] if kind == TRAJECTORY else _of_states(messages)
+            converted = (
+                [_of_message(message) for message in messages]
+                if kind == TRAJECTORY
+                else _of_states(messages)
+            )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    except (Exception, RecursionError) as error:  # of damaged bags the package raises whatever it meets
+    except (
+        Exception,
+        RecursionError,
+    ) as error:  # of damaged bags the package raises whatever it meets
         what = f"{type(error).__name__}: {str(error)[:200]}"
         raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {what}") from error
     if not messages:
         raise TrajectoryError(f"{path}: holds neither a JointTrajectory nor JointStates")
     if isinstance(converted, Message):
-        return read_message(converted, robot, str(path), ("the JointStates of the bag are its points",))
+        return read_message(
+            converted, robot, str(path), ("the JointStates of the bag are its points",)
+        )
     if any(_differ(converted[0], other) for other in converted[1:]):
         raise TrajectoryError(
             f"{path}: holds {len(converted)} JointTrajectory messages that are not the same: a check takes one motion"
         )
-    notes = () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
+    notes = (
+        () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
+    )
     return read_message(converted[0], robot, str(path), notes)
 
 
@@ -263,7 +320,9 @@ def _differ(one: Message, other: Message) -> bool:
 
 
 def _of_message(message: Any) -> Message:
-    time = [(p.time_from_start.sec * TICKS + p.time_from_start.nanosec) / TICKS for p in message.points]
+    time = [
+        (p.time_from_start.sec * TICKS + p.time_from_start.nanosec) / TICKS for p in message.points
+    ]
     fields = [[getattr(p, key) for p in message.points] for key in FIELDS]
     return Message(tuple(message.joint_names), np.array(time), *fields)
 
@@ -279,12 +338,16 @@ def _of_states(messages: list[Any]) -> Message | list[Message]:
     for k, message in enumerate(messages):
         own = list(message.name)
         if sorted(own) != sorted(names) or len(set(own)) != len(own):
-            raise TrajectoryError(f"JointState {k} is of other joints ({', '.join(own)[:80]}) than the first")
+            raise TrajectoryError(
+                f"JointState {k} is of other joints ({', '.join(own)[:80]}) than the first"
+            )
         order = [own.index(name) for name in names]
         for key, values in fields.items():
             given = getattr(message, key)
             if len(given) not in ({len(own)} if key == "position" else {0, len(own)}):
-                raise TrajectoryError(f"JointState {k}: {len(given)} values of {key} for {len(own)} joints")
+                raise TrajectoryError(
+                    f"JointState {k}: {len(given)} values of {key} for {len(own)} joints"
+                )
             values.append(np.asarray(given)[order].tolist() if len(given) else [])
     return Message(
         names,

@@ -93,7 +93,9 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     return Samples(t, s.q, qd, qdd, qddd)
 
 
-def _trial(plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick: float | None) -> SplinePoints:
+def _trial(
+    plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick: float | None
+) -> SplinePoints:
     breaks = plan.motion.breaks
     shares = np.arange(parts) / parts
     t = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
@@ -107,7 +109,10 @@ def _trial(plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick
         s.qd[-1] = 0.0
     reading = join_points(Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot)
     certificate = check(
-        reading.trajectory, plan.robot, plan.limits.slower(stretch), interpolation=reading.interpolation
+        reading.trajectory,
+        plan.robot,
+        plan.limits.slower(stretch),
+        interpolation=reading.interpolation,
     )
     return SplinePoints(s, with_acceleration, stretch, certificate)
 
@@ -115,7 +120,9 @@ def _trial(plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick
 def _acceleration_jump(plan: Plan) -> float:
     inner = plan.motion.breaks[1:-1]
     jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
-    return float(np.max(np.abs(jump) / [joint.acceleration for joint in plan.robot.joints], initial=0.0))
+    return float(
+        np.max(np.abs(jump) / [joint.acceleration for joint in plan.robot.joints], initial=0.0)
+    )
 
 
 def _slower(plan: Plan, found: LimitCheck) -> float:

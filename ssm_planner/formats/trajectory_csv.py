@@ -27,7 +27,9 @@ class Heading:
     factor: float
 
 
-def headings(names: list[str], robot: Robot, where: str) -> tuple[dict[tuple[int, int], Heading], list[str]]:
+def headings(
+    names: list[str], robot: Robot, where: str
+) -> tuple[dict[tuple[int, int], Heading], list[str]]:
     """Columns by (derivative 0 to 2, joint 0 to 3), time as (−1, 0), and the names of those not used.
 
     Raises TrajectoryError, beginning with `where`: a missing or unknown unit, a unit that is not of this joint or
@@ -45,21 +47,33 @@ def headings(names: list[str], robot: Robot, where: str) -> tuple[dict[tuple[int
             continue
         key, factor = meaning
         if key in found:
-            raise TrajectoryError(f"{where}: columns {found[key].name!r} and {name!r} are the same quantity")
+            raise TrajectoryError(
+                f"{where}: columns {found[key].name!r} and {name!r} are the same quantity"
+            )
         found[key] = Heading(column, name, factor)
     _complete(found, names, robot, where)
     return found, ignored
 
 
-def _complete(found: dict[tuple[int, int], Heading], names: list[str], robot: Robot, where: str) -> None:
+def _complete(
+    found: dict[tuple[int, int], Heading], names: list[str], robot: Robot, where: str
+) -> None:
     if (-1, 0) not in found:
-        raise TrajectoryError(f"{where}: no column of time with its unit, such as time_s; the columns are {names}")
+        raise TrajectoryError(
+            f"{where}: no column of time with its unit, such as time_s; the columns are {names}"
+        )
     for order in range(3):
         given = [i for i in range(4) if (order, i) in found]
         missing = [robot.joints[i].name for i in range(4) if i not in given]
         if missing and (order == 0 or given):
-            unit = "" if order else "; a column is named such as q1_rad, q4_m, 'roll [deg]' or 'joint1_position_rad'"
-            raise TrajectoryError(f"{where}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{unit}")
+            unit = (
+                ""
+                if order
+                else "; a column is named such as q1_rad, q4_m, 'roll [deg]' or 'joint1_position_rad'"
+            )
+            raise TrajectoryError(
+                f"{where}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{unit}"
+            )
     if (2, 0) in found and (1, 0) not in found:
         raise TrajectoryError(f"{where}: accelerations without velocities")
 
@@ -79,7 +93,8 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     kinds = ANGLES if robot.joints[joint].kind == "revolute" else LENGTHS
     if base not in kinds:
         raise ValueError(
-            _unit_fault(unit, f"{', '.join(kinds)}, for derivatives with /s or /s^2") + _kind(robot, joint)
+            _unit_fault(unit, f"{', '.join(kinds)}, for derivatives with /s or /s^2")
+            + _kind(robot, joint)
         )
     if order is not None and order != per:
         raise ValueError(f"a {ORDER_NAMES[order]} with the unit {unit!r} of a {ORDER_NAMES[per]}")
@@ -96,7 +111,11 @@ def _joint(words: list[str], robot: Robot) -> tuple[int | None, int | None]:
         if match:
             joint = int(match.group(2)) - 1
             rest.append(match.group(1))
-        elif word in ("joint", "axis") and k + 1 < len(words) and words[k + 1] in ("1", "2", "3", "4"):
+        elif (
+            word in ("joint", "axis")
+            and k + 1 < len(words)
+            and words[k + 1] in ("1", "2", "3", "4")
+        ):
             joint = int(words[k + 1]) - 1
         elif word in names:
             joint = names.index(word)
@@ -104,8 +123,24 @@ def _joint(words: list[str], robot: Robot) -> tuple[int | None, int | None]:
             rest.append(word)
     for word in rest:
         order = next((k for k, known in ORDER_WORDS.items() if word in known), order)
-    known = {"joint", "j", "axis", "1", "2", "3", "4", "actual", "target", "command", "desired", "value"}
-    if any(word not in known and not any(word in words for words in ORDER_WORDS.values()) for word in rest):
+    known = {
+        "joint",
+        "j",
+        "axis",
+        "1",
+        "2",
+        "3",
+        "4",
+        "actual",
+        "target",
+        "command",
+        "desired",
+        "value",
+    }
+    if any(
+        word not in known and not any(word in words for words in ORDER_WORDS.values())
+        for word in rest
+    ):
         return None, None
     return joint, order
 
@@ -119,7 +154,11 @@ def _base(unit: str) -> tuple[str, int]:
 
 
 def _unit_fault(unit: str, allowed: str) -> str:
-    return f"unit {unit!r} is not known here (allowed: {allowed})" if unit else f"no unit (allowed: {allowed})"
+    return (
+        f"unit {unit!r} is not known here (allowed: {allowed})"
+        if unit
+        else f"no unit (allowed: {allowed})"
+    )
 
 
 def _kind(robot: Robot, joint: int) -> str:

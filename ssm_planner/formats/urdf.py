@@ -44,9 +44,13 @@ ABSENT = (
 def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
     """Write robot.urdf into a folder; returns what the manifest says of it."""
     path = folder / f"robot{suffix}.urdf"
-    mark = "" if not suffix else "UNVERIFIED: the plan it was exported with has no passed certificate."
+    mark = (
+        "" if not suffix else "UNVERIFIED: the plan it was exported with has no passed certificate."
+    )
     path.write_text(urdf(plan.robot, mark), encoding="utf-8")
-    controllers = filled(_templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark)
+    controllers = filled(
+        _templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark
+    )
     (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
     light = [body.name for body in plan.robot.bodies if body.mass == 0]
     return {
@@ -104,7 +108,9 @@ def rpy(rotation: Array) -> Array:
         yaw = 0.0
     s, c = math.sin(yaw), math.cos(yaw)
     pitch = math.atan2(-rotation[2, 0], c * rotation[0, 0] + s * rotation[1, 0])
-    roll = math.atan2(s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1])
+    roll = math.atan2(
+        s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1]
+    )
     return np.array([roll, pitch, yaw]) + 0.0
 
 
@@ -127,7 +133,9 @@ def _templates(escape: bool) -> Environment:
         escape=escape,
         exact=_exact,
         triple=_triple,
-        identifier=lambda text: "".join(c if c.isascii() and c.isalnum() else "_" for c in text) or "robot",
+        identifier=lambda text: (
+            "".join(c if c.isascii() and c.isalnum() else "_" for c in text) or "robot"
+        ),
         comment=lambda text: Markup(one_line(text, without="-<>")),
     )
 

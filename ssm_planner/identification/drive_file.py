@@ -50,7 +50,9 @@ def write_drive(
         content["rig"]["load_offset"] = _quantity(drive, "load_offset", drive.rig.load_offset)
     elif drive.rig is not None:
         content["rig"].pop("load_offset", None)
-    text = _heading(fit, evidence) + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
+    text = _heading(fit, evidence) + yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=110
+    )
     path = Path(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -74,7 +76,9 @@ def _heading(fit: MapFit, evidence: str) -> str:
     return "".join(f"# {one_line(line)}\n" for line in lines)
 
 
-def _friction(drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str) -> dict[str, Any]:
+def _friction(
+    drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
+) -> dict[str, Any]:
     friction = friction_of(drive)
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
@@ -96,13 +100,21 @@ def _posterior(posterior: Posterior) -> dict[str, Any]:
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
     table: dict[str, Any] = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
     if posterior.speeds:
-        table |= {"speeds": _numbers(posterior.speeds), "departures": _numbers(posterior.departures)}
+        table |= {
+            "speeds": _numbers(posterior.speeds),
+            "departures": _numbers(posterior.departures),
+        }
     for way, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
         if ripple is not None:
-            table[way] = {field.name: _numbers(getattr(ripple, field.name)) for field in dataclasses.fields(Ripple)}
+            table[way] = {
+                field.name: _numbers(getattr(ripple, field.name))
+                for field in dataclasses.fields(Ripple)
+            }
     for way in ("harmonics_forwards", "harmonics_backwards"):
         if (harmonics := getattr(posterior, way)) is not None:
-            numbers = {name: _numbers(getattr(harmonics, name)) for name in ("orders", "cosine", "sine")}
+            numbers = {
+                name: _numbers(getattr(harmonics, name)) for name in ("orders", "cosine", "sine")
+            }
             table[way] = {**numbers, "phased": harmonics.phased}
     return {**table, "draws": draws}
 
@@ -119,7 +131,11 @@ def _origin(name: str, estimate: Estimate | None) -> str:
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
     if estimate.fixed:
-        return "as the torque-velocity map gives it" if name in ("mu_static", "memory") else "given, not identified"
+        return (
+            "as the torque-velocity map gives it"
+            if name in ("mu_static", "memory")
+            else "given, not identified"
+        )
     text = f"identified, 95 % interval {estimate.low:.4g} to {estimate.high:.4g}"
     return text if estimate.separable else text + ", not determined by the data alone"
 

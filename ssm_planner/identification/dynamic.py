@@ -47,10 +47,19 @@ class DynamicFit:
 class _Problem:
     """Residuals of recordings over θ = (mu_static − mu, dwell constant, memory), each in units of its torque range."""
 
-    def __init__(self, drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float) -> None:
-        self.drive, self.recordings, self.load, self.load_inertia = drive, recordings, load, load_inertia
+    def __init__(
+        self, drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float
+    ) -> None:
+        self.drive, self.recordings, self.load, self.load_inertia = (
+            drive,
+            recordings,
+            load,
+            load_inertia,
+        )
         self.motions = [Motion.of(r.time, r.w) for r in recordings]
-        self.measured = [r.tau - departure(drive, m, load) for r, m in zip(recordings, self.motions, strict=True)]
+        self.measured = [
+            r.tau - departure(drive, m, load) for r, m in zip(recordings, self.motions, strict=True)
+        ]
         """What is left for the law, N·m."""
         base = friction_of(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
@@ -58,14 +67,19 @@ class _Problem:
     def model(self, theta: Array) -> Drive:
         base = friction_of(self.drive)
         rise, dwell, memory = (float(v) for v in theta)
-        friction = replace(base, mu_static=base.mu + rise, dwell_constant=dwell or None, memory=memory)
+        friction = replace(
+            base, mu_static=base.mu + rise, dwell_constant=dwell or None, memory=memory
+        )
         return replace(self.drive, friction=friction)
 
     def residual(self, theta: Array) -> Array:
         drive = self.model(theta)
         pairs = zip(self.motions, self.measured, self.recordings, strict=True)
         return np.concatenate(
-            [(predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau) for m, tau, r in pairs]
+            [
+                (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
+                for m, tau, r in pairs
+            ]
         )
 
     def cost(self, theta: Array) -> float:
@@ -76,7 +90,9 @@ class _Problem:
         return tuple(float(np.sqrt(np.mean(part**2))) for part in parts)
 
 
-def fit_dynamic(drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float = 0.0) -> DynamicFit:
+def fit_dynamic(
+    drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float = 0.0
+) -> DynamicFit:
     """Fit mu_static, dwell_constant (s) and memory (s) to start–stop recordings, the map's parameters kept.
 
     Of the subsets of the three, the one with the lowest Akaike criterion is taken, counting as samples only what the
@@ -85,7 +101,9 @@ def fit_dynamic(drive: Drive, recordings: Sequence[Recording], load: float, load
     problem = _Problem(drive, recordings, load, load_inertia)
     starts = {subset: _best_of_grid(problem, subset) for subset in _SUBSETS}
     independent = _independent(problem.residual(starts[(0, 1, 2)]))
-    criterion = {s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()}
+    criterion = {
+        s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()
+    }
     subset = min(criterion, key=lambda s: criterion[s])
     theta = _polished(problem, starts[subset], subset)
     left = [PARAMETERS[k] for k in range(3) if k not in subset]
@@ -147,7 +165,9 @@ def _independent(residual: Array) -> float:
     return len(residual) * (1.0 - rho) / (1.0 + rho)
 
 
-def _estimates(problem: _Problem, theta: Array, subset: tuple[int, ...], independent: float) -> dict[str, Estimate]:
+def _estimates(
+    problem: _Problem, theta: Array, subset: tuple[int, ...], independent: float
+) -> dict[str, Estimate]:
     from scipy.stats import norm
 
     mu = friction_of(problem.drive).mu
@@ -164,10 +184,15 @@ def _estimates(problem: _Problem, theta: Array, subset: tuple[int, ...], indepen
         variance = float(value @ value) / max(independent - len(subset), 1.0)
         information = jacobian.T @ jacobian / variance * (independent / len(value))
         cov = np.linalg.pinv(information + np.diag(1e-9 / UPPER[list(subset)] ** 2))
-        half[list(subset)] = float(norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(np.maximum(np.diag(cov), 0.0))
+        half[list(subset)] = float(norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(
+            np.maximum(np.diag(cov), 0.0)
+        )
     estimates = {}
     for k, name in enumerate(PARAMETERS):
-        low, high = np.clip([theta[k] - half[k], theta[k] + half[k]], 0.0, max(UPPER[k], theta[k])) + offset[k]
+        low, high = (
+            np.clip([theta[k] - half[k], theta[k] + half[k]], 0.0, max(UPPER[k], theta[k]))
+            + offset[k]
+        )
         estimates[name] = Estimate(
             value=float(theta[k] + offset[k]),
             low=float(low),

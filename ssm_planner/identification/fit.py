@@ -115,8 +115,14 @@ def fit_map(
     for name in free:
         fixed.pop(name, None)
     for name, value in fixed.items():
-        if name not in (*ALL, LOAD_OFFSET) or not math.isfinite(value) or (value < 0.0 and name != LOAD_OFFSET):
-            raise RecordingError(f"cannot fix {name!r} at {value!r}; parameters: {', '.join((*ALL, LOAD_OFFSET))}")
+        if (
+            name not in (*ALL, LOAD_OFFSET)
+            or not math.isfinite(value)
+            or (value < 0.0 and name != LOAD_OFFSET)
+        ):
+            raise RecordingError(
+                f"cannot fix {name!r} at {value!r}; parameters: {', '.join((*ALL, LOAD_OFFSET))}"
+            )
     offsets = ((),) if LOAD_OFFSET in fixed else ((), (LOAD_OFFSET,))
     load += fixed.get(LOAD_OFFSET, 0.0)
     _check_directions(data)
@@ -196,7 +202,9 @@ class _Sets:
     def of(model: MapModel, z: Array, count: int) -> _Sets:
         """Drawn about the most likely z (k,)."""
         sets, scatters, shares = sample(model, z, max(count, _FOR_PULLS))
-        pulls = dict(zip(model.names, prior_pull(np.atleast_2d(np.cov(sets.T))).tolist(), strict=True))
+        pulls = dict(
+            zip(model.names, prior_pull(np.atleast_2d(np.cov(sets.T))).tolist(), strict=True)
+        )
         return _Sets(model, sets[:count], scatters[:count], shares[:count], pulls)
 
     @property
@@ -218,7 +226,9 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[_Sets]:
     weight = np.where(weight < least, [least if law == chosen else 0.0 for law in by_law], weight)
     counts = np.diff(np.rint(DRAWS * np.cumsum([0.0, *weight]) / weight.sum()).astype(int))
     return [
-        _Sets.of(model, z, count) for (model, z), count in zip(by_law.values(), counts.tolist(), strict=True) if count
+        _Sets.of(model, z, count)
+        for (model, z), count in zip(by_law.values(), counts.tolist(), strict=True)
+        if count
     ]
 
 
@@ -230,7 +240,11 @@ def _columns(possible: list[_Sets], order: Indices) -> dict[str, Array]:
     if len(possible) == 1:
         return {name: column[order] for name, column in possible[0].values.items()}
     each = [
-        {**{n: np.full(len(s.z), v) for n, v in s.model.fixed.items() if n in _STRIBECK}, **s.values} for s in possible
+        {
+            **{n: np.full(len(s.z), v) for n, v in s.model.fixed.items() if n in _STRIBECK},
+            **s.values,
+        }
+        for s in possible
     ]
     names = [*dict.fromkeys(name for values in each for name in values if name != LOAD_OFFSET)]
     names += [LOAD_OFFSET] if any(LOAD_OFFSET in values for values in each) else []
@@ -238,7 +252,9 @@ def _columns(possible: list[_Sets], order: Indices) -> dict[str, Array]:
     for name in names:
         known = np.concatenate([values[name] for values in each if name in values])
         parts = [
-            values.get(name, np.zeros(len(s.z)) if name == "mu_stribeck" else np.resize(known, len(s.z)))
+            values.get(
+                name, np.zeros(len(s.z)) if name == "mu_stribeck" else np.resize(known, len(s.z))
+            )
             for s, values in zip(possible, each, strict=True)
         ]
         columns[name] = np.concatenate(parts)[order]
@@ -252,15 +268,21 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -
     columns = _columns(possible, order)
     pulls = [sets.pulls for sets in possible]
     separable = {name: all(pull.get(name, 1.0) < SEPARABLE for pull in pulls) for name in columns}
-    at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(model.drive)
+    at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(
+        model.drive
+    )
     if at_bound:
-        z = most_likely(model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive))))
+        z = most_likely(
+            model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive)))
+        )
     predicted = model.torque(z[None])[0]
     usual = model.weight == 1.0
     posterior = Posterior(
         names=tuple(columns),
         draws=np.array([_six_digits(row) for row in np.column_stack(list(columns.values()))]),
-        scatter=float(f"{np.sqrt(np.mean(np.concatenate([sets.scatters for sets in possible]) ** 2)):.6g}"),
+        scatter=float(
+            f"{np.sqrt(np.mean(np.concatenate([sets.scatters for sets in possible]) ** 2)):.6g}"
+        ),
         common=float(f"{np.mean(np.concatenate([sets.shares for sets in possible])):.6g}"),
         speeds=_six_digits(model.w[usual]),
         departures=_six_digits((model.tau - predicted)[usual]),
@@ -271,7 +293,12 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -
         name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()
     }
     estimates = {
-        name: _estimate(value, posterior.column(name), separable=separable[name], at_bound=at_bound and name == "mu")
+        name: _estimate(
+            value,
+            posterior.column(name),
+            separable=separable[name],
+            at_bound=at_bound and name == "mu",
+        )
         for name, value in ((name, values[name]) for name in posterior.names if name in values)
     }
     estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
@@ -279,7 +306,9 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -
     load = model.load + (0.0 if LOAD_OFFSET in model.fixed else offset)
     drive = _identified(model, values, posterior, offset)
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
-    at_rest = np.concatenate([model.torque(z[None], slow), *(sets.model.torque(sets.z, slow) for sets in possible)])
+    at_rest = np.concatenate(
+        [model.torque(z[None], slow), *(sets.model.torque(sets.z, slow) for sets in possible)]
+    )
     together = tuple(name for name in model.names if not separable[name])
     return MapFit(
         law=model.law,
@@ -290,7 +319,8 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -
         correlation=data_correlation(model, z),
         inseparable=(together,) if together else (),
         combinations={
-            name: _estimate(float(at_rest[0, i]), at_rest[1:, i]) for i, name in enumerate(("forwards", "backwards"))
+            name: _estimate(float(at_rest[0, i]), at_rest[1:, i])
+            for i, name in enumerate(("forwards", "backwards"))
         },
         predicted=predicted,
         nrmsd=float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.ptp(model.tau)),
@@ -306,10 +336,14 @@ def _six_digits(values: Array) -> tuple[float, ...]:
     return tuple(float(f"{value:.6g}") for value in values)
 
 
-def _estimate(value: float, draws: Array, separable: bool = True, at_bound: bool = False) -> Estimate:
+def _estimate(
+    value: float, draws: Array, separable: bool = True, at_bound: bool = False
+) -> Estimate:
     """From a value and draws (sets,)."""
     low, high = interval_of(draws)
-    return Estimate(value, min(low, value), high=max(high, value), separable=separable, at_bound=at_bound)
+    return Estimate(
+        value, min(low, value), high=max(high, value), separable=separable, at_bound=at_bound
+    )
 
 
 def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
@@ -352,7 +386,9 @@ BAD = 0.2
 """Misfit, as a share of the mean torque, that no drive of this kind shows."""
 
 
-def _identified(model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float) -> Drive:
+def _identified(
+    model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float
+) -> Drive:
     drive = with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
         friction_of(drive),

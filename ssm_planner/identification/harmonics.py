@@ -39,12 +39,16 @@ def ripple_of(angle: Array, tau: Array) -> float:
     return max(float(np.var(tau)) - noise, 0.0) ** 0.5
 
 
-def fit_harmonics(recordings: Sequence[Recording], direction: int, ratio: float | None = None) -> Harmonics | None:
+def fit_harmonics(
+    recordings: Sequence[Recording], direction: int, ratio: float | None = None
+) -> Harmonics | None:
     """Of the steady-state recordings in a direction (±1); None where none of them turns twice.
 
     ratio: of a worm's wheel, whose harmonics are fitted too where the recorded angles span a turn of it.
     """
-    here = [r for r in recordings if r.w.mean() * direction > 0 and np.ptp(travelled(r)) >= 2 * TURN]
+    here = [
+        r for r in recordings if r.w.mean() * direction > 0 and np.ptp(travelled(r)) >= 2 * TURN
+    ]
     if not here:
         return None
     parts = [(travelled(r), r.tau) for r in here]
@@ -58,13 +62,17 @@ def fit_harmonics(recordings: Sequence[Recording], direction: int, ratio: float 
     for _ in range(_ROUNDS):
         turned = [_complex(one.turned(-_start(_complex(mean), _complex(one)))) for one in each]
         common = np.average(turned, axis=0, weights=turns)
-        mean = Harmonics(mean.orders, tuple(common.real.tolist()), tuple((-common.imag).tolist()), phased=False)
+        mean = Harmonics(
+            mean.orders, tuple(common.real.tolist()), tuple((-common.imag).tolist()), phased=False
+        )
     return mean
 
 
 def start_in(harmonics: Harmonics, angle: Array, tau: Array) -> float:
     """Angle at which a recording began, rad, from motor angle since then and torque (samples,) of it."""
-    return _start(_complex(harmonics), _complex(_fitted([(angle, tau)], harmonics.orders, phased=False)))
+    return _start(
+        _complex(harmonics), _complex(_fitted([(angle, tau)], harmonics.orders, phased=False))
+    )
 
 
 def _orders(ratio: float | None) -> tuple[float, ...]:
@@ -82,12 +90,20 @@ def _complex(harmonics: Harmonics) -> Any:
     return np.array(harmonics.cosine) - 1j * np.array(harmonics.sine)
 
 
-def _fitted(parts: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool) -> Harmonics:
+def _fitted(
+    parts: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
+) -> Harmonics:
     """By least squares over (angle, torque) of recordings, each with a mean of its own."""
     means = np.repeat(np.eye(len(parts)), [len(tau) for _, tau in parts], axis=0)
-    columns = np.column_stack([means, np.concatenate([_waves(angle, orders) for angle, _ in parts])])
-    found = np.linalg.lstsq(columns, np.concatenate([tau for _, tau in parts]), rcond=None)[0][len(parts) :]
-    return Harmonics(orders, tuple(found[: len(orders)].tolist()), tuple(found[len(orders) :].tolist()), phased)
+    columns = np.column_stack(
+        [means, np.concatenate([_waves(angle, orders) for angle, _ in parts])]
+    )
+    found = np.linalg.lstsq(columns, np.concatenate([tau for _, tau in parts]), rcond=None)[0][
+        len(parts) :
+    ]
+    return Harmonics(
+        orders, tuple(found[: len(orders)].tolist()), tuple(found[len(orders) :].tolist()), phased
+    )
 
 
 def _start(reference: Any, found: Any) -> float:

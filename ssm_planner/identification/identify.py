@@ -15,7 +15,13 @@ from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.harmonics import fit_harmonics
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, distinct, read_recordings
-from ssm_planner.identification.torque_map import TABLE, TorqueMap, kind_of, read_figures, torque_map
+from ssm_planner.identification.torque_map import (
+    TABLE,
+    TorqueMap,
+    kind_of,
+    read_figures,
+    torque_map,
+)
 from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Drive
@@ -54,7 +60,14 @@ class Identification:
 
     def save(self, path: str | Path) -> Path:
         """Write a drive file like the one identified, with the identified friction. Raises ExportError."""
-        write_drive(path, self.file, self.drive, fit=self.fit, dynamic=self.dynamic_estimates, evidence=self.evidence)
+        write_drive(
+            path,
+            self.file,
+            self.drive,
+            fit=self.fit,
+            dynamic=self.dynamic_estimates,
+            evidence=self.evidence,
+        )
         return Path(path)
 
     def to_dict(self) -> dict[str, Any]:
@@ -67,14 +80,24 @@ class Identification:
             "law_shares": dict(fit.law_shares),
             "parameters": {name: _estimate(estimate) for name, estimate in estimates.items()},
             "nrmsd": fit.nrmsd,
-            "repairs": [*self.data.repairs, *(f"{r.name}: {repair}" for r in self.moving for repair in r.repairs)],
+            "repairs": [
+                *self.data.repairs,
+                *(f"{r.name}: {repair}" for r in self.moving for repair in r.repairs),
+            ],
             "points": len(self.data.w),
-            "correlations": {a: dict(zip(fit.correlation_names, map(float, row), strict=True)) for a, row in rows},
+            "correlations": {
+                a: dict(zip(fit.correlation_names, map(float, row), strict=True)) for a, row in rows
+            },
             "inseparable": [list(group) for group in fit.inseparable],
             "outliers": [{"recording": n, "distance": d, "weight": w} for n, d, w in fit.outliers],
-            "combinations": {name: _estimate(estimate) for name, estimate in fit.combinations.items()},
+            "combinations": {
+                name: _estimate(estimate) for name, estimate in fit.combinations.items()
+            },
             "harmonics": {way: harmonics.to_dict() for way, harmonics in self.harmonics.items()},
-            "criterion": {"name": "RMS error on recordings left out, N·m", "laws": dict(fit.criterion)},
+            "criterion": {
+                "name": "RMS error on recordings left out, N·m",
+                "laws": dict(fit.criterion),
+            },
             "start_stop": []
             if dynamic is None
             else [
@@ -110,9 +133,14 @@ def identify(
     load, inertia = _load(here)
     progress(f"fitting the map of {len(data.w)} points")
     reference = _reference(here)
-    fit = fit_map(here, data, load, law=law, fixed=fixed, reference=reference, free=free, progress=progress)
+    fit = fit_map(
+        here, data, load, law=law, fixed=fixed, reference=reference, free=free, progress=progress
+    )
     wheel = here.ratio if here.kind == "worm" else None
-    by_way = {way: fit_harmonics(steady, sign, wheel) for way, sign in (("forwards", 1), ("backwards", -1))}
+    by_way = {
+        way: fit_harmonics(steady, sign, wheel)
+        for way, sign in (("forwards", 1), ("backwards", -1))
+    }
     fit = replace(fit, drive=_with_harmonics(fit.drive, by_way))
     if moving:
         progress(f"fitting {len(moving)} start–stop recordings")
@@ -139,7 +167,9 @@ def _with_harmonics(drive: Drive, found: Mapping[str, Harmonics | None]) -> Driv
 
 
 def predict(
-    drive: str | Path, recordings: Sequence[str | Path], progress: Callable[[str], None] = lambda _: None
+    drive: str | Path,
+    recordings: Sequence[str | Path],
+    progress: Callable[[str], None] = lambda _: None,
 ) -> list[Prediction]:
     """Predict motor torque from the measured speed of recordings (files or folders), by the drive in a file.
 
@@ -152,7 +182,9 @@ def predict(
     found = _read(here, recordings)
     if here.friction is None:
         progress("identifying from the table of figures")
-        here = fit_map(here, _map(drive, [], [])[0], _load(here)[0], reference=_reference(here)).drive
+        here = fit_map(
+            here, _map(drive, [], [])[0], _load(here)[0], reference=_reference(here)
+        ).drive
     load = 0.0 if here.rig is None else here.rig.load
     predictions = []
     for k, recording in enumerate(found, 1):
@@ -167,14 +199,18 @@ def friction_origin(drive: str | Path) -> str:
 
 
 def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
-    nominal, direction = (None, 1) if drive.rig is None else (drive.rig.motor_nominal_torque, drive.rig.direction)
+    nominal, direction = (
+        (None, 1) if drive.rig is None else (drive.rig.motor_nominal_torque, drive.rig.direction)
+    )
     return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
 
 
 def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
     kinds = [kind_of(recording) for recording in recordings]
     pairs = list(zip(recordings, kinds, strict=True))
-    return [r for r, kind in pairs if kind == "steady"], [r for r, kind in pairs if kind == "start_stop"]
+    return [r for r, kind in pairs if kind == "steady"], [
+        r for r, kind in pairs if kind == "start_stop"
+    ]
 
 
 def _load(drive: Drive) -> tuple[float, float]:
@@ -189,12 +225,17 @@ def _reference(drive: Drive) -> dict[str, float]:
     return {} if f is None else {"mu": f.mu, "b_c": f.b_c, "b_v": f.b_v, "b_oc": f.b_oc}
 
 
-def _map(drive_path: str | Path, steady: list[Recording], moving: list[Recording]) -> tuple[TorqueMap, str]:
+def _map(
+    drive_path: str | Path, steady: list[Recording], moving: list[Recording]
+) -> tuple[TorqueMap, str]:
     """The map to fit, and where it comes from in words."""
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = torque_map(steady)
-        return data, f"{len(data.w)} steady-state recordings ({data.names[0]} … {data.names[-1]}){also}"
+        return (
+            data,
+            f"{len(data.w)} steady-state recordings ({data.names[0]} … {data.names[-1]}){also}",
+        )
     file = find(drive_path, "drives")
     table, rig = file.parent / TABLE, file.stem
     if not table.is_file():

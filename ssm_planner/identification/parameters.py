@@ -18,7 +18,16 @@ TYPICAL_MU = 0.15
 
 _ABOVE_CRITICAL = 1.005
 
-_FRICTION_FIELDS = ("b_c", "b_v", "mu", "b_oc", "b_ov", "mu_stribeck", "stribeck_speed", "mu_static")
+_FRICTION_FIELDS = (
+    "b_c",
+    "b_v",
+    "mu",
+    "b_oc",
+    "b_ov",
+    "mu_stribeck",
+    "stribeck_speed",
+    "mu_static",
+)
 ALL = (*_FRICTION_FIELDS[:-1], "preload")
 """Names that can be identified from a map or fixed."""
 
@@ -55,7 +64,9 @@ def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
 
 def locking_mu(drive: Drive) -> float:
     """Least coefficient of a drive that is relied on to lock itself, just above tan λ · cos θ_n; 0 for others."""
-    return _ABOVE_CRITICAL * float(-self_locking_margin(drive, 0.0)[0]) if drive.self_locking else 0.0
+    return (
+        _ABOVE_CRITICAL * float(-self_locking_margin(drive, 0.0)[0]) if drive.self_locking else 0.0
+    )
 
 
 def rest_coefficient(drive: Drive) -> float:

@@ -102,7 +102,9 @@ class MapModel:
             "mu_stribeck": 0.03,
             "stribeck_speed": 0.05 * fastest,
         }
-        centre |= {name: value for name, value in self.reference.items() if name in centre and value > 0}
+        centre |= {
+            name: value for name, value in self.reference.items() if name in centre and value > 0
+        }
         spread = {**SPREADS, LOAD_OFFSET: LOAD_SPREAD * max(abs(self.load), effort)}
         centres = [0.0 if name == LOAD_OFFSET else math.log(centre[name]) for name in self.names]
         return np.array(centres), np.array([spread[name] for name in self.names])
@@ -111,7 +113,10 @@ class MapModel:
         """Parameters by name, (sets, 1) each, of z (sets, k)."""
         centre, spread = self.prior
         x = centre + z * spread
-        return {name: x[:, [i]] if name == LOAD_OFFSET else np.exp(x[:, [i]]) for i, name in enumerate(self.names)}
+        return {
+            name: x[:, [i]] if name == LOAD_OFFSET else np.exp(x[:, [i]])
+            for i, name in enumerate(self.names)
+        }
 
     def z_of(self, name: str, value: float) -> float:
         """The coordinate at which a parameter, not the load offset, has a value."""
@@ -124,7 +129,9 @@ class MapModel:
         values: dict[str, Any] = {**self.fixed, **self.parameters(z)}
         offset = values.pop(LOAD_OFFSET, 0.0)
         load = self.load + (0.0 if LOAD_OFFSET in self.fixed else offset)
-        torque = map_torque(with_parameters(self.drive, self.law, values), self.w if w is None else w, load)
+        torque = map_torque(
+            with_parameters(self.drive, self.law, values), self.w if w is None else w, load
+        )
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
 
     def residual(self, z: Array) -> Array:
@@ -136,7 +143,10 @@ class MapModel:
         """(points, shares · points) that makes residuals independent, share by share; (shares,) ln p(c) |R_c|^(−1/2)."""
         related, one = correlation(self.w, self.w), np.eye(len(self.w))
         roots = [np.linalg.cholesky((1 - share) * one + share * related) for share in SHARES]
-        logs = [math.log(p) - np.log(np.diag(root)).sum() for p, root in zip(SHARES.values(), roots, strict=True)]
+        logs = [
+            math.log(p) - np.log(np.diag(root)).sum()
+            for p, root in zip(SHARES.values(), roots, strict=True)
+        ]
         return np.concatenate([np.linalg.inv(root).T for root in roots], axis=1), np.array(logs)
 
     def shares(self, z: Array) -> tuple[Array, Array]:
@@ -160,7 +170,9 @@ class MapModel:
         return made
 
 
-def most_likely(model: MapModel, start: Array | None = None, held: tuple[int, float] | None = None) -> Array:
+def most_likely(
+    model: MapModel, start: Array | None = None, held: tuple[int, float] | None = None
+) -> Array:
     """z (k,) of the largest posterior, from `start` (k,) or from several starts; held: a coordinate and its value."""
     from scipy.optimize import least_squares
 
@@ -188,7 +200,9 @@ def _scatter(model: MapModel, z: Array) -> float:
     return max(math.sqrt(square / (len(left) + DEGREES)), 1e-9 * float(np.ptp(model.tau)))
 
 
-def _nearest(model: MapModel, z: Array, free: Array, scatter: float, least_squares: object) -> Array:
+def _nearest(
+    model: MapModel, z: Array, free: Array, scatter: float, least_squares: object
+) -> Array:
     """Least squares of residuals over the scatter and of z, from z (k,), over the coordinates that are free."""
 
     def full(part: Array) -> Array:
@@ -204,7 +218,9 @@ def _nearest(model: MapModel, z: Array, free: Array, scatter: float, least_squar
         values = model.residual(np.concatenate([full(part)[None], full(part) + steps])) / scatter
         return np.concatenate([((values[1:] - values[0]) / 1e-6).T, np.eye(len(part))])
 
-    found = least_squares(misfit, z[free], jac=slope, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=60)  # type: ignore[operator]
+    found = least_squares(
+        misfit, z[free], jac=slope, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=60
+    )  # type: ignore[operator]
     return full(found.x)
 
 
@@ -233,7 +249,10 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
     best = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
     for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
         gap = errors[i] ** 2 - errors[best] ** 2
-        if np.mean(gap) <= PAYS * np.std(gap) / math.sqrt(len(gap)) + (NOTHING * np.ptp(models[i].tau)) ** 2:
+        if (
+            np.mean(gap)
+            <= PAYS * np.std(gap) / math.sqrt(len(gap)) + (NOTHING * np.ptp(models[i].tau)) ** 2
+        ):
             return i
     return best
 
@@ -250,19 +269,26 @@ def sample(model: MapModel, z: Array, draws: int) -> tuple[Array, Array, Array]:
             proposed, bonus = _moved(walkers[movers], walkers[others], rng)
             reached = model.log_posterior(proposed)
             accepted = np.log(rng.random(len(movers))) < reached - height[movers] + bonus
-            walkers[movers[accepted]], height[movers[accepted]] = proposed[accepted], reached[accepted]
+            walkers[movers[accepted]], height[movers[accepted]] = (
+                proposed[accepted],
+                reached[accepted],
+            )
         if step >= WARM_UP and step % KEPT_EVERY == 0:
             kept.append(walkers.copy())
     found = rng.permutation(np.concatenate(kept))[:draws]
     logs, square = model.shares(found)
     share = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
-    scatter = np.sqrt(square[np.arange(len(found)), share] / rng.chisquare(len(model.w) + DEGREES, len(found)))
+    scatter = np.sqrt(
+        square[np.arange(len(found)), share] / rng.chisquare(len(model.w) + DEGREES, len(found))
+    )
     return found, scatter, np.array(list(SHARES))[share]
 
 
 def _information(model: MapModel, z: Array) -> Array:
     """(k, k) what the data alone say of z near z (k,): the inverse of its covariance."""
-    values = model.residual(np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])) / _scatter(model, z)
+    values = model.residual(np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])) / _scatter(
+        model, z
+    )
     jacobian = (values[1:] - values[0]) / 1e-5
     return np.asarray(jacobian @ jacobian.T)
 
@@ -274,7 +300,9 @@ def covariance_near(model: MapModel, z: Array) -> Array:
 
 def log_evidence(model: MapModel, z: Array) -> float:
     """ln p(τ) of the law, by Laplace's approximation about the most likely z (k,), up to a constant that laws share."""
-    return float(model.log_posterior(z[None])[0] + 0.5 * np.linalg.slogdet(covariance_near(model, z))[1])
+    return float(
+        model.log_posterior(z[None])[0] + 0.5 * np.linalg.slogdet(covariance_near(model, z))[1]
+    )
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
@@ -294,12 +322,16 @@ def _moved(walkers: Array, others: Array, rng: np.random.Generator) -> tuple[Arr
         return anchor + (walkers - anchor) * stretch[:, None], (k - 1) * np.log(stretch)
     first, second = (rng.integers(count, size=count) for _ in range(2))
     length = 1.0 if rng.random() < 0.1 else 2.38 / math.sqrt(2 * k)
-    return walkers + length * (others[first] - others[second]) + 1e-4 * rng.standard_normal((count, k)), np.zeros(count)
+    return walkers + length * (others[first] - others[second]) + 1e-4 * rng.standard_normal(
+        (count, k)
+    ), np.zeros(count)
 
 
 def correlation(v: Array, w: Array) -> Array:
     """(points, others) K of the departures at motor speeds v (points,) and w (others,), rad/s."""
-    apart = np.abs(np.log(np.maximum(np.abs(v), SLOWEST))[:, None] - np.log(np.maximum(np.abs(w), SLOWEST)))
+    apart = np.abs(
+        np.log(np.maximum(np.abs(v), SLOWEST))[:, None] - np.log(np.maximum(np.abs(w), SLOWEST))
+    )
     return np.where(np.sign(v)[:, None] == np.sign(w), np.exp(-apart / LENGTH), 0.0)
 
 
@@ -313,7 +345,9 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     if not len(speeds):
         return np.zeros((len(w), 0)), np.ones(len(w))
     near = common * correlation(w, speeds)
-    factors = np.linalg.solve(common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds)), near.T).T
+    factors = np.linalg.solve(
+        common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds)), near.T
+    ).T
     left = np.sqrt(np.maximum(1.0 - np.sum(factors * near, axis=1), 0.0))
     return np.asarray(factors), np.asarray(left * (1.0 + _apart(posterior, w)))
 
@@ -336,10 +370,16 @@ def outside(posterior: Posterior, w: Array) -> Array:
     1 in a direction that was not recorded.
     """
     speeds = np.array(posterior.speeds)
-    logs, recorded, apart = np.log(np.maximum(np.abs(w), SLOWEST)), np.log(np.abs(speeds)), np.ones(len(w))
+    logs, recorded, apart = (
+        np.log(np.maximum(np.abs(w), SLOWEST)),
+        np.log(np.abs(speeds)),
+        np.ones(len(w)),
+    )
     for sign in np.unique(np.sign(speeds)):
         here, known = np.sign(w) == sign, recorded[np.sign(speeds) == sign]
-        apart[here] = np.maximum(np.maximum(known.min() - logs[here], logs[here] - known.max()), 0.0)
+        apart[here] = np.maximum(
+            np.maximum(known.min() - logs[here], logs[here] - known.max()), 0.0
+        )
     return apart
 
 

@@ -16,7 +16,12 @@ from ssm_planner.dynamics.friction import (
     stribeck_shape,
 )
 from ssm_planner.dynamics.spread import drawn
-from ssm_planner.dynamics.transmission import holding_torque, motor_torque, nut_contact, output_effort
+from ssm_planner.dynamics.transmission import (
+    holding_torque,
+    motor_torque,
+    nut_contact,
+    output_effort,
+)
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
@@ -99,10 +104,15 @@ class Prediction:
     @property
     def _foreign(self) -> tuple[str, ...]:
         moving = np.logical_not(self.rest)
-        expected, measured = float(np.abs(self.tau[moving]).mean()), float(np.abs(self.recording.tau[moving]).mean())
+        expected, measured = (
+            float(np.abs(self.tau[moving]).mean()),
+            float(np.abs(self.recording.tau[moving]).mean()),
+        )
         ratio = measured / max(expected, 1e-300)
         if 7.0 < ratio < 14.0 or 7.0 < 1 / max(ratio, 1e-300) < 14.0:
-            return (f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?",)
+            return (
+                f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?",
+            )
         if self.nrmsd > IMPLAUSIBLE or abs(ratio - 1) > IMPLAUSIBLE:
             return (
                 f"off by {self.nrmsd:.2g} of the torque's range, {ratio:.2g} times the predicted torque: a recording of "
@@ -138,7 +148,9 @@ def nrmsd(predicted: Array, measured: Array) -> float:
     return float(np.sqrt(np.mean((predicted - measured) ** 2)) / span)
 
 
-def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0) -> Prediction:
+def predict_recording(
+    drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0
+) -> Prediction:
     """Predict the motor torque of a recording from its speed alone; of a steady one from its mean speed.
 
     load: constant effort on the output, N·m or N; load_inertia: what the payload adds to the output inertia.
@@ -150,7 +162,9 @@ def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, loa
     motion = Motion.of(recording.time, w)
     tau = predict_torque(drive, motion, load, load_inertia)
     loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
-    effort = output_effort(loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
+    effort = output_effort(
+        loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
+    )
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     at_rest = motion.direction == 0
     tau = tau + departure(drive, motion, load)
@@ -158,7 +172,9 @@ def predict_recording(drive: Drive, recording: Recording, load: float = 0.0, loa
     band = band_of(drive, motion, tau, load, wave=wave)
     tau = tau if wave is None else tau + wave
     error, unseen = nrmsd(tau, recording.tau), unseen_speed(drive, motion)
-    return Prediction(recording, tau, at_rest, nrmsd=error, contact_lost=lost, band=band, unseen=unseen)
+    return Prediction(
+        recording, tau, at_rest, nrmsd=error, contact_lost=lost, band=band, unseen=unseen
+    )
 
 
 def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
@@ -178,7 +194,9 @@ def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | Non
 def unseen_speed(drive: Drive, motion: Motion) -> float | None:
     """The largest motor speed of a motion in a direction, rad/s, where it is outside those of the fit; None: within."""
     posterior = friction_of(drive).posterior
-    fastest = np.array([end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL])
+    fastest = np.array(
+        [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL]
+    )
     fastest = fastest[np.isin(np.sign(fastest), motion.direction)]
     if posterior is None or not posterior.speeds or not len(fastest):
         return None
@@ -198,15 +216,23 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
         return np.zeros(len(motion.w))
     w, way, of = _kinds(motion)
     expected, _ = expected_departure(posterior, w)
-    middle = np.median(_sets(drive, posterior, w, load), axis=0) + expected @ np.array(posterior.departures)
+    middle = np.median(_sets(drive, posterior, w, load), axis=0) + expected @ np.array(
+        posterior.departures
+    )
     return np.asarray(np.where(way == 0, 0.0, middle)[of])
 
 
 def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
     """Speeds (kinds,) and directions (kinds,) that a motion has, and which of them each sample has, (samples,)."""
-    kinds, of = np.unique(np.column_stack([motion.w, motion.direction]), axis=0, return_inverse=True)
+    kinds, of = np.unique(
+        np.column_stack([motion.w, motion.direction]), axis=0, return_inverse=True
+    )
     way = kinds[:, 1]
-    return np.where(way == 0, 1.0, way * np.maximum(np.abs(kinds[:, 0]), STANDSTILL)), way, of.reshape(-1)
+    return (
+        np.where(way == 0, 1.0, way * np.maximum(np.abs(kinds[:, 0]), STANDSTILL)),
+        way,
+        of.reshape(-1),
+    )
 
 
 def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
@@ -240,24 +266,40 @@ def band_of(
     w, way, of = _kinds(motion)
     rng, count = np.random.default_rng(SEED), len(posterior.draws)
     spread = _sets(drive, posterior, w, load)
-    own = posterior.scatter * expected_departure(posterior, w)[1] * rng.standard_t(SCATTER_DEGREES, (count, 1))
+    own = (
+        posterior.scatter
+        * expected_departure(posterior, w)[1]
+        * rng.standard_t(SCATTER_DEGREES, (count, 1))
+    )
     spread = np.where(way == 0, 0.0, spread - np.median(spread, axis=0) + own)
     weight = np.bincount(of, minlength=len(w)) / len(of)
     low, high = interval_of(tau.mean() + spread @ weight)
     peaks = np.zeros(count)
     for sign in (1, -1):
-        here, ripple, moved = way == sign, posterior.ripple(sign), np.abs(tau) * (motion.direction == sign)
+        here, ripple, moved = (
+            way == sign,
+            posterior.ripple(sign),
+            np.abs(tau) * (motion.direction == sign),
+        )
         if here.any():
             top = int(np.argmax(moved))
             top_torque = np.abs(tau[top] + spread[:, of[top]])
-            peaks = np.maximum(peaks, top_torque + (0.0 if ripple is None else ripple.draw_peak(rng, count)))
+            peaks = np.maximum(
+                peaks, top_torque + (0.0 if ripple is None else ripple.draw_peak(rng, count))
+            )
         if ripple is not None:
             harmonics = None if wave is None else posterior.harmonics(sign)
-            known = 0.0 if harmonics is None or not harmonics.phased else float(np.sum(harmonics.amplitudes**2) / 2)
+            known = (
+                0.0
+                if harmonics is None or not harmonics.phased
+                else float(np.sum(harmonics.amplitudes**2) / 2)
+            )
             spread[:, here] += ripple.draw(rng, count, known)[:, None]
     ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, of]
     ends += 0.0 if wave is None else wave
-    return PredictionBand((low, high), tau + ends[0], tau + ends[1], peak=float(np.quantile(peaks, PEAK_CONFIDENCE)))
+    return PredictionBand(
+        (low, high), tau + ends[0], tau + ends[1], peak=float(np.quantile(peaks, PEAK_CONFIDENCE))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +318,9 @@ class Motion:
     def of(time: Array, w: Array) -> Motion:
         """From time (s) and motor speed (rad/s), arrays (samples,)."""
         rest = rest_mask(time, w)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], rest, [False]]).astype(int))).reshape(-1, 2)
+        edges = np.flatnonzero(
+            np.diff(np.concatenate([[False], rest, [False]]).astype(int))
+        ).reshape(-1, 2)
         direction = np.sign(_held(np.where(rest, np.nan, w)))
         direction[rest] = 0.0
         for start, stop in edges:
@@ -284,16 +328,22 @@ class Motion:
                 lead = time[start:stop] > time[stop] - START_LEAD
                 lead[-1] = True
                 direction[start:stop][lead] = direction[stop]
-        return Motion(time, w, np.gradient(w, time), direction, tuple((int(a), int(b)) for a, b in edges))
+        return Motion(
+            time, w, np.gradient(w, time), direction, tuple((int(a), int(b)) for a, b in edges)
+        )
 
 
 def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
     """(samples,) motor torque of the exact law along a motion, with friction's memory and growth at rest."""
     drive = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     moving = motion.direction != 0
-    effort = output_effort(drive, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction)
+    effort = output_effort(
+        drive, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
+    )
     mu = coefficient_along(friction_of(drive), motion)
-    tau = motor_torque(drive, effort, motion.w, motion.wd, direction=np.where(moving, motion.direction, 1.0), mu=mu)
+    tau = motor_torque(
+        drive, effort, motion.w, motion.wd, direction=np.where(moving, motion.direction, 1.0), mu=mu
+    )
     return np.where(moving, np.asarray(tau), holding_torque(drive, load))
 
 
@@ -305,7 +355,11 @@ def coefficient_along(friction: Friction, motion: Motion) -> Array:
     felt = np.abs(remembered_speed(friction, motion.time, motion.w))
     mu = np.array(friction_coefficient(friction, felt), dtype=float)
     for k, (start, stop) in enumerate(motion.rests):
-        dwell = motion.time[min(stop, len(mu) - 1)] - motion.time[start] + (LONG_REST if start == 0 else 0.0)
+        dwell = (
+            motion.time[min(stop, len(mu) - 1)]
+            - motion.time[start]
+            + (LONG_REST if start == 0 else 0.0)
+        )
         broken = float(static_coefficient(friction, dwell, mu[start - 1] if start else None))
         until = motion.rests[k + 1][0] if k + 1 < len(motion.rests) else len(mu)
         mu[start:stop] = broken
@@ -324,5 +378,7 @@ def _held(values: Array) -> Array:
     known = np.flatnonzero(np.isfinite(values))
     if not len(known):
         return np.zeros(len(values))
-    at = np.clip(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0, len(known) - 1)
+    at = np.clip(
+        np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0, len(known) - 1
+    )
     return values[known[at]]

@@ -71,11 +71,15 @@ class Notes:
         edited = _EDITED.fullmatch(text)
         if edited:
             value, before = edited.group(1).strip(), edited.group(2)
-            self.add(f"line {line + 1}: edited value {value} restored to {before}, which the file states it was")
+            self.add(
+                f"line {line + 1}: edited value {value} restored to {before}, which the file states it was"
+            )
             return float(before)
         head, _, rest = text.partition(",")
         if rest and not rest.lstrip()[:1].isdigit() and NUMBER.fullmatch(head.strip()):
-            self.add(f"line {line + 1}: text after the number {head.strip()} ignored ({text[:40]!r})")
+            self.add(
+                f"line {line + 1}: text after the number {head.strip()} ignored ({text[:40]!r})"
+            )
             return float(head)
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
@@ -110,7 +114,14 @@ _OF_NOMINAL = ("%", "percent", "‰", "permille")
 
 NAMES = {
     "time": ("time", "t", "timestamp"),
-    "speed": ("velocity actual value averaged", "velocity actual value", "velocity", "speed", "w", "omega"),
+    "speed": (
+        "velocity actual value averaged",
+        "velocity actual value",
+        "velocity",
+        "speed",
+        "w",
+        "omega",
+    ),
     "position": ("position actual value", "position", "angle"),
     "torque": ("torque actual value averaged", "torque actual value", "torque", "tau"),
 }
@@ -154,7 +165,9 @@ def parse_table(text: str, path: Path) -> Table:
     lines = text.splitlines()
     for k, line in enumerate(lines):
         if len(line) > MAX_LINE:
-            raise RecordingError(f"{path}:{k + 1}: a line of {len(line)} characters is no line of a table")
+            raise RecordingError(
+                f"{path}:{k + 1}: a line of {len(line)} characters is no line of a table"
+            )
     separator = _separator(lines, path)
     names_at = _find_names(lines, separator, path)
     header: dict[str, str] = {}
@@ -169,12 +182,16 @@ def parse_table(text: str, path: Path) -> Table:
         if second and not any(_MARKED.fullmatch(f) for f in second):
             units, first = second, first + 1
     names, units = _align(names, units)
-    return _samples(lines, first, separator=separator, names=names, units=units, header=header, path=path)
+    return _samples(
+        lines, first, separator=separator, names=names, units=units, header=header, path=path
+    )
 
 
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
     """Time, speed and torque columns of a table, whatever their order; RecordingError where one is missing."""
-    split = [_name_and_unit(name, unit) for name, unit in zip(table.names, table.units, strict=True)]
+    split = [
+        _name_and_unit(name, unit) for name, unit in zip(table.names, table.units, strict=True)
+    ]
     found: dict[str, Column] = {}
     for quantity, accepted in NAMES.items():
         candidates = [(accepted.index(n), k) for k, (n, _) in enumerate(split) if n in accepted]
@@ -194,7 +211,11 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
                 f"{path}: {quantity} column {table.names[index]!r} has {given}; allowed: {', '.join(allowed)}"
             )
         found[quantity] = Column(
-            index, table.names[index], unit, allowed[unit.lower()], quantity == "torque" and unit.lower() in _OF_NOMINAL
+            index,
+            table.names[index],
+            unit,
+            allowed[unit.lower()],
+            quantity == "torque" and unit.lower() in _OF_NOMINAL,
         )
     return found
 
@@ -211,7 +232,11 @@ def _find_names(lines: list[str], separator: str, path: Path) -> int:
     words = ("velocity", "speed", "torque", "tau", "omega")
     for k, line in enumerate(lines[:200]):
         fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
-        if len(fields) >= 2 and any(f.startswith(words) for f in fields) and not fields[0].startswith("trigger"):
+        if (
+            len(fields) >= 2
+            and any(f.startswith(words) for f in fields)
+            and not fields[0].startswith("trigger")
+        ):
             return k
     raise RecordingError(
         f"{path}: no line of channel names found (a velocity and a torque column are needed); "
@@ -239,7 +264,12 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
     plain = name.strip().lower()
     if not unit and "_" in plain:
         stem, suffix = plain.rsplit("_", 1)
-        spelled = {"rad/s": ("rads", "radps"), "N*m": ("nm",), "mN*m": ("mnm",), "%": ("percent", "pct")}
+        spelled = {
+            "rad/s": ("rads", "radps"),
+            "N*m": ("nm",),
+            "mN*m": ("mnm",),
+            "%": ("percent", "pct"),
+        }
         for known, spellings in spelled.items():
             if suffix in spellings:
                 return stem.replace("_", " "), known
@@ -255,7 +285,9 @@ def _strip(line: str) -> str:
 
 def _fields(line: str, separator: str) -> list[str]:
     if separator == ",":
-        fields = next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
+        fields = (
+            next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
+        )
     else:
         fields = _strip(line).split(separator)
     while fields and not fields[-1].strip():
@@ -273,8 +305,16 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
     columns = [[_BLANKS.sub("", _bare(row[k])) for row in rows] for k in range(width)]
     sure: list[set[str]] = []
     for fields in columns:
-        numbers = {f for f in fields if ("," in f or "." in f) and _MARKED.fullmatch(f) and not _EITHER.fullmatch(f)}
-        single = {_OTHER[m] if f.count(m) > 1 else m for f in numbers for m in (f[max(map(f.rfind, ".,"))],)}
+        numbers = {
+            f
+            for f in fields
+            if ("," in f or "." in f) and _MARKED.fullmatch(f) and not _EITHER.fullmatch(f)
+        }
+        single = {
+            _OTHER[m] if f.count(m) > 1 else m
+            for f in numbers
+            for m in (f[max(map(f.rfind, ".,"))],)
+        }
         sure.append(single)
     elsewhere = set().union(*sure) or {
         m for fields in columns for f in fields if _MARKED.fullmatch(f) for m in ".," if m in f
@@ -294,17 +334,27 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
     mark = seen.pop()
     if whole:
         # 992 before 1,024 is of thousands, 1024 before 1,125 of decimals.
-        return mark if max(whole) >= 1000 or (mark == "." and "," not in elsewhere) else _OTHER[mark]
+        return (
+            mark if max(whole) >= 1000 or (mark == "." and "," not in elsewhere) else _OTHER[mark]
+        )
     return mark if elsewhere == {mark} else ""
 
 
 def _samples(
-    lines: list[str], first: int, separator: str, names: list[str], units: list[str], header: dict[str, str], path: Path
+    lines: list[str],
+    first: int,
+    separator: str,
+    names: list[str],
+    units: list[str],
+    header: dict[str, str],
+    path: Path,
 ) -> Table:
     width, rows, numbers = len(names), [], []
     notes = Notes(path)
     more = _MORE.format(width) + ("left out" if separator == "," else "the rest ignored")
-    last = max((k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")), default=first - 1)
+    last = max(
+        (k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")), default=first - 1
+    )
     for k in range(first, last + 1):
         raw = lines[k]
         fields = _fields(raw, separator)

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from ssm_planner.dynamics.friction import STANDSTILL
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recorder_csv import MOST_LEFT_OUT, NUMBER, Column, Table, find_columns, parse_table
+from ssm_planner.identification.recorder_csv import (
+    MOST_LEFT_OUT,
+    NUMBER,
+    Column,
+    Table,
+    find_columns,
+    parse_table,
+)
 from ssm_planner.typing import Array
 
 MAX_BYTES = 32_000_000
@@ -52,7 +59,11 @@ class Recording:
 
 
 def read_recording(
-    path: str | Path, *, nominal_torque: float | None = None, direction: int = 1, name: str | None = None
+    path: str | Path,
+    *,
+    nominal_torque: float | None = None,
+    direction: int = 1,
+    name: str | None = None,
 ) -> Recording:
     """Read one recording.
 
@@ -65,8 +76,14 @@ def read_recording(
     table = parse_table(text, path)
     columns = find_columns(table, path)
     repairs = list(table.repairs)
-    time, speed, torque = (_in_si(table, columns[key], path, nominal_torque) for key in ("time", "speed", "torque"))
-    angle = _in_si(table, columns["position"], path, None) if "position" in columns else np.zeros(len(time))
+    time, speed, torque = (
+        _in_si(table, columns[key], path, nominal_torque) for key in ("time", "speed", "torque")
+    )
+    angle = (
+        _in_si(table, columns["position"], path, None)
+        if "position" in columns
+        else np.zeros(len(time))
+    )
     keep = np.isfinite(time) & np.isfinite(speed) & np.isfinite(torque) & np.isfinite(angle)
     if not keep.all():
         bad = np.flatnonzero(~keep)
@@ -75,7 +92,9 @@ def read_recording(
                 f"{path}:{table.lines[bad[0]]}: {len(bad)} of {len(keep)} samples are not finite numbers; "
                 f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
             )
-        repairs.append(f"{len(bad)} samples that are not finite left out (first: line {table.lines[bad[0]]})")
+        repairs.append(
+            f"{len(bad)} samples that are not finite left out (first: line {table.lines[bad[0]]})"
+        )
     lines = np.asarray(table.lines)[keep]
     time, speed, torque, angle = time[keep], speed[keep], torque[keep], angle[keep]
     _check_time(time, lines, path)
@@ -85,7 +104,9 @@ def read_recording(
         spikes = find_spikes(channel)
         if len(spikes):
             shown = ", ".join(f"line {lines[k]}" for k in spikes[:5])
-            repairs.append(f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})")
+            repairs.append(
+                f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})"
+            )
             channel[spikes] = np.nan
     keep = np.isfinite(torque) & np.isfinite(speed)
     time, speed, torque, angle = time[keep], speed[keep], torque[keep], angle[keep]
@@ -109,20 +130,28 @@ def read_recording(
 
 
 def read_recordings(
-    paths: list[str | Path] | tuple[str | Path, ...], *, nominal_torque: float | None = None, direction: int = 1
+    paths: list[str | Path] | tuple[str | Path, ...],
+    *,
+    nominal_torque: float | None = None,
+    direction: int = 1,
 ) -> list[Recording]:
     """Read files and all `*.csv` and `*.txt` files below directories, sorted and
     named by their place within each directory."""
     files: list[tuple[Path, str]] = []
     for entry in map(Path, paths):
         if entry.is_dir():
-            found = sorted(p for p in entry.rglob("*") if p.suffix.lower() in (".csv", ".txt") and p.is_file())
+            found = sorted(
+                p for p in entry.rglob("*") if p.suffix.lower() in (".csv", ".txt") and p.is_file()
+            )
             if not found:
                 raise RecordingError(f"{entry}: no .csv or .txt file in this directory")
             files.extend((file, file.relative_to(entry).as_posix()) for file in found)
         else:
             files.append((entry, entry.name))
-    return [read_recording(file, nominal_torque=nominal_torque, direction=direction, name=name) for file, name in files]
+    return [
+        read_recording(file, nominal_torque=nominal_torque, direction=direction, name=name)
+        for file, name in files
+    ]
 
 
 def find_spikes(values: Array, most: float = 0.01) -> NDArray[np.intp]:
@@ -185,26 +214,43 @@ def _doubts_of_time(time: Array, header: dict[str, str]) -> list[str]:
     stated, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
     if not NUMBER.fullmatch(stated) or float(stated) <= 0 or 0.5 < step / float(stated) < 2.0:
         return []
-    return [f"samples lie {step:.3g} ms apart, the header says {stated}: is the unit of time right?"]
+    return [
+        f"samples lie {step:.3g} ms apart, the header says {stated}: is the unit of time right?"
+    ]
 
 
-def _doubts(torque: Array, column: Column, nominal_torque: float | None, moving: NDArray[np.bool_]) -> list[str]:
+def _doubts(
+    torque: Array, column: Column, nominal_torque: float | None, moving: NDArray[np.bool_]
+) -> list[str]:
     """What a torque channel (samples,), N·m, that can be read is hardly meant to say; moving: (samples,) of bool."""
     doubts, size = [], np.abs(torque)
     below = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
-    largest, next_to_it = (int(np.sum((below >= a) & (below < a + RAIL_BAND))) for a in (0.0, RAIL_BAND))
+    largest, next_to_it = (
+        int(np.sum((below >= a) & (below < a + RAIL_BAND))) for a in (0.0, RAIL_BAND)
+    )
     edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
     rows = np.sort(
-        [stop - start for start, stop in itertools.pairwise(edges.tolist()) if moving[start:stop].all()] or [0]
+        [
+            stop - start
+            for start, stop in itertools.pairwise(edges.tolist())
+            if moving[start:stop].all()
+        ]
+        or [0]
     )
     usual = int(rows[-2]) if len(rows) > 1 else 1
     if largest >= RAIL and largest > RAIL_EXCESS * next_to_it:
-        doubts.append(f"torque stays at its largest value in {largest} samples: limited by the drive, or stuck?")
+        doubts.append(
+            f"torque stays at its largest value in {largest} samples: limited by the drive, or stuck?"
+        )
     elif rows[-1] >= max(RAIL, UNEQUAL * usual):
-        doubts.append(f"torque does not change for {rows[-1]} samples in a row: did the channel stop?")
+        doubts.append(
+            f"torque does not change for {rows[-1]} samples in a row: did the channel stop?"
+        )
     if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
         percent = 100 * torque / nominal_torque
-        whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > nominal_torque
+        whole = (
+            bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > nominal_torque
+        )
         if whole or np.mean(size) > LASTING * nominal_torque:
             doubts.append(
                 f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
@@ -221,18 +267,23 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
         found = _passages(recording)
         shared = [r.name for r, others in known if np.mean(np.isin(found, others)) > REPEATED]
         if shared:
-            said[recording.name] = f"{recording.name}: the same samples as {shared[0]}, counted once"
+            said[recording.name] = (
+                f"{recording.name}: the same samples as {shared[0]}, counted once"
+            )
         else:
             known.append((recording, found))
     kept = {id(r) for r, _ in known}
-    return [r for r in recordings if id(r) in kept], [said[r.name] for r in recordings if id(r) not in kept]
+    return [r for r in recordings if id(r) in kept], [
+        said[r.name] for r in recordings if id(r) not in kept
+    ]
 
 
 def _passages(recording: Recording) -> NDArray[np.uint64]:
     """(passages,) a number for every different row of PASSAGE samples of speed and torque, to the nearest of 1e-6 of each."""
     with np.errstate(over="ignore"):
         parts = (
-            np.round(v / 1e-6 / scale).astype(np.int64) for v, scale in ((recording.w, 1.0), (recording.tau, 1e-3))
+            np.round(v / 1e-6 / scale).astype(np.int64)
+            for v, scale in ((recording.w, 1.0), (recording.tau, 1e-3))
         )
         speed, torque = (part.astype(np.uint64) for part in parts)
         mixed = (speed * np.uint64(0x9E3779B97F4A7C15)) ^ (torque * np.uint64(0xC2B2AE3D27D4EB4F))
@@ -245,7 +296,9 @@ def _check_time(time: Array, lines: Array, path: Path) -> None:
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if len(backwards):
         k = backwards[0] + 1
-        raise RecordingError(f"{path}:{lines[k]}: time does not increase ({time[k]:g} s after {time[k - 1]:g} s)")
+        raise RecordingError(
+            f"{path}:{lines[k]}: time does not increase ({time[k]:g} s after {time[k - 1]:g} s)"
+        )
 
 
 def _quantum(speed: Array) -> float:

@@ -87,7 +87,12 @@ class TorqueMap:
     def spread(self, sign: int) -> Ripple | None:
         """Ripple and noise of the recordings in one direction (±1); None where they are not known."""
         here = np.sign(self.w) == sign
-        if self.ripple is None or self.peak is None or not here.any() or not np.all(self.tau_deviation[here] > 0):
+        if (
+            self.ripple is None
+            or self.peak is None
+            or not here.any()
+            or not np.all(self.tau_deviation[here] > 0)
+        ):
             return None
         deviation, share = self.tau_deviation[here], self.ripple[here] / self.tau_deviation[here]
         usual = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
@@ -150,7 +155,9 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
         third = len(r.w) // 3
         first, last = float(r.w[:third].mean()), float(r.w[-third:].mean())
         if abs(last - first) > max(DRIFT * abs(r.w.mean()), BEYOND * r.w.std() / np.sqrt(third)):
-            repairs.append(f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: not steady")
+            repairs.append(
+                f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: not steady"
+            )
     return TorqueMap(
         names=tuple(r.name for r in order),
         w=np.array([r.w.mean() for r in order]),
@@ -175,7 +182,14 @@ def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> 
             for k, name in enumerate(m.names):
                 assert m.ripple is not None
                 assert m.peak is not None
-                numbers = (m.w[k], m.tau[k], m.w_deviation[k], m.tau_deviation[k], m.ripple[k], m.peak[k])
+                numbers = (
+                    m.w[k],
+                    m.tau[k],
+                    m.w_deviation[k],
+                    m.tau_deviation[k],
+                    m.ripple[k],
+                    m.peak[k],
+                )
                 writer.writerow([rig, name, *(f"{v:.9g}" for v in numbers), int(m.samples[k])])
 
 
@@ -186,7 +200,9 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: the table of figures cannot be read ({error})") from error
-    numbered = [(k + 1, line) for k, line in enumerate(lines) if line.strip() and not line.startswith("#")]
+    numbered = [
+        (k + 1, line) for k, line in enumerate(lines) if line.strip() and not line.startswith("#")
+    ]
     if not numbered or tuple(numbered[0][1].split(",")) != FIGURES_HEADER:
         raise RecordingError(f"{path}: the first line must be {','.join(FIGURES_HEADER)}")
     names, rows, rigs = [], [], []
@@ -200,7 +216,9 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
         except ValueError as error:
             raise RecordingError(f"{path}:{number}: {error}") from error
         if len(row) != len(FIGURES_HEADER) - 2 or not np.all(np.isfinite([*row[:4], *row[5:]])):
-            raise RecordingError(f"{path}:{number}: {len(FIGURES_HEADER)} finite columns are needed")
+            raise RecordingError(
+                f"{path}:{number}: {len(FIGURES_HEADER)} finite columns are needed"
+            )
         names.append(fields[1])
         rows.append(row)
     if not rows:
@@ -212,7 +230,8 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     table = table[order]
     columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
     return TorqueMap(
-        names=tuple(names[k] for k in order), **dict(zip(columns, np.ascontiguousarray(table.T), strict=True))
+        names=tuple(names[k] for k in order),
+        **dict(zip(columns, np.ascontiguousarray(table.T), strict=True)),
     )
 
 
@@ -286,7 +305,10 @@ def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
 def main(arguments: list[str]) -> int:
     """Write the table: OUTPUT DRIVE=RECORDINGS …"""
     if len(arguments) < 2 or any("=" not in pair for pair in arguments[1:]):
-        print("usage: python -m ssm_planner.identification.torque_map OUTPUT DRIVE=RECORDINGS ...", file=sys.stderr)
+        print(
+            "usage: python -m ssm_planner.identification.torque_map OUTPUT DRIVE=RECORDINGS ...",
+            file=sys.stderr,
+        )
         return 2
     try:
         pairs = [pair.split("=", 1) for pair in arguments[1:]]

@@ -36,7 +36,9 @@ class ElementGroup(ctypes.Structure):
     )
 
     @classmethod
-    def of(cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int, int]) -> ElementGroup:
+    def of(
+        cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int, int]
+    ) -> ElementGroup:
         """Elements of elements.c, by their context, which has to be kept; size of z, rows, costs, elements."""
         values = ctypes.cast(library.ssm_values_of, _Values)
         derivatives = ctypes.cast(library.ssm_derivatives_of, _Derivatives)
@@ -77,7 +79,10 @@ class Called:
             self.functions = group.native.group
             return
         count = len(group.elements)
-        self._mapped = {name: Mapped(function, group.parameters, count) for name, function in group.functions.items()}
+        self._mapped = {
+            name: Mapped(function, group.parameters, count)
+            for name, function in group.functions.items()
+        }
         size, rows = group.functions["rows"].size1_in(0), group.bound.shape[1]
         self._shape = count, rows, size
         calls = _Values(self._caught(self._values)), _Derivatives(self._caught(self._derivatives))
@@ -105,7 +110,10 @@ class Called:
         if "gradient" in self._mapped:
             self._mapped["gradient"].at(z, found[1])
         self._mapped["hessian"].at(z, multipliers, found[2])
-        jacobian, hessian = _array(found[0], (count, rows, size)), _array(found[2], (count, size, size))
+        jacobian, hessian = (
+            _array(found[0], (count, rows, size)),
+            _array(found[2], (count, size, size)),
+        )
         hessian += np.einsum("kr,kri,krj->kij", _array(sigma, (count, rows)), jacobian, jacobian)
 
 
@@ -126,7 +134,9 @@ class Program:
     """Of A z, (n, l); infinite where there is none."""
     free: Array
     """Which unknowns are not fixed, (rows, m), bool."""
-    equal: tuple[Indices, Indices, Array] = field(default_factory=lambda: (*np.zeros((2, 0), dtype=int), np.zeros(0)))
+    equal: tuple[Indices, Indices, Array] = field(
+        default_factory=lambda: (*np.zeros((2, 0), dtype=int), np.zeros(0))
+    )
     """(element, entry of z, value), (q,) each."""
     least_times: Array
     duration: tuple[float, float] = (0.0, np.inf)

@@ -37,7 +37,11 @@ class State:
 
     def fits(self, program: Program) -> bool:
         """Whether it is a state of a program of this size."""
-        sizes = self.point.c.shape, len(self.point.times), (len(self.slacks), len(self.equality_multipliers))
+        sizes = (
+            self.point.c.shape,
+            len(self.point.times),
+            (len(self.slacks), len(self.equality_multipliers)),
+        )
         return sizes == (program.free.shape, program.spline.blocks, program.sizes)
 
 
@@ -87,7 +91,10 @@ def solve(
     point = Point(np.array(first.c, dtype=float), np.array(first.times, dtype=float))
     state = State(point, np.empty(rows), np.zeros(rows), np.zeros(equalities))
     if warm is not None:
-        state.multipliers[:], state.equality_multipliers[:] = warm.multipliers, warm.equality_multipliers
+        state.multipliers[:], state.equality_multipliers[:] = (
+            warm.multipliers,
+            warm.equality_multipliers,
+        )
     z = np.empty((program.spline.elements, 5 * program.spline.coordinates + 1))
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
     native_state = _State(*(each.ctypes.data for each in values))
@@ -118,7 +125,14 @@ class _Group(ctypes.Structure):
 class _Program(ctypes.Structure):
     _fields_ = (
         *((name, _L) for name in ("kind", "coordinates", "elements", "blocks", "linear_rows")),
-        *(("fractions", _P), ("block", _P), ("stretched_from", _D), ("matrix", _P), ("bound", _P), ("free", _P)),
+        *(
+            ("fractions", _P),
+            ("block", _P),
+            ("stretched_from", _D),
+            ("matrix", _P),
+            ("bound", _P),
+            ("free", _P),
+        ),
         *(("equal_count", _L), ("equal_at", _P), ("equal_entry", _P), ("equal_value", _P)),
         *(("least_times", _P), ("smoothing", _P)),
         *((name, _D) for name in ("low", "high", "time_weight", "even")),
@@ -127,12 +141,21 @@ class _Program(ctypes.Structure):
 
 
 class _Patience(ctypes.Structure):
-    _fields_ = (("iterations", _L), ("tolerance", _D), ("superlinear", _D), ("barrier", _D), ("off_centre", _D))
+    _fields_ = (
+        ("iterations", _L),
+        ("tolerance", _D),
+        ("superlinear", _D),
+        ("barrier", _D),
+        ("off_centre", _D),
+    )
 
 
 class _State(ctypes.Structure):
     _fields_ = (
-        *((name, _P) for name in ("c", "times", "slacks", "multipliers", "equality_multipliers", "z")),
+        *(
+            (name, _P)
+            for name in ("c", "times", "slacks", "multipliers", "equality_multipliers", "z")
+        ),
         ("objective", _D),
         ("iterations", _L),
     )
@@ -146,7 +169,12 @@ class _Given:
         self._groups = [Called(group) for group in program.groups]
         groups = (_Group * len(self._groups))(
             *(
-                _Group(called.functions, self._longs(group.elements), self._doubles(group.bound), group.cost_weight)
+                _Group(
+                    called.functions,
+                    self._longs(group.elements),
+                    self._doubles(group.bound),
+                    group.cost_weight,
+                )
                 for group, called in zip(program.groups, self._groups, strict=True)
             )
         )

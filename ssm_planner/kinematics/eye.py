@@ -46,7 +46,11 @@ def lens_limit(eye: Eye) -> float:
     The lens E contains a ball of radius a, so a ball of radius r lies in (r/a) E, and E + (r/a) E = (1 + r/a) E because
     E is convex. An axis outside (1 + r/a) E is therefore at least r away from E; beside the longer semi-axes, further.
     """
-    return 1.0 if eye.lens is None else LensClearance(eye.shaft_radius, float(np.min(eye.lens.semi_axes))).low
+    return (
+        1.0
+        if eye.lens is None
+        else LensClearance(eye.shaft_radius, float(np.min(eye.lens.semi_axes))).low
+    )
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:

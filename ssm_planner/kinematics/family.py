@@ -28,7 +28,9 @@ class Family:
 
     def some(self, which: Array) -> Family:
         """Those of the members that `which` (n,) is true for."""
-        return Family(self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign)
+        return Family(
+            self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign
+        )
 
     @cached_property
     def omega1(self) -> Array:
@@ -44,7 +46,9 @@ class Family:
     def omega3(self) -> Array:
         """(n, 3)."""
         sine = np.sin(self.home_tilt)
-        return np.column_stack((np.cos(self.home_tilt), np.sin(self.home_roll) * sine, -np.cos(self.home_roll) * sine))
+        return np.column_stack(
+            (np.cos(self.home_tilt), np.sin(self.home_roll) * sine, -np.cos(self.home_roll) * sine)
+        )
 
     @cached_property
     def beta(self) -> Array:

@@ -34,14 +34,24 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     rotations, positions = np.empty((len(q), 9)), np.empty((len(q), 3))
     for block in blocks(len(q)):
         one, two, three = (_terms(q[block, i]) for i in range(3))
-        _pose(mechanism, q[block, 3], _products(one, two), three, out=(rotations[block], positions[block]))
+        _pose(
+            mechanism,
+            q[block, 3],
+            _products(one, two),
+            three,
+            out=(rotations[block], positions[block]),
+        )
     return rotations.reshape(-1, 3, 3), positions
 
 
 def forward_with_jacobian(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array, Array]:
     """Pose and space Jacobian together: (R (n, 3, 3), p (n, 3), J (n, 6, 4)) of q (n, 4)."""
     q = batch("q", q, 4)
-    rotations, positions, jacobians = np.empty((len(q), 9)), np.empty((len(q), 3)), np.empty((len(q), 24))
+    rotations, positions, jacobians = (
+        np.empty((len(q), 9)),
+        np.empty((len(q), 3)),
+        np.empty((len(q), 24)),
+    )
     space = _space_terms(mechanism)
     for block in blocks(len(q)):
         one, two, three = (_terms(q[block, i]) for i in range(3))
@@ -62,7 +72,9 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     jacobians = np.empty((len(q), 24))
     space = _space_terms(mechanism)
     for block in blocks(len(q)):
-        np.matmul(_products(_terms(q[block, 0]), _terms(q[block, 1])).T, space, out=jacobians[block])
+        np.matmul(
+            _products(_terms(q[block, 0]), _terms(q[block, 1])).T, space, out=jacobians[block]
+        )
     return jacobians.reshape(-1, 6, 4)
 
 
@@ -85,7 +97,9 @@ def _products(a: Array, b: Array) -> Array:
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
-def _pose(mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, out: tuple[Array, Array]) -> None:
+def _pose(
+    mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, out: tuple[Array, Array]
+) -> None:
     """Write R (n, 9) and p (n, 3) of n configurations into `out`.
 
     theta4: (n,); elbow: products of joints 1 and 2, (9, n); three: terms of joint 3, (3, n).
@@ -127,7 +141,9 @@ def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
 
 
-JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {TipSpeed: tip_jacobian}
+JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {
+    TipSpeed: tip_jacobian
+}
 """J of every kind of limit on |v|, v = J(q) q̇: (k, 4) in CasADi from q (4,)."""
 
 

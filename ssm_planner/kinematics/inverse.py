@@ -60,7 +60,9 @@ def inverse(
     matrix = matrices("rotations", rotations)
     p = batch("positions", positions, 3)
     if len(p) != len(matrix):
-        raise GeometryError(f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length")
+        raise GeometryError(
+            f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length"
+        )
     n = len(p)
     joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
     # columns of frameᵀ R Rz(−tool_angle), as one product with the entries of R
@@ -79,7 +81,11 @@ def inverse(
 
 
 def inverse_task(
-    mechanism: Mechanism, task: ArrayLike, *, limits: ArrayLike | None = None, reference: ArrayLike | None = None
+    mechanism: Mechanism,
+    task: ArrayLike,
+    *,
+    limits: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
 ) -> Solutions:
     """Joints of (roll, tilt, spin, depth) (n, 4) on both branches; tilt of either sign.
 
@@ -122,7 +128,9 @@ def inverse_tip(
     spins = np.asarray(spin, dtype=float)
     finite("spin", spins)
     if spins.shape not in ((), (len(tip),)):
-        raise GeometryError(f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip")
+        raise GeometryError(
+            f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip"
+        )
     spins = np.broadcast_to(spins, len(tip))
     distance = np.linalg.norm(tip, axis=1)
     at_rcm = distance <= TOLERANCE
@@ -131,7 +139,9 @@ def inverse_tip(
         task = np.column_stack((*_pointing(mechanism, tip, depth, at_rcm, reference), spins, depth))
         pair.append(inverse_task(mechanism, task))
     pair[1].reaches[at_rcm] = False
-    of_all = {name: np.concatenate([getattr(each, name) for each in pair], axis=1) for name in OF_EACH}
+    of_all = {
+        name: np.concatenate([getattr(each, name) for each in pair], axis=1) for name in OF_EACH
+    }
     found = Solutions(
         **of_all,
         reachable=pair[0].reachable | pair[1].reachable,
@@ -181,7 +191,9 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         w_omega2 = math.cos(mech.alpha) * w[0] + math.sin(mech.alpha) * w_t
         w_g = math.sin(mech.alpha) * w[0] - math.cos(mech.alpha) * w_t
         # then turned back by x about ω2: its part along p_3, and that along ω3 × p_3
-        along = math.cos(mech.beta) * (cos_x * w_g - sin_branch * w_n) - math.sin(mech.beta) * w_omega2
+        along = (
+            math.cos(mech.beta) * (cos_x * w_g - sin_branch * w_n) - math.sin(mech.beta) * w_omega2
+        )
         np.arctan2(-(cos_x * w_n + sin_branch * w_g), along, out=theta3)
     return np.moveaxis(joints, 2, 0), orientation_error, tip_error
 
@@ -189,7 +201,10 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
 def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
     """cos²(x/2) and sin²(x/2), (n,), of unit pointings u (3, n); those outside the workspace are moved into it, in place."""
     around = u[1] ** 2 + u[2] ** 2
-    sine, cosine = np.sqrt((u[0] - 1.0) ** 2 + around), np.sqrt((u[0] + 1.0) ** 2 + around)  # 2 sin(φ/2), 2 cos(φ/2)
+    sine, cosine = (
+        np.sqrt((u[0] - 1.0) ** 2 + around),
+        np.sqrt((u[0] + 1.0) ** 2 + around),
+    )  # 2 sin(φ/2), 2 cos(φ/2)
     c2, s2 = elbow_squares(NUMPY, mech.alpha, mech.beta, cosine, sine)
     outside = np.flatnonzero(np.minimum(c2, s2) < 0.0)
     if outside.size:
@@ -197,7 +212,9 @@ def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
         tilt = np.clip(tilt, *tilt_magnitudes(mech.alpha, mech.beta))
         azimuth = np.arctan2(u[2, outside], u[1, outside])
         u[:, outside] = np.cos(tilt), np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
-        squares = elbow_squares(NUMPY, mech.alpha, mech.beta, 2.0 * np.cos(tilt / 2.0), 2.0 * np.sin(tilt / 2.0))
+        squares = elbow_squares(
+            NUMPY, mech.alpha, mech.beta, 2.0 * np.cos(tilt / 2.0), 2.0 * np.sin(tilt / 2.0)
+        )
         c2[outside], s2[outside] = (np.maximum(square, 0.0) for square in squares)
     scale = 1.0 / (4.0 * math.sin(mech.alpha) * math.sin(mech.beta))
     return scale * c2, scale * s2
@@ -210,11 +227,17 @@ def _carried_along(w: Array, z: Array, u: Array) -> tuple[Array, Array]:
         return w, chord
     middle = z + u
     length2 = _square(middle)
-    return w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle, 2.0 * np.arctan2(chord, np.sqrt(length2))
+    return w - 2.0 * _dot(u, w) / np.maximum(length2, 1e-300) * middle, 2.0 * np.arctan2(
+        chord, np.sqrt(length2)
+    )
 
 
 def _solutions(
-    joints: Array, orientation_error: Array, tip_error: Array, limits: ArrayLike | None, reference: ArrayLike | None
+    joints: Array,
+    orientation_error: Array,
+    tip_error: Array,
+    limits: ArrayLike | None,
+    reference: ArrayLike | None,
 ) -> Solutions:
     reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
     shape = joints.shape[:2]
@@ -231,10 +254,17 @@ def _solutions(
 
 
 def _pointing(
-    mech: Mechanism, tip: Array, depth: Array, at_rcm: NDArray[np.bool_], reference: ArrayLike | None
+    mech: Mechanism,
+    tip: Array,
+    depth: Array,
+    at_rcm: NDArray[np.bool_],
+    reference: ArrayLike | None,
 ) -> tuple[Array, Array]:
     """Roll and tilt of the tool whose tip is at the given depth, at the RCM those of the reference or of home."""
-    u = mech.frame.T @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
+    u = (
+        mech.frame.T
+        @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
+    )
     around = np.hypot(u[1], u[2])
     roll, tilt = roll_and_tilt(NUMPY, mech, u, around)
     roll = np.where(around > 0.0, roll, 0.0)

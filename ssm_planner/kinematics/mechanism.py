@@ -58,8 +58,12 @@ class Mechanism:
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
         """The mechanism of a robot file, its axes of length 1 and its tool frame on the third to the last digit."""
         vectors = geometry.omega1, geometry.omega2, geometry.omega3, geometry.tool_home
-        omega1, omega2, omega3, tool_home = (np.asarray(vector, dtype=float).tobytes() for vector in vectors)
-        return _of_axes(omega1, omega2, omega3, tool_home=tool_home, insertion_sign=int(geometry.insertion_sign))
+        omega1, omega2, omega3, tool_home = (
+            np.asarray(vector, dtype=float).tobytes() for vector in vectors
+        )
+        return _of_axes(
+            omega1, omega2, omega3, tool_home=tool_home, insertion_sign=int(geometry.insertion_sign)
+        )
 
     @classmethod
     def from_angles(
@@ -84,13 +88,18 @@ class Mechanism:
                 f"home_tilt = {tilt!r} rad: |tilt| must be in [{low:.6g}, {high:.6g}] rad (paper, eq. 9)"
             )
         x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-        omega2, omega3 = np.array([math.cos(alpha), math.sin(alpha), 0.0]), _omega3(alpha, beta, tilt)
+        omega2, omega3 = (
+            np.array([math.cos(alpha), math.sin(alpha), 0.0]),
+            _omega3(alpha, beta, tilt),
+        )
         sign = math.copysign(1.0, tilt)
         roll = math.atan2(sign * omega3[1], -sign * omega3[2])
         pointing = rotation(x, roll) @ rotation(y, tilt)
         default = pointing @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
         home = _tool_home(default if tool_home is None else tool_home, omega3)
-        return cls(x, omega2, omega3, home, tilt_axis=y, side=int(sign), insertion_sign=insertion_sign)
+        return cls(
+            x, omega2, omega3, home, tilt_axis=y, side=int(sign), insertion_sign=insertion_sign
+        )
 
     @cached_property
     def alpha(self) -> float:
@@ -105,7 +114,10 @@ class Mechanism:
     @cached_property
     def frame(self) -> Array:
         """Rotation base ← (ω1, t, n) with n = ω1 × t, (3, 3)."""
-        return frozen(np.column_stack((self.omega1, self.tilt_axis, np.cross(self.omega1, self.tilt_axis))), (3, 3))
+        return frozen(
+            np.column_stack((self.omega1, self.tilt_axis, np.cross(self.omega1, self.tilt_axis))),
+            (3, 3),
+        )
 
     @cached_property
     def tip_axes(self) -> Array:
@@ -117,7 +129,9 @@ class Mechanism:
     def delta(self) -> float:
         """δ: the θ2, in [−π, π], at which cos φ is largest (the tool nearest to ω1), the zero of x = θ2 − δ."""
         toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
-        return -math.atan2(-float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ toward_omega1))
+        return -math.atan2(
+            -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ toward_omega1)
+        )
 
     @cached_property
     def home_branch(self) -> int:
@@ -174,14 +188,18 @@ class Mechanism:
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0
         eta = float(azimuths(NUMPY, self.alpha, self.beta, math.cos(half), math.sin(half))[1])
-        return eta + math.remainder(self.side * math.pi / 2.0 + self.tool_angle - kappa - eta, 2.0 * math.pi)
+        return eta + math.remainder(
+            self.side * math.pi / 2.0 + self.tool_angle - kappa - eta, 2.0 * math.pi
+        )
 
 
 def check_angles(alpha: float, beta: float) -> None:
     """Refuse angles between axes outside [0, π]. Raises GeometryError."""
     for name, angle in (("alpha", alpha), ("beta", beta)):
         if not 0.0 <= angle <= math.pi:
-            raise GeometryError(f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant")
+            raise GeometryError(
+                f"{name} = {angle!r}: an angle between axes, in [0, pi] rad; degrees are not meant"
+            )
 
 
 @lru_cache(maxsize=32)
@@ -195,7 +213,9 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
     tilt_axis = np.cross(normal, omega1)
     side = _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
     tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
-    return Mechanism(omega1, omega2, omega3, home, tilt_axis=tilt_axis, side=side, insertion_sign=insertion_sign)
+    return Mechanism(
+        omega1, omega2, omega3, home, tilt_axis=tilt_axis, side=side, insertion_sign=insertion_sign
+    )
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:
@@ -226,7 +246,9 @@ def _omega3(alpha: float, beta: float, tilt: float) -> Array:
     """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 above."""
     half = abs(tilt) / 2.0
     cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
-    x = math.copysign(2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt)
+    x = math.copysign(
+        2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt
+    )
     on_omega1 = math.cos(alpha) * math.cos(beta) + math.sin(alpha) * math.sin(beta) * math.cos(x)
     on_t = math.sin(alpha) * math.cos(beta) - math.cos(alpha) * math.sin(beta) * math.cos(x)
     return np.array([on_omega1, on_t, -math.sin(beta) * math.sin(x)])

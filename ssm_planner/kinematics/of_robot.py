@@ -98,7 +98,11 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     rows = joints[None] if joints.ndim == 1 else joints
     rotation, position = forward(mechanism, rows)
     task = task_from_joints(mechanism, rows)
-    return ToolPose(rotation[0], position[0], task[0]) if joints.ndim == 1 else ToolPose(rotation, position, task)
+    return (
+        ToolPose(rotation[0], position[0], task[0])
+        if joints.ndim == 1
+        else ToolPose(rotation, position, task)
+    )
 
 
 def ik(
@@ -119,12 +123,17 @@ def ik(
     mechanism = Mechanism.from_geometry(robot.geometry)
     limits = np.array([joint.position for joint in robot.joints])
     found = inverse_task(
-        mechanism, [[roll, tilt, spin, depth]], limits=limits, reference=np.zeros(4) if reference is None else reference
+        mechanism,
+        [[roll, tilt, spin, depth]],
+        limits=limits,
+        reference=np.zeros(4) if reference is None else reference,
     )
     kept: list[int] = []
     for k, joints in enumerate(found.joints[0]):
         allowed = bool(found.in_limits[0, k]) or not within_limits
-        if allowed and not any(np.abs(joints - found.joints[0, other]).max() <= SAME for other in kept):
+        if allowed and not any(
+            np.abs(joints - found.joints[0, other]).max() <= SAME for other in kept
+        ):
             kept.append(k)
     return JointSolutions(
         joints=found.joints[0, kept],

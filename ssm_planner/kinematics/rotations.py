@@ -74,7 +74,11 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
     if array.ndim == 1 and array.shape[0] == width:
         array = array[np.newaxis]
     if array.ndim != 2 or array.shape[1] != width:
-        hint = f"; it looks transposed: pass {name}.T" if array.ndim == 2 and array.shape[0] == width else ""
+        hint = (
+            f"; it looks transposed: pass {name}.T"
+            if array.ndim == 2 and array.shape[0] == width
+            else ""
+        )
         raise GeometryError(f"{name} has shape {array.shape}: must be (n, {width}){hint}")
     finite(name, array)
     return array
@@ -86,7 +90,11 @@ def matrices(name: str, value: ArrayLike) -> Array:
     if array.shape == (3, 3):
         array = array[np.newaxis]
     if array.ndim != 3 or array.shape[1:] != (3, 3):
-        hint = "; of homogeneous matrices pass [:, :3, :3] and [:, :3, 3]" if array.shape[-2:] == (4, 4) else ""
+        hint = (
+            "; of homogeneous matrices pass [:, :3, :3] and [:, :3, 3]"
+            if array.shape[-2:] == (4, 4)
+            else ""
+        )
         raise GeometryError(f"{name} has shape {array.shape}: must be (n, 3, 3){hint}")
     return np.ascontiguousarray(array)
 
@@ -100,7 +108,11 @@ def rotation_matrices(name: str, value: ArrayLike) -> Array:
     bad = np.flatnonzero((fault > ROTATION_TOLERANCE / 4.0) | mirrored)
     if bad.size:
         i = int(bad[0])
-        what = "its determinant is -1 (a reflection)" if mirrored[i] else f"RᵀR differs from 1 by {fault[i]:.2g}"
+        what = (
+            "its determinant is -1 (a reflection)"
+            if mirrored[i]
+            else f"RᵀR differs from 1 by {fault[i]:.2g}"
+        )
         raise GeometryError(f"{name}[{i}] of shape {array.shape} is not a rotation: {what}")
     return array
 
@@ -109,7 +121,9 @@ def finite(name: str, array: Array) -> None:
     """Refuse NaN and infinity in an array of any shape. Raises GeometryError naming the index."""
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise GeometryError(f"{name} of shape {array.shape} is not finite at {list(index)}: {array[index]}")
+        raise GeometryError(
+            f"{name} of shape {array.shape} is not finite at {list(index)}: {array[index]}"
+        )
 
 
 def _floats(name: str, value: ArrayLike) -> Array:

@@ -48,7 +48,9 @@ class Solutions:
         return self.reaches & self.in_limits
 
 
-def select(solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike | None) -> Solutions:
+def select(
+    solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike | None
+) -> Solutions:
     """Solutions marked by joint limits (4, 2) and ordered by distance to a reference (..., 4), where these are given."""
     if limits is not None:
         solutions = within_limits(solutions, limits, reference)
@@ -57,7 +59,9 @@ def select(solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike 
     return solutions
 
 
-def within_limits(solutions: Solutions, limits: ArrayLike, reference: ArrayLike | None = None) -> Solutions:
+def within_limits(
+    solutions: Solutions, limits: ArrayLike, reference: ArrayLike | None = None
+) -> Solutions:
     """The same solutions marked by limits (4, 2), rad and m.
 
     Revolute joints are moved by whole turns into their limits, next to `reference` (4,) or (n, 4) or else to the
@@ -70,12 +74,16 @@ def within_limits(solutions: Solutions, limits: ArrayLike, reference: ArrayLike 
     return replace(solutions, joints=joints, in_limits=inside)
 
 
-def by_distance(solutions: Solutions, reference: ArrayLike, limits: ArrayLike | None = None) -> Solutions:
+def by_distance(
+    solutions: Solutions, reference: ArrayLike, limits: ArrayLike | None = None
+) -> Solutions:
     """The same solutions, valid ones first, each group in order of distance to `reference` (4,) or (n, 4).
 
     Revolute joints are moved by whole turns next to the reference, within `limits` if given.
     """
-    bounds = np.tile((-np.inf, np.inf), (4, 1)) if limits is None else joint_limits("limits", limits)
+    bounds = (
+        np.tile((-np.inf, np.inf), (4, 1)) if limits is None else joint_limits("limits", limits)
+    )
     joints = solutions.joints.copy()
     centres = _centres(bounds, reference, len(joints))
     _place(joints, centres, bounds)
@@ -91,10 +99,14 @@ def joint_limits(name: str, value: ArrayLike) -> Array:
     limits = np.asarray(value, dtype=float)
     if limits.shape != (4, 2):
         hint = f"; it looks transposed: pass {name}.T" if limits.shape == (2, 4) else ""
-        raise GeometryError(f"{name} has shape {limits.shape}: must be (4, 2), lower and upper of each joint{hint}")
+        raise GeometryError(
+            f"{name} has shape {limits.shape}: must be (4, 2), lower and upper of each joint{hint}"
+        )
     if np.isnan(limits).any() or np.any(limits[:, 0] > limits[:, 1]):
         row = int(np.flatnonzero(~(limits[:, 0] <= limits[:, 1]))[0])
-        raise GeometryError(f"{name}[{row}] = {limits[row].tolist()}, of shape (4, 2): lower must not exceed upper")
+        raise GeometryError(
+            f"{name}[{row}] = {limits[row].tolist()}, of shape (4, 2): lower must not exceed upper"
+        )
     revolute = np.where(np.isfinite(limits[:3]), np.abs(limits[:3]), 0.0)
     if np.any(revolute > 4.0 * TURN):
         row = int(np.argmax(revolute.max(axis=1)))
@@ -119,7 +131,9 @@ def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
         return np.where(np.isfinite(low), (low + high) / 2.0, 0.0)[np.newaxis, np.newaxis]
     centres = batch("reference", reference, 4)
     if len(centres) not in (1, count):
-        raise GeometryError(f"reference has shape {centres.shape}: must be (4,) or ({count}, 4), one for each target")
+        raise GeometryError(
+            f"reference has shape {centres.shape}: must be (4,) or ({count}, 4), one for each target"
+        )
     return centres[:, np.newaxis]
 
 

@@ -34,7 +34,9 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
     """
     roll, tilt, spin, depth = task
     mech = mechanism
-    cosine2, sine2 = elbow_squares(xp, mech.alpha, mech.beta, xp.cos(tilt / 2.0), xp.sin(tilt / 2.0))
+    cosine2, sine2 = elbow_squares(
+        xp, mech.alpha, mech.beta, xp.cos(tilt / 2.0), xp.sin(tilt / 2.0)
+    )
     c, s = xp.sqrt(xp.nonnegative(cosine2)), branch * xp.sqrt(xp.nonnegative(sine2))
     zeta, eta = azimuths(xp, mech.alpha, mech.beta, c, s)
     turned = xp.where(tilt * mech.side >= 0.0, 0.0, math.pi)
@@ -69,12 +71,16 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
     sine2 = (minus + plus) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
     sine2 = xp.where(sine2 > 0.0, sine2, 1.0)
     roll = speed1 - xp.sin(mech.beta) * (minus - plus) / sine2 * speed2
-    tilt = mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * (2.0 * s * c) / xp.sqrt(sine2) * speed2
+    tilt = (
+        mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * (2.0 * s * c) / xp.sqrt(sine2) * speed2
+    )
     spin = speed3 + xp.sin(mech.alpha) * (minus + plus) / sine2 * speed2
     return roll, tilt, spin, mech.insertion_sign * speed4
 
 
-def roll_and_tilt(xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any) -> tuple[Any, Any]:
+def roll_and_tilt(
+    xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any
+) -> tuple[Any, Any]:
     """Roll and tilt of a tool that points along (x, y, z) of `mechanism.frame`; around: √(y² + z²), which must not be 0."""
     side, (along, y, z) = mechanism.side, pointing
     return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, along)
@@ -154,13 +160,17 @@ def joints_from_task_symbolic(
     return casadi.vertcat(*joints)
 
 
-def task_of_tip_symbolic(mechanism: Mechanism, tip: casadi.SX, roll: casadi.SX, spin: casadi.SX) -> casadi.SX:
+def task_of_tip_symbolic(
+    mechanism: Mechanism, tip: casadi.SX, roll: casadi.SX, spin: casadi.SX
+) -> casadi.SX:
     """(roll, tilt, spin, depth) (4, 1) of a tip (3, 1) beyond the remote centre; roll within half a turn of the one given."""
     import casadi
 
     along, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
     y, z = casadi.cos(roll) * y + casadi.sin(roll) * z, casadi.cos(roll) * z - casadi.sin(roll) * y
-    more, tilt = roll_and_tilt(casadi_namespace(), mechanism, (along, y, z), casadi.sqrt(y * y + z * z))
+    more, tilt = roll_and_tilt(
+        casadi_namespace(), mechanism, (along, y, z), casadi.sqrt(y * y + z * z)
+    )
     return casadi.vertcat(roll + more, tilt, spin, casadi.norm_2(tip))
 
 
@@ -181,7 +191,9 @@ def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> ca
     """Rates of (roll, tilt, spin, depth) (4, 1) of joints and joint rates (4, 1), rad/s and m/s; any branch."""
     import casadi
 
-    return casadi.vertcat(*task_rates_of_joints(casadi_namespace(), mechanism, *map(casadi.vertsplit, (q, qd))))
+    return casadi.vertcat(
+        *task_rates_of_joints(casadi_namespace(), mechanism, *map(casadi.vertsplit, (q, qd)))
+    )
 
 
 def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:

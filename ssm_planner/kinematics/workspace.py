@@ -18,7 +18,13 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares, tilt_magnitude
+from ssm_planner.kinematics.mechanism import (
+    PARALLEL,
+    Mechanism,
+    check_angles,
+    elbow_squares,
+    tilt_magnitude,
+)
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.typing import Array
 
@@ -63,10 +69,15 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
     """
     alpha, beta = mechanism.alpha, mechanism.beta
     if min(math.sin(alpha), math.sin(beta)) < PARALLEL:
-        raise GeometryError(f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is constant")
+        raise GeometryError(
+            f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is constant"
+        )
     found = []
     for sign, tilt in zip((1, -1), tilt_magnitudes(alpha, beta), strict=True):
-        c1, c2 = sign * math.sin(beta) / math.sin(alpha), math.sin(alpha - sign * beta) / math.sin(alpha)
+        c1, c2 = (
+            sign * math.sin(beta) / math.sin(alpha),
+            math.sin(alpha - sign * beta) / math.sin(alpha),
+        )
         theta2 = math.remainder(mechanism.delta + (0.0 if sign > 0 else math.pi), 2.0 * math.pi)
         direction = c1 * mechanism.omega1 + c2 * mechanism.omega2
         found.append(Extreme(theta2, c1, c2, direction, tilt))
@@ -87,7 +98,9 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
-    cosine2, sine2 = elbow_squares(NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half))
+    cosine2, sine2 = elbow_squares(
+        NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half)
+    )
     x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
     theta2: Array = mechanism.delta + check_branch(branch) * x
     return theta2
@@ -106,7 +119,9 @@ def magnitude_range(name: str, tilt_range: tuple[float, float]) -> tuple[float, 
 def check_branch(branch: int) -> int:
     """Refuse anything but +1 and −1."""
     if branch not in (1, -1):
-        raise GeometryError(f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)")
+        raise GeometryError(
+            f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)"
+        )
     return branch
 
 
@@ -158,7 +173,9 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
 def _tilts(value: ArrayLike) -> Array:
     tilts = np.asarray(value, dtype=float)
     if not np.all(np.abs(tilts) <= math.pi + 1e-9):
-        raise GeometryError(f"tilt of shape {tilts.shape}: must be finite and in [-pi, pi] rad, not degrees")
+        raise GeometryError(
+            f"tilt of shape {tilts.shape}: must be finite and in [-pi, pi] rad, not degrees"
+        )
     return tilts
 
 
@@ -171,7 +188,9 @@ class TiltRateBound:
     joint: str
 
 
-def tilt_rate_bound(mechanism: Mechanism, ends: tuple[float, float], acceleration: float) -> TiltRateBound:
+def tilt_rate_bound(
+    mechanism: Mechanism, ends: tuple[float, float], acceleration: float
+) -> TiltRateBound:
     """Largest tilt rate between two tilts (rad) at rest, roll and spin held, within a joint acceleration (rad/s²).
 
     A joint that starts or ends at rest has q̇² ≤ 2·q̈_max·travel, so φ̇ ≤ √(2·q̈_max·min(travel to either end)) / |dq/dφ|
@@ -220,7 +239,11 @@ class DesignRegion:
     @property
     def smallest_alpha(self) -> tuple[float, float]:
         """The (α, β) of smallest α, the most compact; (nan, nan) if the region is empty."""
-        return (math.nan, math.nan) if self.empty else (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
+        return (
+            (math.nan, math.nan)
+            if self.empty
+            else (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
+        )
 
     def contains(self, alpha: float, beta: float) -> bool:
         """Does (α, β) reach the range with the margin?"""

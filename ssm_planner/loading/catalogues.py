@@ -61,7 +61,10 @@ def entries(path: Path, gear: bool = False) -> dict[str, Any]:
         return _counted(file, {each.stem: read(each).value for each in sorted(file.glob("*.yaml"))})
     rows = rows_of(file)
     if gear:
-        return {row.label: {key: cell for key, cell in row.cells.items() if key not in BESIDE} for row in rows}
+        return {
+            row.label: {key: cell for key, cell in row.cells.items() if key not in BESIDE}
+            for row in rows
+        }
     return {row.label: _motor(row, file.name) for row in rows}
 
 
@@ -71,9 +74,14 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
     found = (
         {}
         if file.is_dir()
-        else {row.label: {name: _beside(file, row, name) for name in BESIDE} for row in rows_of(file)}
+        else {
+            row.label: {name: _beside(file, row, name) for name in BESIDE} for row in rows_of(file)
+        }
     )
-    return {label: {name: x for name, x in said.items() if x is not None} for label, said in found.items()}
+    return {
+        label: {name: x for name, x in said.items() if x is not None}
+        for label, said in found.items()
+    }
 
 
 def motors_of(path: Path) -> list[Part[Motor]]:
@@ -98,14 +106,21 @@ def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
     file = catalogue_file(path)
     if file.is_dir():
         found = {each.stem: read(each) for each in sorted(file.glob("*.yaml"))}
-        kinds = {label: section.value.get("kind") for label, section in _counted(file, found).items()}
-        return [Part(label, drive_from(found[label])) for label, kind in kinds.items() if kind == own.kind]
+        kinds = {
+            label: section.value.get("kind") for label, section in _counted(file, found).items()
+        }
+        return [
+            Part(label, drive_from(found[label]))
+            for label, kind in kinds.items()
+            if kind == own.kind
+        ]
     if not own.threaded:
         return []
     return [
         Part(row.label, _geared(file, row, own), *(_beside(file, row, name) for name in BESIDE))
         for row in rows_of(file)
-        if row.cells.get("kind", own.kind) == own.kind and bool(WORM_COLUMNS & set(row.cells)) == (own.kind == "worm")
+        if row.cells.get("kind", own.kind) == own.kind
+        and bool(WORM_COLUMNS & set(row.cells)) == (own.kind == "worm")
     ]
 
 
@@ -118,7 +133,9 @@ def catalogue_file(path: Path) -> Path:
         for file in (shipped, shipped.with_name(f"{path.name}.csv")):
             if file.is_file():
                 return file
-    raise ProblemError(f"the file {path} does not exist", allowed="a CSV file or a folder of YAML files")
+    raise ProblemError(
+        f"the file {path} does not exist", allowed="a CSV file or a folder of YAML files"
+    )
 
 
 def rows_of(file: Path) -> list[Row]:
@@ -139,10 +156,14 @@ def rows_of(file: Path) -> list[Row]:
         if not cells:
             continue
         if len(cells) != len(headings):
-            raise ProblemError(f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}")
+            raise ProblemError(
+                f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}"
+            )
         written = zip(headings, (cell.strip() for cell in cells), strict=True)
         row: dict[str, Any] = {
-            name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip()) for (name, unit), cell in written if cell
+            name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip())
+            for (name, unit), cell in written
+            if cell
         }
         label = str(row.pop("order_number", None) or row.get("name", ""))
         if label in rows or not label:
@@ -187,7 +208,10 @@ def _motor(row: Row, file: str) -> dict[str, Any]:
     cells = dict(row.cells)
     source = cells.pop("source", f"{file}, {row.label}")
     name = str(cells.pop("name", ""))
-    entry: dict[str, Any] = {"name": name if name == row.label else f"{name} {row.label}".strip(), "source": source}
+    entry: dict[str, Any] = {
+        "name": name if name == row.label else f"{name} {row.label}".strip(),
+        "source": source,
+    }
     for column, value in cells.items():
         name = MOTOR_COLUMNS.get(column, column)
         if name in MotorModel.model_fields and name not in entry:
@@ -205,7 +229,9 @@ def _beside(file: Path, row: Row, name: str) -> float | None:
     try:
         return quantity(row.cells[name], BESIDE[name])
     except BadQuantity as error:
-        raise ProblemError(str(error), file=file, line=row.line, key=name, value=row.cells[name]) from None
+        raise ProblemError(
+            str(error), file=file, line=row.line, key=name, value=row.cells[name]
+        ) from None
 
 
 def _geared(file: Path, row: Row, own: Drive) -> Drive:
@@ -219,7 +245,11 @@ def _geared(file: Path, row: Row, own: Drive) -> Drive:
         "geometry": {"thread_angle": f"{own.dimensions['thread_angle']!r} rad"},
         "input_inertia": f"{own.input_inertia!r} kg*m^2",
         "output_inertia": f"{own.output_inertia!r} {inertia}",
-        "friction": {"mu": friction.mu, "b_c": f"{friction.b_c!r} N*m", "b_v": f"{friction.b_v!r} N*m*s/rad"},
+        "friction": {
+            "mu": friction.mu,
+            "b_c": f"{friction.b_c!r} N*m",
+            "b_v": f"{friction.b_v!r} N*m*s/rad",
+        },
         "self_locking": "not required",  # that is a check of the gear, not a fault of the file
     }
     said["friction"]["b_oc"] = f"{friction.b_oc!r} {effort}"
@@ -236,12 +266,19 @@ def _geared(file: Path, row: Row, own: Drive) -> Drive:
     made = drive_from(_section(file, row, said))
     ratings = made.ratings
     if own.ratings is not None and ratings is not None:
-        ratings = replace(ratings, **{name: getattr(ratings, name) or getattr(own.ratings, name) for name in FITTED})
-    with_friction = replace(friction, **{name: getattr(friction_of(made), name) for name in of_friction})
+        ratings = replace(
+            ratings,
+            **{name: getattr(ratings, name) or getattr(own.ratings, name) for name in FITTED},
+        )
+    with_friction = replace(
+        friction, **{name: getattr(friction_of(made), name) for name in of_friction}
+    )
     return replace(
         made,
         ratings=ratings,
         friction=with_friction,
-        friction_ranges={name: ends for name, ends in own.friction_ranges.items() if name not in of_friction},
+        friction_ranges={
+            name: ends for name, ends in own.friction_ranges.items() if name not in of_friction
+        },
         self_locking=own.self_locking,
     )

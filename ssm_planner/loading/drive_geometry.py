@@ -57,7 +57,11 @@ def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
         raise BadGeometry(_insufficient(family, given))
     lead_angle = math.atan(known.pop("tan_lead_angle"))
     diameter = known.pop("diameter")
-    result = {"worm_diameter" if family == "worm" else "diameter": diameter, "lead_angle": lead_angle, **known}
+    result = {
+        "worm_diameter" if family == "worm" else "diameter": diameter,
+        "lead_angle": lead_angle,
+        **known,
+    }
     return result
 
 
@@ -71,7 +75,9 @@ def _internal(family: str, given: Mapping[str, float]) -> dict[str, tuple[str, f
             named["tan_lead_angle"] = (key, math.tan(value))
         elif key in ("worm_diameter", "diameter", "effective_diameter"):
             if "diameter" in named and abs(named["diameter"][1] / value - 1) > TOLERANCE:
-                raise BadGeometry("differs from diameter; friction acts at one of them: give that one", key)
+                raise BadGeometry(
+                    "differs from diameter; friction acts at one of them: give that one", key
+                )
             named.setdefault("diameter", (key, value))
         else:
             named[key] = (key, value)

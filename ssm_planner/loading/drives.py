@@ -111,11 +111,14 @@ def _numbers(value: Any) -> tuple[float, ...]:
     return found
 
 
-_Numbers = Annotated[tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")]
+_Numbers = Annotated[
+    tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")
+]
 RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), of=(Ripple,))
 
 HarmonicsModel = model_from(
-    dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)}, of=(Harmonics,)
+    dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)},
+    of=(Harmonics,),
 )
 
 
@@ -203,12 +206,17 @@ def _drive(kind: str) -> Any:
             PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
         ),
         "friction_ranges": _part(model_from(ranges, of=(Friction,))),
-        "ratings": _part(model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)),
+        "ratings": _part(
+            model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)
+        ),
         "rig": _part(model_of(Rig, rig, slides=slides, without=("payload_arm",))),
     }
     if has_nuts:
         more["preload"] = Annotated[Figure, figure(quantity("force", _POSITIVE))], ...
-        more["second_nut_mass"] = Annotated[Figure, figure(quantity("mass", Bound(at_least=0.0)))], ...
+        more["second_nut_mass"] = (
+            Annotated[Figure, figure(quantity("mass", Bound(at_least=0.0)))],
+            ...,
+        )
     without = () if has_nuts else ("preload", "second_nut_mass")
     return model_of(Drive, more, slides=slides, figures=True, without=without, base=_DriveModel)
 
@@ -261,19 +269,33 @@ def _efficient(kind: str) -> Any:
     """What the file of a kind of drive that has efficiencies may say."""
     slides = kind not in TURNING
     ratings = () if slides else ("free_length", "root_diameter", "ends")
-    friction = {name: optional(reading(Friction, name, slides, figures=True)) for name in ("b_c", "b_v")}
+    friction = {
+        name: optional(reading(Friction, name, slides, figures=True)) for name in ("b_c", "b_v")
+    }
     if kind != "direct":
-        friction["efficiency"] = optional(_SHARE, "Output by input power while the motor drives; 1 unless given.")
-        friction["backward_efficiency"] = optional(_SHARE, "The same while the load drives; by default as forwards.")
+        friction["efficiency"] = optional(
+            _SHARE, "Output by input power while the motor drives; 1 unless given."
+        )
+        friction["backward_efficiency"] = optional(
+            _SHARE, "The same while the load drives; by default as forwards."
+        )
     model = model_of(Friction, friction, slides=slides, figures=True, without=_MESH)
     more = {
         "kind": (Literal[kind], ...),
         "source": SOURCE,
-        "friction": (Annotated[Any, Part(model)] | None, PydanticField(None, description="None unless given.")),
-        "ratings": _part(model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)),
+        "friction": (
+            Annotated[Any, Part(model)] | None,
+            PydanticField(None, description="None unless given."),
+        ),
+        "ratings": _part(
+            model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)
+        ),
     }
     if kind != "direct":
-        more["geometry"] = (_GEOMETRY[kind], PydanticField(description="From the motor to the output."))
+        more["geometry"] = (
+            _GEOMETRY[kind],
+            PydanticField(description="From the motor to the output."),
+        )
     without = ("preload", "second_nut_mass", "self_locking", "friction_ranges", "rig")
     return model_of(Drive, more, slides=slides, figures=True, without=without)
 
@@ -281,7 +303,9 @@ def _efficient(kind: str) -> Any:
 def _with_efficiencies(section: Section, model: Any) -> Drive:
     """A drive that has efficiencies in the place of a thread. Raises ProblemError."""
     geometry = getattr(model, "geometry", None)
-    dimensions = {} if geometry is None else {name: each.value for name, each in geometry.figures().items()}
+    dimensions = (
+        {} if geometry is None else {name: each.value for name, each in geometry.figures().items()}
+    )
     ratio = dimensions.get("ratio", 1.0)
     if "lead" in dimensions:
         ratio = 2 * math.pi / dimensions["lead"]
@@ -333,7 +357,9 @@ def drive_from(section: Section) -> Drive:
     """The drive that a section describes. Raises ProblemError."""
     kind = section.value.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
-        reason = "missing: this key is required" if kind is None else "not a kind of drive known here"
+        reason = (
+            "missing: this key is required" if kind is None else "not a kind of drive known here"
+        )
         raise section.error(reason, "kind", allowed=", ".join(KINDS))
     model: Any = validated(section, drive_model(kind))
     if kind in get_args(EfficientKind):
@@ -342,7 +368,9 @@ def drive_from(section: Section) -> Drive:
     lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
     given = {name: figure.value for name, figure in model.figures().items()}
     sources, placeholders = _origins(model)
-    friction = None if model.friction is None else _friction(section.sub("friction"), model.friction)
+    friction = (
+        None if model.friction is None else _friction(section.sub("friction"), model.friction)
+    )
     with located(section.sub("ratings")):
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
     ranges = {} if model.friction_ranges is None else dict(model.friction_ranges)
@@ -364,7 +392,9 @@ def drive_from(section: Section) -> Drive:
             rig=None if model.rig is None else _rig(model.rig),
             file=section.file_name,
             ratings=ratings,
-            friction_ranges={name: ends for name, ends in ranges.items() if name != "source" and ends is not None},
+            friction_ranges={
+                name: ends for name, ends in ranges.items() if name != "source" and ends is not None
+            },
             **given,
         )
         drive.check_locking()
@@ -373,7 +403,11 @@ def drive_from(section: Section) -> Drive:
 
 def _values(model: Model) -> dict[str, Any]:
     """What a model of figures holds, by the fields of its value."""
-    given = {name: each.value if isinstance(each, Figure) else each for name, each in model if each is not None}
+    given = {
+        name: each.value if isinstance(each, Figure) else each
+        for name, each in model
+        if each is not None
+    }
     return {name: value for name, value in given.items() if name in hints(model.of[-1])}
 
 
@@ -382,7 +416,9 @@ def _dimensions(section: Section, model: Any) -> dict[str, float]:
     thread_angle = given.pop("thread_angle")
     outer = given.pop("outer_diameter", None)
     if not thread_angle < math.radians(120):
-        raise section.error("implausible", "geometry", "thread_angle", allowed="an angle below 120 deg")
+        raise section.error(
+            "implausible", "geometry", "thread_angle", allowed="an angle below 120 deg"
+        )
     try:
         dimensions = resolve("worm" if model.kind == "worm" else "screw", given)
     except BadGeometry as error:
@@ -390,7 +426,9 @@ def _dimensions(section: Section, model: Any) -> dict[str, float]:
         raise section.error(str(error), *path, show=error.key is not None) from None
     if outer is not None:
         if outer < dimensions["diameter"]:
-            raise section.error("smaller than the diameter at which friction acts", "geometry", "outer_diameter")
+            raise section.error(
+                "smaller than the diameter at which friction acts", "geometry", "outer_diameter"
+            )
         dimensions["outer_diameter"] = outer
     return {**dimensions, "thread_angle": thread_angle}
 
@@ -400,7 +438,9 @@ def _friction(section: Section, model: Any) -> Friction:
     values.setdefault("mu_static", values["mu"])
     for name in ("mu", "mu_static"):
         if values[name] > LARGEST_MU:
-            raise section.error("implausible for a coefficient of friction", name, allowed=f"0 to {LARGEST_MU}")
+            raise section.error(
+                "implausible for a coefficient of friction", name, allowed=f"0 to {LARGEST_MU}"
+            )
     if model.law != "coulomb" and not {"mu_stribeck", "stribeck_speed"} <= values.keys():
         raise section.error(f"the law {model.law} needs mu_stribeck and stribeck_speed", "law")
     with located(section):
@@ -412,10 +452,14 @@ def _friction(section: Section, model: Any) -> Friction:
 def _posterior(model: PosteriorModel) -> Posterior:
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(
-            "columns of different lengths", key="posterior.draws", allowed="as many sets of each parameter"
+            "columns of different lengths",
+            key="posterior.draws",
+            allowed="as many sets of each parameter",
         )
     given = {"forwards": model.forwards, "backwards": model.backwards}
-    own: dict[str, Any] = {way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None}
+    own: dict[str, Any] = {
+        way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None
+    }
     waves = {f"harmonics_{way}": getattr(model, f"harmonics_{way}") for way in given}
     own |= {way: Harmonics(**dict(found)) for way, found in waves.items() if found is not None}
     draws = np.column_stack(list(model.draws.values()))
@@ -424,7 +468,11 @@ def _posterior(model: PosteriorModel) -> Posterior:
 
 
 def _rig(model: Any) -> Rig:
-    published = {} if model.published is None else {name: f.value for name, f in model.published.figures().items()}
+    published = (
+        {}
+        if model.published is None
+        else {name: f.value for name, f in model.published.figures().items()}
+    )
     direction = 1 if model.payload_direction == "positive" else -1
     return Rig(**{**_values(model), "payload_direction": direction, "published": published})
 
@@ -440,5 +488,7 @@ def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
             sources |= {} if origin is None else dict.fromkeys(part.figures(), origin)
     if getattr(model, "friction_ranges", None) is not None:
         sources["friction_ranges"] = model.friction_ranges.source
-    sources |= {name: figure.source for name, figure in figures.items() if figure.source is not None}
+    sources |= {
+        name: figure.source for name, figure in figures.items() if figure.source is not None
+    }
     return sources, tuple(name for name, figure in figures.items() if figure.placeholder)

@@ -42,7 +42,9 @@ def find(name: str | Path, folder: Folder) -> Path:
     beside = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
     close = difflib.get_close_matches(path.name, [*names, *beside], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ""
-    raise ProblemError(f"no such file{hint}", file=path, allowed=f"a file, or a shipped name: {', '.join(names)}")
+    raise ProblemError(
+        f"no such file{hint}", file=path, allowed=f"a file, or a shipped name: {', '.join(names)}"
+    )
 
 
 def read(path: str | Path) -> Section:
@@ -78,12 +80,16 @@ def follow(section: Section, *path: str | int, kind: str | None = None) -> Secti
     here = section.sub(*path)
     if isinstance(here.value, dict):
         return here
-    target = Path(os.path.normpath((Path() if section.file is None else section.file.parent) / here.value))
+    target = Path(
+        os.path.normpath((Path() if section.file is None else section.file.parent) / here.value)
+    )
     try:
         shipped = shipped_names(f"{kind or path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
         if shipped is not None and not target.exists():
             return read(shipped)
-        problem = "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
+        problem = (
+            "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
+        )
     except (OSError, ValueError) as error:
         problem = f"cannot be read: {error}"
     if problem:
@@ -104,7 +110,9 @@ def text_of(file: Path) -> str:
             raise refused(what if file.exists() else "no such file")
         size = file.stat().st_size
         if size > LARGEST_FILE:
-            raise refused(f"the file has {size} bytes, too large for a file of this kind", "at most 10 MB")
+            raise refused(
+                f"the file has {size} bytes, too large for a file of this kind", "at most 10 MB"
+            )
         data = file.read_bytes()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
@@ -112,7 +120,9 @@ def text_of(file: Path) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise refused("not a text file in UTF-8", line=data.count(b"\n", 0, error.start) + 1) from None
+        raise refused(
+            "not a text file in UTF-8", line=data.count(b"\n", 0, error.start) + 1
+        ) from None
     if not text.strip():
         raise refused("the file is empty", line=1)
     return text

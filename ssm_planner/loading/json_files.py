@@ -57,7 +57,9 @@ def read_json_in_parts(path: Path, largest: int, longest: tuple[str, ...]) -> tu
         except UnicodeDecodeError as error:
             raise TrajectoryError(f"{path}: not a text file in UTF-8") from error
         except RecursionError as error:
-            raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)") from error
+            raise TrajectoryError(
+                f"{path}: nested too deeply (allowed: {DEEPEST} levels)"
+            ) from error
         except OSError as error:
             raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
     _check(path, found, 0)
@@ -92,7 +94,11 @@ class _Stream:
         """The next character, which must be one of these."""
         found = self.peek()
         if not found or found not in allowed:
-            self.refuse(f"{found!r} where one of {allowed} is due" if found else "ends in the middle: truncated")
+            self.refuse(
+                f"{found!r} where one of {allowed} is due"
+                if found
+                else "ends in the middle: truncated"
+            )
         self.at += 1
         return found
 
@@ -152,7 +158,9 @@ class _Stream:
                 except (OverflowError, TypeError, ValueError) as error:
                     self.refuse(f"no array of numbers: {error}")
                 if not np.isfinite(part).all():
-                    self.refuse("holds a number beyond 1e308, or null; only finite numbers are allowed")
+                    self.refuse(
+                        "holds a number beyond 1e308, or null; only finite numbers are allowed"
+                    )
                 parts.append(part)
                 entries = []
         return np.concatenate(parts)
@@ -171,7 +179,9 @@ def read_bytes(path: Path, largest: int) -> bytes:
             raise TrajectoryError(f"{path}: not a regular file")
         size = path.stat().st_size
         if size > largest:
-            raise TrajectoryError(f"{path}: {size} bytes are too many for a file of this kind (allowed: {largest})")
+            raise TrajectoryError(
+                f"{path}: {size} bytes are too many for a file of this kind (allowed: {largest})"
+            )
         return path.read_bytes()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
@@ -206,7 +216,11 @@ def _decoder(path: Path) -> json.JSONDecoder:
         raise TrajectoryError(f"{path}: holds {constant[:40]}; only finite numbers are allowed")
 
     def whole(digits: str) -> int:
-        return int(digits) if len(digits) <= LONGEST_INTEGER + 1 else refuse(f"{digits[:12]}… ({len(digits)} digits)")
+        return (
+            int(digits)
+            if len(digits) <= LONGEST_INTEGER + 1
+            else refuse(f"{digits[:12]}… ({len(digits)} digits)")
+        )
 
     return json.JSONDecoder(parse_constant=refuse, parse_int=whole)
 
@@ -215,7 +229,9 @@ def _check(path: Path, value: Any, depth: int) -> None:
     """Raises TrajectoryError for what is nested too deeply, infinite (1e999), or text that no file can hold."""
     if isinstance(value, float):
         if not math.isfinite(value):
-            raise TrajectoryError(f"{path}: holds a number beyond 1e308; only finite numbers are allowed")
+            raise TrajectoryError(
+                f"{path}: holds a number beyond 1e308; only finite numbers are allowed"
+            )
         return
     if depth > DEEPEST:
         raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)")
@@ -233,4 +249,6 @@ def _check(path: Path, value: Any, depth: int) -> None:
 def check_text(path: Path, text: str) -> None:
     """Raises TrajectoryError for a text with half a surrogate pair or a NUL: no name or file can hold it."""
     if any("\ud800" <= character <= "\udfff" or character == "\0" for character in text):
-        raise TrajectoryError(f"{path}: holds a text with a character that no file can hold: {text[:40]!a}")
+        raise TrajectoryError(
+            f"{path}: holds a text with a character that no file can hold: {text[:40]!a}"
+        )

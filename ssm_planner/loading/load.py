@@ -94,7 +94,9 @@ def load_controller(name: str | Path) -> Controller:
     del given["source"]
     with located(section):
         for key, cls in (("joints", AxisController), ("compliance", JointCompliance)):
-            given[key] = {joint: cls(**dict(part)) for joint, part in given[key] if part is not None}
+            given[key] = {
+                joint: cls(**dict(part)) for joint, part in given[key] if part is not None
+            }
         return Controller(file=section.file_name, **given)
 
 
@@ -125,7 +127,9 @@ def load_motorisation(name: str | Path) -> Motorisation:
     """The motorisation runs in a YAML file, or the shipped ones of this name, their robot loaded. Raises ProblemError."""
     section = read(find(name, "motorisation"))
     if section.holds("motion") and not section.holds("back_and_forth"):
-        raise section.error("a problem to plan: plan it first, then size its plan.json", "motion", show=False)
+        raise section.error(
+            "a problem to plan: plan it first, then size its plan.json", "motion", show=False
+        )
     model = validated(section, MotorisationModel)
     robot = robot_from(follow(section, "robot"))
     strokes: list[Stroke] = []
@@ -133,9 +137,15 @@ def load_motorisation(name: str | Path) -> Motorisation:
         given = list(run.model_fields_set)
         if len(given) != 1:
             here = section.sub("back_and_forth", i)
-            raise here.error(f"{len(given)} joints in one run", allowed="one joint per run: roll, tilt or insertion")
+            raise here.error(
+                f"{len(given)} joints in one run",
+                allowed="one joint per run: roll, tilt or insertion",
+            )
         strokes.append(Stroke(given[0], home=model.held, **dict(getattr(run, given[0]))))
-    places = {f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint) for i, stroke in enumerate(strokes)}
+    places = {
+        f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint)
+        for i, stroke in enumerate(strokes)
+    }
     with located(section, places):
         return Motorisation(model.name or section.name, robot, tuple(strokes), section.file_name)
 

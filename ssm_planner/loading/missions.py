@@ -9,10 +9,21 @@ from ssm_planner.loading.files import follow
 from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
 
 LONGEST_MOTION = 10_000
-_CURVES = {"spline": ("to", "through"), "line": ("to", "through"), "arc": ("to", "through"), "retina": ("to",)}
+_CURVES = {
+    "spline": ("to", "through"),
+    "line": ("to", "through"),
+    "arc": ("to", "through"),
+    "retina": ("to",),
+}
 CORNERED = ("straight", "line")
 """Motions that may have corners on their way."""
-PLACES = {"": ("start",), "free": ("to", "through"), "straight": ("to", "through"), "scan": ("at",), **_CURVES}
+PLACES = {
+    "": ("start",),
+    "free": ("to", "through"),
+    "straight": ("to", "through"),
+    "scan": ("at",),
+    **_CURVES,
+}
 """Keys that hold points, by what they are keys of."""
 
 
@@ -51,7 +62,10 @@ def _points(section: Section) -> Mapping[str | int, Node]:
     if not section.holds("points"):
         return {}
     if not isinstance(here.value, dict):
-        raise here.error("not a mapping of names to points", allowed="such as {above: {tilt: -110 deg, depth: 5 mm}}")
+        raise here.error(
+            "not a mapping of names to points",
+            allowed="such as {above: {tilt: -110 deg, depth: 5 mm}}",
+        )
     points = section.root.children["points"].children
     for name, node in points.items():
         if not isinstance(node.value, dict):
@@ -62,11 +76,15 @@ def _points(section: Section) -> Mapping[str | int, Node]:
 def _with_points(here: Section, node: Node, points: Mapping[str | int, Node]) -> Node:
     """The node with points in the place of their names. Raises ProblemError for a name that is none."""
     keys = [key for key in here.path if isinstance(key, str)]
-    if keys[-1] in PLACES.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(node.value, str):
+    if keys[-1] in PLACES.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
+        node.value, str
+    ):
         if node.value not in points:
             raise here.error("no point of this name", allowed=", ".join(map(str, points)))
         return replace(points[node.value], line=node.line)
-    children = {part: _with_points(here.sub(part), child, points) for part, child in node.children.items()}
+    children = {
+        part: _with_points(here.sub(part), child, points) for part, child in node.children.items()
+    }
     return _replaced(node, children) if children else node
 
 
@@ -85,7 +103,9 @@ def _by_corners(place: Section, entry: Node) -> list[Node]:
     ends = [*corners.children.values(), *([node.children["to"]] if "to" in node.children else [])]
     found = []
     for k, end in enumerate(ends):
-        on: dict[str | int, Node] = {"blend": node.children["blend"]} if k < len(corners.value) else {}
+        on: dict[str | int, Node] = (
+            {"blend": node.children["blend"]} if k < len(corners.value) else {}
+        )
         one = replace(_replaced(node, {**rest, "to": end, **on}), line=end.line)
         found.append(replace(_replaced(entry, {name: one}), key_lines={name: end.line}))
     return found
@@ -111,38 +131,56 @@ class _Motions:
             else:
                 found.append(entry)
             if len(found) > max(LONGEST_MOTION, i + 1):
-                raise place.error("too many motions", allowed=f"at most {LONGEST_MOTION} in all", show=False)
+                raise place.error(
+                    "too many motions", allowed=f"at most {LONGEST_MOTION} in all", show=False
+                )
         return found
 
     def _repeated(self, here: Section, node: Node) -> list[Node]:
         value = node.value
         if not isinstance(value, dict) or set(value) != {"times", "motion"}:
             raise here.error(
-                "not a repeated motion", allowed="{times: 3, motion: [- tilt: {to: -120 deg}, …]}", show=False
+                "not a repeated motion",
+                allowed="{times: 3, motion: [- tilt: {to: -120 deg}, …]}",
+                show=False,
             )
         times = value["times"]
         if type(times) is not int or not 1 <= times <= LONGEST_MOTION:
-            raise here.error("not how often", "times", allowed=f"a whole number from 1 to {LONGEST_MOTION}")
+            raise here.error(
+                "not how often", "times", allowed=f"a whole number from 1 to {LONGEST_MOTION}"
+            )
         if not isinstance(value["motion"], list):
             raise here.error("not a list of motions", "motion", show=False)
         once = self.of(here.sub("motion"), node.children["motion"])
         if times * len(once) > LONGEST_MOTION:
-            raise here.error("too many motions", allowed=f"at most {LONGEST_MOTION} in all", show=False)
+            raise here.error(
+                "too many motions", allowed=f"at most {LONGEST_MOTION} in all", show=False
+            )
         return times * once
 
     def _included(self, place: Section) -> list[Node]:
         """The motions of another problem, for messages all in the line that includes it."""
         key = place.sub("include")
         if not isinstance(key.value, str):
-            raise key.error("not a problem", allowed="a problem file, relative to this one, or a shipped name")
+            raise key.error(
+                "not a problem", allowed="a problem file, relative to this one, or a shipped name"
+            )
         other = follow(place, "include", kind="problem")
         chain = (*self.within, self.section)
-        if other.file is not None and any(each.file is not None and each.file.samefile(other.file) for each in chain):
+        if other.file is not None and any(
+            each.file is not None and each.file.samefile(other.file) for each in chain
+        ):
             raise key.error("this problem includes itself", allowed="another problem")
         entries = written_out(other, chain).sub("motion").value if other.holds("motion") else None
         if not isinstance(entries, list):
-            raise key.error("this problem has no list of motions", allowed="a problem with the key motion")
+            raise key.error(
+                "this problem has no list of motions", allowed="a problem with the key motion"
+            )
         for entry in entries:
-            if isinstance(entry, dict) and isinstance(entry.get("path"), str) and other.file is not None:
+            if (
+                isinstance(entry, dict)
+                and isinstance(entry.get("path"), str)
+                and other.file is not None
+            ):
                 entry["path"] = str(other.file.parent.absolute() / entry["path"])
         return [plain_node(entry, line=place.line()) for entry in entries]

@@ -7,7 +7,16 @@ from typing import Annotated, Any, NoReturn
 
 from pydantic import Field
 
-from ssm_planner.loading.schema import SOURCE, Figure, Truth, figure, located, model_of, quantity, validated
+from ssm_planner.loading.schema import (
+    SOURCE,
+    Figure,
+    Truth,
+    figure,
+    located,
+    model_of,
+    quantity,
+    validated,
+)
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.value import Bound
@@ -28,7 +37,10 @@ MotorModel = model_of(
     Motor,
     {
         "source": SOURCE,
-        "placeholder": (Truth, Field(False, description="Every figure stands in for an unknown one.")),
+        "placeholder": (
+            Truth,
+            Field(False, description="Every figure stands in for an unknown one."),
+        ),
         **CHECKS,
     },
     figures=True,
@@ -72,7 +84,9 @@ def motor_from(section: Section) -> Motor:
         return Motor(
             name=model.name,
             sources={name: each.source or model.source for name, each in figures.items()},
-            placeholders=tuple(name for name, each in figures.items() if model.placeholder or each.placeholder),
+            placeholders=tuple(
+                name for name, each in figures.items() if model.placeholder or each.placeholder
+            ),
             file=section.file_name,
             **{name: value for name, value in values.items() if name not in CHECKS},
         )
@@ -84,18 +98,20 @@ def _check_torque(section: Section, values: Mapping[str, float]) -> None:
     for name in ("nominal_torque", "max_torque"):
         if not TORQUE[0] <= values[name] <= TORQUE[1]:
             reason = f"implausible for a motor of this size ({values[name]:g} N*m): is the unit right, mN*m?"
-            raise section.error(reason, name, allowed=f"{TORQUE[0] * 1e3:g} mN*m to {TORQUE[1]:g} N*m")
+            raise section.error(
+                reason, name, allowed=f"{TORQUE[0] * 1e3:g} mN*m to {TORQUE[1]:g} N*m"
+            )
     if largest > 100 * nominal:
         reason = "more than 100 times nominal_torque: is the unit right?"
         raise section.error(reason, "max_torque", allowed=f"{nominal:g} N*m upwards")
     power = nominal * values["max_speed"]
     if power > LARGEST_POWER:
-        reason = (
-            f"nominal_torque × max_speed is {power:.3g} W, implausible here: is the unit of torque mN*m, of speed rpm?"
-        )
+        reason = f"nominal_torque × max_speed is {power:.3g} W, implausible here: is the unit of torque mN*m, of speed rpm?"
         raise section.error(reason, "nominal_torque", allowed=f"up to {LARGEST_POWER:g} W")
     low, high = ACCELERATION
-    if (inertia := values.get("rotor_inertia")) is not None and not low <= nominal / inertia <= high:
+    if (
+        inertia := values.get("rotor_inertia")
+    ) is not None and not low <= nominal / inertia <= high:
         reason = (
             f"implausible beside nominal_torque, which would accelerate the rotor at {nominal / inertia:.3g} rad/s^2: "
             "are the units right, g*cm^2 and mN*m?"
@@ -109,21 +125,27 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
     constant, nominal = values.get("torque_constant"), values["nominal_torque"]
     if constant is None:
         return
-    current, speed, voltage = (values.get(name) for name in ("nominal_current", "speed_constant", "nominal_voltage"))
+    current, speed, voltage = (
+        values.get(name) for name in ("nominal_current", "speed_constant", "nominal_voltage")
+    )
     if current is not None and abs(constant * current / nominal - 1) > TORQUE_AGREEMENT:
-        _contradicts(section, "nominal_torque", "nominal_current", constant * current, TORQUE_AGREEMENT)
+        _contradicts(
+            section, "nominal_torque", "nominal_current", constant * current, TORQUE_AGREEMENT
+        )
     if speed is not None and abs(constant * speed - 1) > CONSTANT_AGREEMENT:
         reason = f"contradicts torque_constant, which gives {1 / constant / rpm:.4g} rpm/V"
-        raise section.error(reason, "speed_constant", allowed="speed constant = 1 / torque constant in SI")
+        raise section.error(
+            reason, "speed_constant", allowed="speed constant = 1 / torque constant in SI"
+        )
     if voltage is None:
         return
     low, high = NO_LOAD_SPEED
     if not low <= voltage / constant <= high:
         idle = voltage / constant / rpm
-        reason = (
-            f"implausible beside nominal_voltage: the motor would idle at {idle:.3g} rpm: is the unit right, mN*m/A?"
+        reason = f"implausible beside nominal_voltage: the motor would idle at {idle:.3g} rpm: is the unit right, mN*m/A?"
+        raise section.error(
+            reason, "torque_constant", allowed=f"{voltage / high:.3g} to {voltage / low:.3g} N*m/A"
         )
-        raise section.error(reason, "torque_constant", allowed=f"{voltage / high:.3g} to {voltage / low:.3g} N*m/A")
     stall, resistance = values.get("stall_torque"), values.get("terminal_resistance")
     if stall is not None and resistance is not None:
         expected = constant * voltage / resistance
@@ -132,7 +154,9 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
             _contradicts(section, "stall_torque", figures, expected, STALL_AGREEMENT)
 
 
-def _contradicts(section: Section, name: str, figures: str, torque: float, share: float) -> NoReturn:
+def _contradicts(
+    section: Section, name: str, figures: str, torque: float, share: float
+) -> NoReturn:
     reason = f"contradicts torque_constant × {figures} = {torque * 1e3:.4g} mN*m by more than {100 * share:g} %"
     raise section.error(reason, name, allowed="figures of one datasheet and one winding")
 
@@ -147,7 +171,12 @@ def _check_heat(section: Section, values: Mapping[str, float]) -> None:
         allowed = f"{low - 273.15:.0f} degC to {high - 273.15:.0f} degC"
         reason = "implausible for a winding: is the unit right, degC?"
         raise section.error(reason, "max_winding_temperature", allowed=allowed)
-    needed = ("nominal_current", "terminal_resistance", "resistance_winding_housing", "resistance_housing_ambient")
+    needed = (
+        "nominal_current",
+        "terminal_resistance",
+        "resistance_winding_housing",
+        "resistance_housing_ambient",
+    )
     if any(name not in values for name in needed):
         return
     current, resistance, inner, outer = (values[name] for name in needed)

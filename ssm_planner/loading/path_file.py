@@ -23,9 +23,7 @@ OF_JOINTS, OF_TIP = ("q1", "q2", "q3", "q4"), ("x", "y", "z")
 KNOWN = (*OF_JOINTS, *TASK, *OF_TIP)
 BESIDE = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
-FORMS = (
-    "q1, q2, q3, q4; or some of roll, tilt, spin, depth; or x, y, z and spin: each with its unit, such as 'tilt [deg]'"
-)
+FORMS = "q1, q2, q3, q4; or some of roll, tilt, spin, depth; or x, y, z and spin: each with its unit, such as 'tilt [deg]'"
 
 
 def path_from(section: Section, name: str, line: int | None) -> Follow:
@@ -33,20 +31,28 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
     file = Path(section.value) if section.file is None else section.file.parent / section.value
     if not file.is_file():
         reason = "is not a file" if file.exists() else "does not exist"
-        raise section.error(f"the file {file} {reason}", allowed="a CSV file, named relative to this one")
+        raise section.error(
+            f"the file {file} {reason}", allowed="a CSV file, named relative to this one"
+        )
     rows = csv.reader(io.StringIO(text_of(file)))
     columns = _columns(next(rows, []), file)
     points: list[Point] = []
     try:
         for cells in rows:
             if cells:
-                points.append(_point(_numbers(cells, columns, (file, rows.line_num)), rows.line_num))
+                points.append(
+                    _point(_numbers(cells, columns, (file, rows.line_num)), rows.line_num)
+                )
             if len(points) > MOST:
-                raise ProblemError("too many points", file=file, line=rows.line_num, allowed=f"at most {MOST}")
+                raise ProblemError(
+                    "too many points", file=file, line=rows.line_num, allowed=f"at most {MOST}"
+                )
     except csv.Error as error:
         raise ProblemError(f"not a table: {error}", file=file, line=rows.line_num) from None
     if len(points) < 2:
-        raise ProblemError("a single point is no path" if points else "no point", file=file, allowed="at least two")
+        raise ProblemError(
+            "a single point is no path" if points else "no point", file=file, allowed="at least two"
+        )
     return Follow(points[-1], tuple(points[:-1]), name, curve="samples", file=str(file), line=line)
 
 
@@ -60,7 +66,9 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
     for column, name in enumerate(names):
         label, unit = of_heading(name)
         label = re.sub(
-            r"^(task|tip|joint)[_ ]", lambda match: "q" if match[1] == "joint" else "", label.strip().lower()
+            r"^(task|tip|joint)[_ ]",
+            lambda match: "q" if match[1] == "joint" else "",
+            label.strip().lower(),
         )
         label = re.sub(r"^joint(?=\d$)", "q", label)
         if BESIDE.fullmatch(label):
@@ -69,7 +77,11 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
             raise refused("not a coordinate known here", name.strip())
         units = LENGTHS if label in ("depth", "q4", *OF_TIP) else ANGLES
         if unit not in units:
-            raise refused(f"unit {unit!r} is not known here" if unit else "no unit", name.strip(), ", ".join(units))
+            raise refused(
+                f"unit {unit!r} is not known here" if unit else "no unit",
+                name.strip(),
+                ", ".join(units),
+            )
         if label in found:
             raise refused(f"{label} stands twice", name.strip())
         found[label] = column, units[unit]
@@ -102,7 +114,13 @@ def _numbers(
             values[name] = math.nan
         if not math.isfinite(values[name]):
             reason = "not a finite number" if cell.strip() else "no value"
-            raise ProblemError(reason, file=place[0], line=place[1], key=f"column {name}", value=cell.strip() or None)
+            raise ProblemError(
+                reason,
+                file=place[0],
+                line=place[1],
+                key=f"column {name}",
+                value=cell.strip() or None,
+            )
     return values
 
 
@@ -120,13 +138,19 @@ def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
     try:
         yield
     except ProblemError as error:
-        match = re.fullmatch(r"Problem\.motion\[(\d+)\]\.(?:to|through\[(\d+)\])\.(.*)", error.key or "")
+        match = re.fullmatch(
+            r"Problem\.motion\[(\d+)\]\.(?:to|through\[(\d+)\])\.(.*)", error.key or ""
+        )
         entry = motion[int(match[1])] if match else None
         if match is None or not isinstance(entry, Follow) or entry.file is None:
             raise
         point = entry.to if match[2] is None else entry.through[int(match[2])]
         joint = re.fullmatch(r"values\[(\d)\]", match[3])
-        column = OF_JOINTS[int(joint[1])] if joint else {"position": ", ".join(OF_TIP)}.get(match[3], match[3])
+        column = (
+            OF_JOINTS[int(joint[1])]
+            if joint
+            else {"position": ", ".join(OF_TIP)}.get(match[3], match[3])
+        )
         raise ProblemError(
             error.reason,
             file=entry.file,

@@ -69,7 +69,10 @@ def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
 
 
 _ROTATIONS = Field(
-    _rotations, {"type": "array", "items": {"type": "string"}}, ("angle",), "such as [x 90 deg, y 30 deg]"
+    _rotations,
+    {"type": "array", "items": {"type": "string"}},
+    ("angle",),
+    "such as [x 90 deg, y 30 deg]",
 )
 Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS]
 _Angle = Annotated[float, quantity("angle")] | None
@@ -198,11 +201,20 @@ class PointModel(_Weighed):
 
 
 class _BodyModel(Model):
-    parts: list[Annotated[ArcModel | RodModel | BoxModel | PointModel, PydanticField(discriminator="shape")]] | None = (
-        None
-    )
+    parts: (
+        list[
+            Annotated[
+                ArcModel | RodModel | BoxModel | PointModel, PydanticField(discriminator="shape")
+            ]
+        ]
+        | None
+    ) = None
     """What it is made of, in the place of mass, com and inertia, which follow from them."""
-    com: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (0.0, 0.0, 0.0)
+    com: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     inertia: InertiaModel | None = None
     """About the origin of the body frame; of a body without mass none."""
     products_of_inertia: Literal["cad", "tensor"] | None = None
@@ -211,7 +223,9 @@ class _BodyModel(Model):
     """Relative to the previous body at q = 0."""
 
 
-BodyModel = model_of(Body, {"mass": optional(_Mass, "Or parts.")}, base=_BodyModel, without=("com",))
+BodyModel = model_of(
+    Body, {"mass": optional(_Mass, "Or parts.")}, base=_BodyModel, without=("com",)
+)
 _ACTUATION: dict[str, Any] = {
     "drive": (Reference | None, None),
     "motor": (Reference | None, None),
@@ -225,19 +239,29 @@ def _joint_model(slides: bool = False) -> Any:
 
 JointsModel = by_joint(_joint_model(), _joint_model(slides=True), required=True)
 RANGES = {
-    name: optional(Annotated[Any, interval("length" if name == "depth" else "angle")], f"Range of the {name}.")
+    name: optional(
+        Annotated[Any, interval("length" if name == "depth" else "angle")], f"Range of the {name}."
+    )
     for name in TASK
 }
 """Keys of the ranges of the task coordinates."""
 RangesModel = model_from(RANGES)
-_BODIES = PydanticField(min_length=4, max_length=4, description="What joints 1 to 4 move, in this order.")
+_BODIES = PydanticField(
+    min_length=4, max_length=4, description="What joints 1 to 4 move, in this order."
+)
 RobotModel = model_of(
     Robot,
     {
         "source": SOURCE,
-        "geometry": (GeometryModel, PydanticField(description="Axes of joints 1 to 3, as vectors or as angles.")),
+        "geometry": (
+            GeometryModel,
+            PydanticField(description="Axes of joints 1 to 3, as vectors or as angles."),
+        ),
         "bodies": (list[Annotated[Any, Part(BodyModel)]], _BODIES),
-        "joints": (Annotated[Any, Part(JointsModel)], PydanticField(description="Ranges, limits and actuation.")),
+        "joints": (
+            Annotated[Any, Part(JointsModel)],
+            PydanticField(description="Ranges, limits and actuation."),
+        ),
         "limits": (Annotated[Any, Part(RangesModel)], RangesModel()),
     },
 )
@@ -257,7 +281,9 @@ def robot_from(section: Section) -> Robot:
         turn = _frame(section.sub("bodies", i), body.frame, model.geometry)
         frames.append((frames[-1] if frames else np.eye(3)) @ turn)
     geometry = _geometry(section.sub("geometry"), model.geometry, omegas, frames[-1])
-    joints = tuple(_joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS)
+    joints = tuple(
+        _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
+    )
     bodies = []
     for i, body in enumerate(model.bodies):
         setting = _Setting(i, frames, geometry, joints)
@@ -284,14 +310,18 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
     others = range(len(model.alternatives))
-    alternatives = tuple(motor_from(follow(section, "alternatives", i, kind="motor")) for i in others)
+    alternatives = tuple(
+        motor_from(follow(section, "alternatives", i, kind="motor")) for i in others
+    )
     kind = "prismatic" if name == "insertion" else "revolute"
     with located(section):
         found = {"drive": drive, "motor": motor, "alternatives": alternatives}
         return Joint(**{**dict(model), "name": name, "kind": kind, **found})
 
 
-def _frame(section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel) -> Array:
+def _frame(
+    section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel
+) -> Array:
     """The rotation (3, 3) of a chain, the geometry's angles in the place of their names. Raises ProblemError."""
     angles = []
     for axis, angle in chain:
@@ -300,7 +330,9 @@ def _frame(section: Section, chain: tuple[tuple[str, float | str], ...], geometr
             value = 0.0 if name == "home_roll" and geometry.beta is None else None
             value = value if getattr(geometry, name) is None else getattr(geometry, name)
             if value is None:
-                raise section.error(f"names {name}, which geometry does not give", "frame", allowed="angles")
+                raise section.error(
+                    f"names {name}, which geometry does not give", "frame", allowed="angles"
+                )
             angle = -value if angle.startswith("-") else value
         angles.append((axis, angle))
     return rotation(tuple(angles))
@@ -322,23 +354,33 @@ def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
 
 def _axes(section: Section, model: GeometryModel) -> list[Array]:
     """Of joints 1 to 3 in the base frame at q = 0, (3,) each."""
-    angles = [name for name in ("alpha", "beta", "home_tilt", "home_roll") if getattr(model, name) is not None]
+    angles = [
+        name
+        for name in ("alpha", "beta", "home_tilt", "home_roll")
+        if getattr(model, name) is not None
+    ]
     if model.axes is None:
         return _from_angles(section, model)
     if angles:
-        raise section.error("axes are given as well", angles[0], allowed="either axes, or alpha with home_tilt")
+        raise section.error(
+            "axes are given as well", angles[0], allowed="either axes, or alpha with home_tilt"
+        )
     with located(section.sub("axes")):
         return [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
 
 
-def _geometry(section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array) -> Geometry:
+def _geometry(
+    section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array
+) -> Geometry:
     """last_frame: base ← last body at q = 0, (3, 3)."""
     places: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
         places = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
     tool_home = last_frame if model.tool_home is None else _frame(section, model.tool_home, model)
     with located(section, places):
-        return Geometry(omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1)
+        return Geometry(
+            omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1
+        )
 
 
 def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
@@ -350,7 +392,9 @@ def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
     alpha, tilt = float(model.alpha or 0.0), float(model.home_tilt or 0.0)
     for name, angle in (("alpha", alpha), ("beta", model.beta)):
         if angle is not None and not SMALLEST_ANGLE < angle < math.pi - SMALLEST_ANGLE:
-            raise section.error("the axes would be parallel", name, allowed="between 0.1 and 179.9 deg")
+            raise section.error(
+                "the axes would be parallel", name, allowed="between 0.1 and 179.9 deg"
+            )
     roll = _home_roll(section, model, alpha, tilt)
     omega3 = rotation((("x", roll), ("y", tilt)))[:, 0]
     return [np.array([1.0, 0, 0]), np.array([math.cos(alpha), math.sin(alpha), 0]), omega3]
@@ -396,7 +440,12 @@ class _Setting:
 
     def axis(self, beyond: int) -> Array:
         """Of the joint that moves the body, or the one beyond it, in the body's frame, (3,)."""
-        omegas = (self.geometry.omega1, self.geometry.omega2, self.geometry.omega3, self.geometry.omega3)
+        omegas = (
+            self.geometry.omega1,
+            self.geometry.omega2,
+            self.geometry.omega3,
+            self.geometry.omega3,
+        )
         return np.asarray(self.frame.T @ omegas[self.place + beyond])
 
 
@@ -404,7 +453,9 @@ def _body(section: Section, model: Any, setting: _Setting) -> Body:
     if model.parts is not None:
         return _made_of_parts(section, model, setting)
     if model.mass is None:
-        raise section.error("missing: this key is required", "mass", allowed="mass with com and inertia, or parts")
+        raise section.error(
+            "missing: this key is required", "mass", allowed="mass with com and inertia, or parts"
+        )
     tensor = _inertia(section, model)
     with located(section):
         try:
@@ -417,18 +468,24 @@ def _body(section: Section, model: Any, setting: _Setting) -> Body:
 
 def _plausible(section: Section, body: Body) -> Body:
     gyration = (
-        float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass)) if body.mass > 0 else 0.0
+        float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass))
+        if body.mass > 0
+        else 0.0
     )
     if gyration > LARGEST_GYRATION:
         reason = f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?"
-        raise section.error(reason, "inertia", allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m")
+        raise section.error(
+            reason, "inertia", allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m"
+        )
     return body
 
 
 def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.holds(key):
-            raise section.error("follows from the parts", key, allowed="either parts, or mass, com and inertia")
+            raise section.error(
+                "follows from the parts", key, allowed="either parts, or mass, com and inertia"
+            )
     parts = [_solid(section.sub("parts", i), part, setting) for i, part in enumerate(model.parts)]
     total = sum(parts, shapes.point(0.0, np.zeros(3)))
     with located(section, {"inertia": ("parts",), "mass": ("parts",)}):
@@ -441,11 +498,19 @@ def _solid(section: Section, part: Any, setting: _Setting) -> shapes.Moments:
     last = setting.place == len(setting.frames) - 1
     if isinstance(part, ArcModel):
         if setting.place > 1:
-            raise section.error("no other axis follows on this body's", "shape", allowed="rod, box, point")
+            raise section.error(
+                "no other axis follows on this body's", "shape", allowed="rod, box, point"
+            )
         if part.width >= 2 * part.radius:
-            raise section.error("reaches beyond the remote centre", "width", allowed="less than twice the radius")
-        start, end = ((1 if side == "positive" else -1) * setting.axis(i) for i, side in enumerate(part.sides))
-        return shapes.arc(start, end, part.radius, section=(part.width, part.height), density=part.density)
+            raise section.error(
+                "reaches beyond the remote centre", "width", allowed="less than twice the radius"
+            )
+        start, end = (
+            (1 if side == "positive" else -1) * setting.axis(i) for i, side in enumerate(part.sides)
+        )
+        return shapes.arc(
+            start, end, part.radius, section=(part.width, part.height), density=part.density
+        )
     if part.frame == "next" and last:
         raise section.error("this is the last body", "frame", allowed="own")
     turn = np.eye(3) if part.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
@@ -466,8 +531,14 @@ def _mass_of(section: Section, part: Any, joints: Sequence[Joint]) -> float:
         return float(part.mass)
     motor = joints[_MOTORS.index(part.mass)].motor
     if motor is None or motor.mass is None:
-        reason = "this joint has no motor" if motor is None else f"the file of {motor.name} gives no mass"
-        raise section.error(reason, "mass", allowed="a quantity, or the motor of a joint, whose file gives its mass")
+        reason = (
+            "this joint has no motor"
+            if motor is None
+            else f"the file of {motor.name} gives no mass"
+        )
+        raise section.error(
+            reason, "mass", allowed="a quantity, or the motor of a joint, whose file gives its mass"
+        )
     return motor.mass
 
 
@@ -494,7 +565,9 @@ def _sign_hint(model: Any, tensor: Array) -> str:
         return ""
     other = "tensor" if convention == "cad" else "cad"
     hint = f"; the usual cause is the sign of the products of inertia: here products_of_inertia is {convention}"
-    flipped = principal_moments(model.mass, frozen(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor)
+    flipped = principal_moments(
+        model.mass, frozen(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor
+    )
     if possible(flipped):
         listed = ", ".join(f"{moment:.4g}" for moment in flipped)
         return f"{hint}, and with {other} the moments are ({listed}) kg*m^2, which a body can have: try it"

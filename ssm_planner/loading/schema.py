@@ -51,18 +51,24 @@ class Model(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if not isinstance(data, dict):
-            raise wrong(f"{units.describe(data)} where a mapping is needed", "the keys " + ", ".join(cls.model_fields))
+            raise wrong(
+                f"{units.describe(data)} where a mapping is needed",
+                "the keys " + ", ".join(cls.model_fields),
+            )
         check_keys(data, list(cls.model_fields))
         return data
 
     @classmethod
     def about(cls) -> dict[str, str]:
         """What each key means, where that is said."""
-        named = {name: info.description for name, info in cls.model_fields.items() if info.description}
+        named = {
+            name: info.description for name, info in cls.model_fields.items() if info.description
+        }
         of_value = {name: text for each in cls.of for name, text in descriptions(each).items()}
         # shapes and None are Python's
         in_files = {
-            name: re.sub(r",? ?\(3,\)", "", text).replace("None:", "left out:") for name, text in of_value.items()
+            name: re.sub(r",? ?\(3,\)", "", text).replace("None:", "left out:")
+            for name, text in of_value.items()
         }
         return {**in_files, **descriptions(cls), **named}
 
@@ -97,7 +103,9 @@ def check_keys(data: dict[Any, Any], known: list[str]) -> None:
 
 def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> PydanticCustomError:
     """An error that the loader turns into a ProblemError; key: a key below the value being validated."""
-    return PydanticCustomError("problem", "see the context", {"reason": reason, "allowed": allowed, "key": key})
+    return PydanticCustomError(
+        "problem", "see the context", {"reason": reason, "allowed": allowed, "key": key}
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -114,7 +122,9 @@ class Field:
     @property
     def unit(self) -> str:
         """Such as it may be written."""
-        return ", ".join(dict.fromkeys(KINDS.get(kind, NUMBER).example.partition(" ")[2] for kind in self.kinds))
+        return ", ".join(
+            dict.fromkeys(KINDS.get(kind, NUMBER).example.partition(" ")[2] for kind in self.kinds)
+        )
 
     def written(self, value: Any) -> str:
         """A default as a file would say it."""
@@ -146,7 +156,9 @@ def quantity(kind: str, bound: Bound = UNBOUND, whole: bool = False) -> Field:
     def read(value: object) -> float:
         result = units.quantity(value, kind)
         if fault := bound.fault(result):
-            raise units.BadQuantity(fault, allowed if whole else f"{KINDS.get(kind, NUMBER).name} {allowed}")
+            raise units.BadQuantity(
+                fault, allowed if whole else f"{KINDS.get(kind, NUMBER).name} {allowed}"
+            )
         if whole and not result.is_integer():
             raise units.BadQuantity("not a whole number", allowed)
         return int(result) if whole else result
@@ -163,7 +175,12 @@ def interval(kind: str) -> Field:
 
 def vector(*kinds: str) -> Field:
     """`[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`, one kind per component."""
-    items = {"type": "array", "items": _json_schema(kinds[0]), "minItems": len(kinds), "maxItems": len(kinds)}
+    items = {
+        "type": "array",
+        "items": _json_schema(kinds[0]),
+        "minItems": len(kinds),
+        "maxItems": len(kinds),
+    }
     if len(set(kinds)) > 1:
         items = {"type": "array", "prefixItems": [_json_schema(kind) for kind in kinds]}
     schema = {"anyOf": [items, {"type": "string"}]}
@@ -181,11 +198,26 @@ def figure(of: Field) -> Field:
             raise wrong("missing", "value: the figure itself", "value")
         source, placeholder = value.get("source"), value.get("placeholder", False)
         if source is not None and not (isinstance(source, str) and source.strip()):
-            raise wrong(f"{units.describe(source)} where a text is needed", "where the figure comes from", "source")
-        return Figure(_guarded(of.read, "value")(value["value"]), source, _truth(placeholder, "placeholder"))
+            raise wrong(
+                f"{units.describe(source)} where a text is needed",
+                "where the figure comes from",
+                "source",
+            )
+        return Figure(
+            _guarded(of.read, "value")(value["value"]), source, _truth(placeholder, "placeholder")
+        )
 
-    parts = {"value": of.json_schema, "source": {"type": "string"}, "placeholder": {"type": "boolean"}}
-    full = {"type": "object", "properties": parts, "required": ["value"], "additionalProperties": False}
+    parts = {
+        "value": of.json_schema,
+        "source": {"type": "string"},
+        "placeholder": {"type": "boolean"},
+    }
+    full = {
+        "type": "object",
+        "properties": parts,
+        "required": ["value"],
+        "additionalProperties": False,
+    }
     return dataclasses.replace(of, read=read, json_schema={"anyOf": [of.json_schema, full]})
 
 
@@ -243,7 +275,9 @@ def model_of(
     return model_from({**fields, **given}, base, (cls,))
 
 
-def model_from(fields: Mapping[str, Any], base: type[Model] = Model, of: tuple[Any, ...] = ()) -> Any:
+def model_from(
+    fields: Mapping[str, Any], base: type[Model] = Model, of: tuple[Any, ...] = ()
+) -> Any:
     """The model with these keys, each as pydantic's (type, default); of: values whose fields say what
     they mean; the last one's word counts."""
     made: Any = create_model
@@ -261,14 +295,19 @@ def by_joint(turning: Any, sliding: Any, required: bool = False) -> Any:
     """The model of a mapping from joints to what a model says of one of them."""
     fields: dict[str, Any] = {}
     for i, name in enumerate(JOINTS, 1):
-        part, text = Annotated[Any, Part(sliding if name == "insertion" else turning)], f"Of joint {i}."
+        part, text = (
+            Annotated[Any, Part(sliding if name == "insertion" else turning)],
+            f"Of joint {i}.",
+        )
         fields[name] = (part, PydanticField(description=text)) if required else optional(part, text)
     return model_from(fields)
 
 
 def _text(value: object) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise wrong(f"{units.describe(value)} where a text is needed", "a text of at least one character")
+        raise wrong(
+            f"{units.describe(value)} where a text is needed", "a text of at least one character"
+        )
     return value
 
 
@@ -290,14 +329,17 @@ def _axis(value: object) -> tuple[float, ...]:
 def _reference(value: object) -> Any:
     if isinstance(value, dict) or (isinstance(value, str) and value.strip()):
         return value
-    raise wrong("neither a file name nor a mapping", "a file, relative to this one, or the file's content")
+    raise wrong(
+        "neither a file name nor a mapping", "a file, relative to this one, or the file's content"
+    )
 
 
 _FILE = "a file, relative to this one"
 Text = Annotated[str, Field(_text, {"type": "string", "minLength": 1}, allowed="a text")]
 Truth = Annotated[bool, Field(_truth, {"type": "boolean"}, allowed="true or false")]
 Axis = Annotated[
-    tuple[float, ...], Field(_axis, {"type": "array", "items": {"type": "number"}}, allowed="three numbers")
+    tuple[float, ...],
+    Field(_axis, {"type": "array", "items": {"type": "number"}}, allowed="three numbers"),
 ]
 Reference = Annotated[
     Any,
@@ -323,7 +365,11 @@ def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[
 def _json_schema(kind: str) -> dict[str, Any]:
     if kind == "number":
         return {"type": "number"}
-    return {"type": "string", "description": KINDS[kind].expected, "examples": [KINDS[kind].example]}
+    return {
+        "type": "string",
+        "description": KINDS[kind].expected,
+        "examples": [KINDS[kind].example],
+    }
 
 
 class Key(NamedTuple):
@@ -344,7 +390,12 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
     about = model.about()
     for name, info in model.model_fields.items():
         parts, field = list(_parts((info.annotation, *info.metadata))), field_of(info)
-        choices = [repr(choice) for part in parts if get_origin(part) is Literal for choice in get_args(part)]
+        choices = [
+            repr(choice)
+            for part in parts
+            if get_origin(part) is Literal
+            for choice in get_args(part)
+        ]
         default = info.default
         if isinstance(default, (Model, tuple)) or default is None:
             default = ""
@@ -370,7 +421,13 @@ def field_of(info: Any) -> Field:
 def _parts(hint: Any) -> Iterator[Any]:
     """A type and everything it is made of."""
     yield hint.model if isinstance(hint, Part) else hint
-    for part in hint if isinstance(hint, tuple) else get_args(hint) if get_origin(hint) is not Literal else ():
+    for part in (
+        hint
+        if isinstance(hint, tuple)
+        else get_args(hint)
+        if get_origin(hint) is not Literal
+        else ()
+    ):
         yield from _parts(part)
 
 
@@ -387,7 +444,9 @@ def validated(section: Section, model: type[M]) -> M:
 
 
 @contextmanager
-def located(section: Section, places: Mapping[str, tuple[str | int, ...]] | None = None) -> Iterator[None]:
+def located(
+    section: Section, places: Mapping[str, tuple[str | int, ...]] | None = None
+) -> Iterator[None]:
     """Completes errors of values made within by file and line; places: of fields that the file calls otherwise."""
     try:
         yield
@@ -395,7 +454,10 @@ def located(section: Section, places: Mapping[str, tuple[str | int, ...]] | None
         if error.file is not None or error.key is None:
             raise
         field = error.key.partition(".")[2]
-        name, rest = next(((name, path) for name, path in (places or {}).items() if field.startswith(name)), ("", ()))
+        name, rest = next(
+            ((name, path) for name, path in (places or {}).items() if field.startswith(name)),
+            ("", ()),
+        )
         parts = re.findall(r"[^.\[\]]+", field.removeprefix(name))
         path = (*rest, *(int(part) if part.isdecimal() else part for part in parts))
         raise section.error(error.reason, *path, allowed=error.allowed) from None
@@ -410,7 +472,9 @@ def _fault(section: Section, details: Any) -> ProblemError:
     kind = details["type"]
     if kind == "problem":
         key = context.get("key")
-        return section.error(context["reason"], *path, *(() if key is None else (key,)), allowed=context["allowed"])
+        return section.error(
+            context["reason"], *path, *(() if key is None else (key,)), allowed=context["allowed"]
+        )
     if kind == "missing":
         return section.error("missing: this key is required", *path, details["loc"][-1])
     if kind == "literal_error":
@@ -418,7 +482,13 @@ def _fault(section: Section, details: Any) -> ProblemError:
     if kind in ("too_short", "too_long"):
         side, bound = ("min", "at least") if kind == "too_short" else ("max", "at most")
         reason = f"{context['actual_length'] or 'no'} entries"
-        return section.error(reason, *path, allowed=f"{bound} {context[f'{side}_length']}", show=False)
-    message = details["msg"].replace("Input should be a valid ", "not a ").replace("Input should be ", "should be ")
+        return section.error(
+            reason, *path, allowed=f"{bound} {context[f'{side}_length']}", show=False
+        )
+    message = (
+        details["msg"]
+        .replace("Input should be a valid ", "not a ")
+        .replace("Input should be ", "should be ")
+    )
     message = message.replace("not a tuple", "not a list")
     return section.error(message[:1].lower() + message[1:], *path)

@@ -26,7 +26,13 @@ _WORDS: dict[str, object] = {
     **dict.fromkeys((".inf", ".Inf", ".INF", "+.inf"), float("inf")),
     "-.inf": float("-inf"),
 }
-_STRING_TAGS = (None, "!", "tag:yaml.org,2002:str", "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_STRING_TAGS = (
+    None,
+    "!",
+    "tag:yaml.org,2002:str",
+    "tag:yaml.org,2002:map",
+    "tag:yaml.org,2002:seq",
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,13 @@ class Node:
     key_lines: Mapping[str | int, int | None] = field(default_factory=dict)
 
 
-def parse(file: Path | None, text: str, largest: int = LARGEST_TREE, trailing: bool = False, tree: bool = True) -> Node:
+def parse(
+    file: Path | None,
+    text: str,
+    largest: int = LARGEST_TREE,
+    trailing: bool = False,
+    tree: bool = True,
+) -> Node:
     """The one document in a YAML text; file is for messages. Raises ProblemError for anything else.
 
     largest: values after aliases are expanded. trailing: empty documents may follow, as `ros2 topic echo` writes them.
@@ -56,8 +68,14 @@ def parse(file: Path | None, text: str, largest: int = LARGEST_TREE, trailing: b
         raise ProblemError(f"not valid YAML: {what}", file=file, line=line) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        character = error.character if isinstance(error.character, int) else ord(error.character[:1] or "\0")
-        raise ProblemError(f"not a text file: character U+{character:04X}", file=file, line=line) from None
+        character = (
+            error.character
+            if isinstance(error.character, int)
+            else ord(error.character[:1] or "\0")
+        )
+        raise ProblemError(
+            f"not a text file: character U+{character:04X}", file=file, line=line
+        ) from None
     except yaml.YAMLError as error:
         raise ProblemError(f"not valid YAML: {error}", file=file) from None
 
@@ -83,7 +101,9 @@ class _Builder:
             if trailing and self.node(next(self.events), 0).value is None:
                 next(self.events)  # end of an empty document
                 continue
-            raise self.error("a second document starts here", event, "one document per file, without '---' lines")
+            raise self.error(
+                "a second document starts here", event, "one document per file, without '---' lines"
+            )
         return root
 
     def node(self, event: Any, depth: int) -> Node:
@@ -94,7 +114,9 @@ class _Builder:
                 raise self.error(f"*{event.anchor} refers to nothing above it", event)
             return self.anchors[event.anchor]
         if event.tag not in _STRING_TAGS:
-            raise self.error(f"the tag {event.tag} is not used in these files", event, "plain values")
+            raise self.error(
+                f"the tag {event.tag} is not used in these files", event, "plain values"
+            )
         if isinstance(event, yaml.ScalarEvent):
             node = Node(_scalar(event), _line(event))
         elif isinstance(event, yaml.SequenceStartEvent):
@@ -102,7 +124,9 @@ class _Builder:
         else:
             node = self.mapping(event, depth)
         if node.size > self.largest:
-            raise self.error("too many values", event, f"at most {self.largest} in one file, aliases expanded")
+            raise self.error(
+                "too many values", event, f"at most {self.largest} in one file, aliases expanded"
+            )
         if event.anchor is not None:
             self.anchors[event.anchor] = node
         return node
@@ -117,7 +141,9 @@ class _Builder:
                 children[len(values)] = item
             values.append(item.value)
             size += item.size
-        return Node(values, _line(start), size, children, {i: item.line for i, item in children.items()})
+        return Node(
+            values, _line(start), size, children, {i: item.line for i, item in children.items()}
+        )
 
     def mapping(self, start: Any, depth: int) -> Node:
         children: dict[str | int, Node] = {}
@@ -198,12 +224,16 @@ class Section:
         """Line of the key that holds the value, or of the value itself in a list; counted from 1."""
         return self._locate(path)[0]
 
-    def error(self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True) -> ProblemError:
+    def error(
+        self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True
+    ) -> ProblemError:
         """A ProblemError that names file, line, key path and (unless show is false) the value found there."""
         line, node, complete = self._locate(path)
         value = _written(node.value) if complete and show else None
         key = key_text((*self.path, *path)) or None
-        return ProblemError(reason, file=self.file, line=line, key=key, value=value, allowed=allowed)
+        return ProblemError(
+            reason, file=self.file, line=line, key=key, value=value, allowed=allowed
+        )
 
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
         node, line = self.root, self.root.line
@@ -228,12 +258,18 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
     if isinstance(data, Mapping):
-        children: dict[str | int, Node] = {str(key): plain_node(item, depth + 1, line) for key, item in data.items()}
+        children: dict[str | int, Node] = {
+            str(key): plain_node(item, depth + 1, line) for key, item in data.items()
+        }
         values = {key: child.value for key, child in children.items()}
         return Node(values, line, 1, children, dict.fromkeys(children, line))
     if isinstance(data, (list, tuple)):
-        items: dict[str | int, Node] = {i: plain_node(item, depth + 1, line) for i, item in enumerate(data)}
-        return Node([item.value for item in items.values()], line, 1, items, dict.fromkeys(items, line))
+        items: dict[str | int, Node] = {
+            i: plain_node(item, depth + 1, line) for i, item in enumerate(data)
+        }
+        return Node(
+            [item.value for item in items.values()], line, 1, items, dict.fromkeys(items, line)
+        )
     return Node(data, line)
 
 

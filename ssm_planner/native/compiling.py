@@ -48,7 +48,9 @@ def build() -> list[Path]:
     x86 = platform.machine().lower() in ("x86_64", "amd64")
     chosen = {name: flags for name, flags in VARIANTS.items() if x86 or not flags}
     with ThreadPoolExecutor() as threads:  # each waits for its compiler
-        made = threads.map(lambda name: _is_made(name) or _make(compiler, name, chosen[name]), chosen)
+        made = threads.map(
+            lambda name: _is_made(name) or _make(compiler, name, chosen[name]), chosen
+        )
         return [path_of(name) for name, done in zip(chosen, made, strict=True) if done]
 
 
@@ -66,10 +68,22 @@ def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "library"
         sources = [str(path) for path in sorted(FOLDER.glob("*.c"))]
-        command = [compiler, *FLAGS, *flags, f'-DSSM_KEY="{key()}"', "-o", str(made), *sources, "-lm"]
+        command = [
+            compiler,
+            *FLAGS,
+            *flags,
+            f'-DSSM_KEY="{key()}"',
+            "-o",
+            str(made),
+            *sources,
+            "-lm",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            print(f"ssm_planner is built without its compiled part ({variant}): {done.stderr.strip()}", file=sys.stderr)
+            print(
+                f"ssm_planner is built without its compiled part ({variant}): {done.stderr.strip()}",
+                file=sys.stderr,
+            )
             return False
         beside = path_of(variant).with_suffix(f".{os.getpid()}")
         beside.parent.mkdir(exist_ok=True)
@@ -83,11 +97,16 @@ def _compiler() -> str | None:
     if os.name != "posix":
         return None
     tools = ["xcode-select", "-p"]
-    if platform.system() == "Darwin" and subprocess.run(tools, capture_output=True, check=False).returncode != 0:
+    if (
+        platform.system() == "Darwin"
+        and subprocess.run(tools, capture_output=True, check=False).returncode != 0
+    ):
         return None
     return shutil.which(os.environ.get("CC") or "cc")
 
 
 if __name__ == "__main__":
     made = build()
-    print("\n".join(map(str, made)) or "nothing was compiled: no C compiler was found, or it failed")
+    print(
+        "\n".join(map(str, made)) or "nothing was compiled: no C compiler was found, or it failed"
+    )

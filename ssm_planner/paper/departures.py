@@ -31,24 +31,36 @@ if TYPE_CHECKING:
 FORMS = ("exp(−2x)", "exp(−x²)")
 
 
-def departures_section(inputs: Inputs, runs: Sequence[SpeedRun], rigs: Sequence[RigResult]) -> Section:
+def departures_section(
+    inputs: Inputs, runs: Sequence[SpeedRun], rigs: Sequence[RigResult]
+) -> Section:
     """Products of inertia, Stribeck's exponent, velocity product, torque at standstill, bounds of identification."""
     solved = [run for run in runs if run.loads]
     single = {f"payload curves, {RUNS[name]}": run for name, run in inputs.motorisations.items()}
-    alone = [(label, velocity_sign(DutyCycle.of_motorisation(run).loads())) for label, run in single.items()]
+    alone = [
+        (label, velocity_sign(DutyCycle.of_motorisation(run).loads()))
+        for label, run in single.items()
+    ]
     forms = [stribeck_forms(inputs.rigs[rig.name], rig) for rig in rigs]
     values = {
         "bodies": body_moments(inputs.robot),
         "inertia": joint_inertia(inputs.robot),
         "flipped_inertia": joint_inertia(flipped(inputs.robot)),
-        "inertia_changes": [*map(_change_of_motion, solved), *(_change_of_payload(*run) for run in single.items())],
+        "inertia_changes": [
+            *map(_change_of_motion, solved),
+            *(_change_of_payload(*run) for run in single.items()),
+        ],
         "FORMS": FORMS,
         "STRIBECK_SPEEDS": STRIBECK_SPEEDS,
         "forms": [form for form in forms if form is not None],
         "velocity": [*((run.row.label, velocity_sign(run.loads)) for run in solved), *alone],
         "payload_change": max((max(sign.torque.values()) for _, sign in alone), default=0.0),
-        "standstill": [(run.row.label, [_largest_start(run.load(joint)) for joint in DRIVEN]) for run in solved],
-        "outside": [each for name, drive in inputs.rigs.items() for each in outside_bounds(name, drive)],
+        "standstill": [
+            (run.row.label, [_largest_start(run.load(joint)) for joint in DRIVEN]) for run in solved
+        ],
+        "outside": [
+            each for name, drive in inputs.rigs.items() for each in outside_bounds(name, drive)
+        ],
     }
     return Section("departures", values, {"stribeck_forms": _stribeck_figure()})
 
@@ -61,10 +73,16 @@ def _change_of_motion(run: SpeedRun) -> tuple[str, dict[str, float], dict[str, f
     return run.row.label, largest_change(run.loads, after), peaks
 
 
-def _change_of_payload(label: str, run: Motorisation) -> tuple[str, dict[str, float], dict[str, float]]:
+def _change_of_payload(
+    label: str, run: Motorisation
+) -> tuple[str, dict[str, float], dict[str, float]]:
     before = DutyCycle.of_motorisation(run).loads()
     after = DutyCycle.of_motorisation(replace(run, robot=flipped(run.robot))).loads()
-    return label, largest_change(before, after), {load.joint: float(np.abs(load.torque()).max()) for load in before}
+    return (
+        label,
+        largest_change(before, after),
+        {load.joint: float(np.abs(load.torque()).max()) for load in before},
+    )
 
 
 def _largest_start(load: JointLoad) -> float | None:
@@ -185,7 +203,9 @@ class StribeckForms:
 
 def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
     """Both forms on one rig; None where its authors give no Stribeck speed."""
-    pair = tuple(published_drive(drive, law) for law in ("stribeck_exponential", "stribeck_gaussian"))
+    pair = tuple(
+        published_drive(drive, law) for law in ("stribeck_exponential", "stribeck_gaussian")
+    )
     exponential, gaussian = pair
     speed = friction_of(exponential).stribeck_speed
     if not speed:
@@ -193,7 +213,13 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
     x = np.linspace(0.0, 4.0, 4001)
     gap = np.abs(stribeck_shape("stribeck_gaussian", x) - stribeck_shape("stribeck_exponential", x))
     widest = float(x[int(np.argmax(gap))])
-    other = fit_map(drive, result.data, result.rig.F_payload, law="stribeck_gaussian", reference=result.rig.published)
+    other = fit_map(
+        drive,
+        result.data,
+        result.rig.F_payload,
+        law="stribeck_gaussian",
+        reference=result.rig.published,
+    )
     fits = (result.fits["stribeck_exponential"], other)
     return StribeckForms(
         title=result.title,
@@ -201,8 +227,14 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
         largest=(widest, _mu(exponential, widest * speed), _mu(gaussian, widest * speed)),
         published_nrmsd=(result.map_nrmsd(exponential), result.map_nrmsd(gaussian)),
         fitted_nrmsd=(fits[0].nrmsd, fits[1].nrmsd),
-        fitted_speed=(fits[0].estimates["stribeck_speed"].value, fits[1].estimates["stribeck_speed"].value),
-        criterion=(fits[0].criterion["stribeck_exponential"], fits[1].criterion["stribeck_gaussian"]),
+        fitted_speed=(
+            fits[0].estimates["stribeck_speed"].value,
+            fits[1].estimates["stribeck_speed"].value,
+        ),
+        criterion=(
+            fits[0].criterion["stribeck_exponential"],
+            fits[1].criterion["stribeck_gaussian"],
+        ),
     )
 
 
@@ -233,4 +265,6 @@ def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
     for load in loads:
         effort[load.joint] = max(effort[load.joint], float(np.abs(load.velocity).max()))
         gravity[load.joint] = max(gravity[load.joint], float(np.abs(load.gravity).max()))
-    return VelocitySign(effort, gravity, largest_change(loads, [subtracted(load) for load in loads]))
+    return VelocitySign(
+        effort, gravity, largest_change(loads, [subtracted(load) for load in loads])
+    )

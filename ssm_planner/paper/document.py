@@ -9,7 +9,13 @@ from pathlib import Path
 
 from ssm_planner.paper.departures import departures_section
 from ssm_planner.paper.friction import RigResult, friction_section, rig_result, rigs_section
-from ssm_planner.paper.motions import SpeedRun, motions_section, payload_section, payloads, speed_runs
+from ssm_planner.paper.motions import (
+    SpeedRun,
+    motions_section,
+    payload_section,
+    payloads,
+    speed_runs,
+)
 from ssm_planner.paper.published import RIGS, TABLE_III, Inputs
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
@@ -71,7 +77,9 @@ def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) ->
     return Document(tuple(sections), runs, found)
 
 
-def write(document: Document, folder: Path, progress: Callable[[str], None] = lambda _: None) -> dict[str, Path]:
+def write(
+    document: Document, folder: Path, progress: Callable[[str], None] = lambda _: None
+) -> dict[str, Path]:
     """README.md and every picture as PNG and PDF, whole or not at all; paths by name. Raises ExportError."""
     with publishing(folder) as temporary:
         for k, section in enumerate(document.sections, 1):

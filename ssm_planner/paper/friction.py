@@ -24,7 +24,15 @@ from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.paper import published
-from ssm_planner.paper.published import DRIVEN, NUMBER, PACKAGE_FRICTION, RIGS, TABLE_II, FrictionRow, Inputs
+from ssm_planner.paper.published import (
+    DRIVEN,
+    NUMBER,
+    PACKAGE_FRICTION,
+    RIGS,
+    TABLE_II,
+    FrictionRow,
+    Inputs,
+)
 from ssm_planner.paper.section import Section
 from ssm_planner.problem.drive import Drive, Friction, FrictionLawName, Rig
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
@@ -45,7 +53,11 @@ from ssm_planner.units import RPM
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MAP_SPEEDS = {"roll": published.ROTARY_SPEED, "tilt": published.ROTARY_SPEED, "insertion": published.LINEAR_SPEED}
+MAP_SPEEDS = {
+    "roll": published.ROTARY_SPEED,
+    "tilt": published.ROTARY_SPEED,
+    "insertion": published.LINEAR_SPEED,
+}
 """Joint speed up to which a map is drawn: the one that the application requires."""
 POINTS = 121
 LOADS = 81
@@ -94,7 +106,9 @@ def driven(robot: Robot, joint: str) -> Drive:
 def with_friction(drive: Drive, row: FrictionRow) -> Drive:
     """The drive with Coulomb friction of a published row; its output side stays."""
     old = drive.friction or Friction(row.mu, row.mu_static, row.b_c, row.b_v)
-    return replace(drive, friction=replace(old, mu=row.mu, mu_static=row.mu_static, b_c=row.b_c, b_v=row.b_v))
+    return replace(
+        drive, friction=replace(old, mu=row.mu, mu_static=row.mu_static, b_c=row.b_c, b_v=row.b_v)
+    )
 
 
 def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
@@ -102,7 +116,12 @@ def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
     mechanism = Mechanism.from_geometry(robot.geometry)
     low, high = robot.ranges["tilt"]
     half = published.REQUIRED_ROLL / 2
-    axes = (np.linspace(-half, half, 13), np.linspace(low, high, 60), [0.0], [0.0, published.REQUIRED_TRAVEL])
+    axes = (
+        np.linspace(-half, half, 13),
+        np.linspace(low, high, 60),
+        [0.0],
+        [0.0, published.REQUIRED_TRAVEL],
+    )
     task = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
     solutions = inverse_task(mechanism, task)
     home = int(np.flatnonzero(solutions.branch[0] == mechanism.home_branch)[0])
@@ -121,7 +140,9 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
         w = np.linspace(0.0, drive.ratio * MAP_SPEEDS[joint], POINTS)[1:]
         loads = np.linspace(low[i], high[i], LOADS)
         loads = np.append(loads, np.clip(0.0, low[i], high[i]))
-        sheets = [np.array([map_torque(paper, sign * w, load) for load in loads]) for sign in (1.0, -1.0)]
+        sheets = [
+            np.array([map_torque(paper, sign * w, load) for load in loads]) for sign in (1.0, -1.0)
+        ]
         maps.append(
             FrictionMap(
                 joint=joint,
@@ -149,11 +170,20 @@ def friction_section(robot: Robot) -> Section:
         ("no load, slow", *(number(1e3 * m.unloaded[0][0]) for m in maps)),
         ("no load, top speed", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
         ("of which bearing, Coulomb", *(number(1e3 * row.b_c) for row in rows)),
-        ("of which bearing, viscous", *(number(1e3 * row.b_v * m.w[-1]) for row, m in zip(rows, maps, strict=True))),
+        (
+            "of which bearing, viscous",
+            *(number(1e3 * row.b_v * m.w[-1]) for row, m in zip(rows, maps, strict=True)),
+        ),
         ("of which mesh, by μ_c", *(number(1e3 * m.mesh) for m in maps)),
         ("no load, breakaway, by μ_s", *(number(1e3 * m.start) for m in maps)),
-        ("the package's parameters, no load, top speed", *(number(1e3 * m.package[0][-1]) for m in maps)),
-        ("effort of the arm's weight (N·m, N·m, N)", *(" … ".join(map(number, m.gravity)) for m in maps)),
+        (
+            "the package's parameters, no load, top speed",
+            *(number(1e3 * m.package[0][-1]) for m in maps),
+        ),
+        (
+            "effort of the arm's weight (N·m, N·m, N)",
+            *(" … ".join(map(number, m.gravity)) for m in maps),
+        ),
         ("under the arm's weight, largest", *(number(1e3 * m.largest) for m in maps)),
     )
     parameters = (
@@ -163,12 +193,20 @@ def friction_section(robot: Robot) -> Section:
         _parameter(robot, "b_v", "10⁵ b_v (N·m·s/rad)", 1e5),
     )
     ratios = [PACKAGE_FRICTION[joint].b_c / TABLE_II[joint].b_c for joint in DRIVEN]
-    values = {"parameters": parameters, "ratios": ratios, "torques": torques, "low": low, "high": high}
+    values = {
+        "parameters": parameters,
+        "ratios": ratios,
+        "torques": torques,
+        "low": low,
+        "high": high,
+    }
     return Section("friction", values, {"friction_maps": _maps_figure(maps)})
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
-    printed, package = ([getattr(rows[joint], name) for joint in DRIVEN] for rows in (TABLE_II, PACKAGE_FRICTION))
+    printed, package = (
+        [getattr(rows[joint], name) for joint in DRIVEN] for rows in (TABLE_II, PACKAGE_FRICTION)
+    )
     ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
     difference = [mine - theirs for mine, theirs in zip(ours, printed, strict=True)]
     columns = (printed, ours, difference, package)
@@ -200,7 +238,11 @@ def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
 
     def changed(joint: Joint) -> Joint:
         row = rows.get(joint.name)
-        return joint if joint.drive is None or row is None else replace(joint, drive=with_friction(joint.drive, row))
+        return (
+            joint
+            if joint.drive is None or row is None
+            else replace(joint, drive=with_friction(joint.drive, row))
+        )
 
     first, second, third, fourth = (changed(joint) for joint in robot.joints)
     return replace(robot, joints=(first, second, third, fourth))
@@ -248,7 +290,9 @@ class RigResult:
         """Rows: a parameter, its published value, and for every law its estimate and the difference."""
         for name, (symbol, scale) in SHOWN.items():
             value = self.rig.published.get(name)
-            estimates = (cell for fit in self.fits.values() for cell in _estimate(fit, name, scale, value))
+            estimates = (
+                cell for fit in self.fits.values() for cell in _estimate(fit, name, scale, value)
+            )
             yield [symbol, NOTHING if value is None else number(scale * value), *estimates]
 
     def reasons(self) -> list[str]:
@@ -278,13 +322,17 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
     drive = inputs.rigs[name]
     rig = _rig(drive)
     data = read_figures(inputs.folder / "drives" / TABLE, name)
-    fits = {law: fit_map(drive, data, rig.F_payload, law=law, reference=rig.published) for law in LAWS}
+    fits = {
+        law: fit_map(drive, data, rig.F_payload, law=law, reference=rig.published) for law in LAWS
+    }
     criterion = {law: fit.criterion[law] for law, fit in fits.items()}
     chosen = min(criterion, key=lambda law: criterion[law])
     result = RigResult(name, rig, data, published=published_drive(drive), fits=fits, chosen=chosen)
     folder = inputs.recordings / RIGS[name] / "start_stop"
     if not folder.is_dir():
-        return replace(result, left_out="the recordings are not here: name their folder by --recordings")
+        return replace(
+            result, left_out="the recordings are not here: name their folder by --recordings"
+        )
     try:
         return replace(result, tested=_tested(result, folder))
     except RecordingError as error:
@@ -293,7 +341,9 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
 
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
     rig, fit = result.rig, result.fits[result.chosen]
-    found = read_recordings([folder], nominal_torque=rig.motor_nominal_torque, direction=rig.direction)
+    found = read_recordings(
+        [folder], nominal_torque=rig.motor_nominal_torque, direction=rig.direction
+    )
     load, inertia = rig.F_payload, rig.payload_inertia
     return tuple(
         Tested(
@@ -316,7 +366,14 @@ def _rig(drive: Drive) -> Rig:
     return drive.rig
 
 
-SYMBOLS = {"b_c": "b_c", "b_v": "b_v", "b_oc": "b_oc", "mu": "μ_c", "mu_stribeck": "μ_str", "stribeck_speed": "w_s"}
+SYMBOLS = {
+    "b_c": "b_c",
+    "b_v": "b_v",
+    "b_oc": "b_oc",
+    "mu": "μ_c",
+    "mu_stribeck": "μ_str",
+    "stribeck_speed": "w_s",
+}
 SHOWN = {
     "b_c": ("10³ b_c (N·m)", 1e3),
     "b_v": ("10⁵ b_v (N·m·s/rad)", 1e5),
@@ -348,10 +405,16 @@ def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> 
 def _reasons(fit: MapFit, law: str) -> list[str]:
     reasons = []
     if fit.inseparable:
-        groups = " and ".join(", ".join(SYMBOLS.get(name, "the load") for name in group) for group in fit.inseparable)
-        reasons.append(f"with {law} the map gives {groups} only in combination, so that values far apart fit alike")
+        groups = " and ".join(
+            ", ".join(SYMBOLS.get(name, "the load") for name in group) for group in fit.inseparable
+        )
+        reasons.append(
+            f"with {law} the map gives {groups} only in combination, so that values far apart fit alike"
+        )
     if fit.estimates["mu"].at_bound:
-        reasons.append(f"with {law} the likeliest μ_c is the least with which the drive still locks itself")
+        reasons.append(
+            f"with {law} the likeliest μ_c is the least with which the drive still locks itself"
+        )
     return reasons
 
 
@@ -359,7 +422,15 @@ def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
     figure = new_figure(9.6, 3.6)
     for axes, result in zip(figure.subplots(1, len(results)), results, strict=True):
         data = result.data
-        axes.plot(RPM * data.w, 1e3 * data.tau, "o", color="black", fillstyle="none", markersize=4, label="recordings")
+        axes.plot(
+            RPM * data.w,
+            1e3 * data.tau,
+            "o",
+            color="black",
+            fillstyle="none",
+            markersize=4,
+            label="recordings",
+        )
         drives = (
             ("published", result.published, ":", FIFTH),
             ("ours, Coulomb", result.fits[LAWS[0]].drive, "--", COLOURS[1]),
@@ -370,6 +441,11 @@ def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
                 torque = 1e3 * map_torque(drive, w, _rig(drive).load)
                 axes.plot(RPM * w, torque, dash, color=colour, linewidth=1.4, label=named)
         zero_lines(axes)
-        finish(axes, "motor speed (rpm)", "motor torque (mN·m)" if result is results[0] else "", result.title)
+        finish(
+            axes,
+            "motor speed (rpm)",
+            "motor torque (mN·m)" if result is results[0] else "",
+            result.title,
+        )
         legend(axes, fontsize=SIZE - 2, loc="lower right")
     return figure

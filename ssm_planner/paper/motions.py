@@ -32,7 +32,14 @@ from ssm_planner.problem.motion import Free, Motorisation, Straight, Stroke, Tas
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.reporting.figures.sizing import payload_curves
-from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, new_figure, shade_phases
+from ssm_planner.reporting.figures.style import (
+    COLOURS,
+    LIMIT,
+    SIZE,
+    finish,
+    new_figure,
+    shade_phases,
+)
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.requirements import MotorRequirement
@@ -70,7 +77,9 @@ class SpeedRun:
         if trajectory is None:
             return False
         fastest = np.abs(trajectory.uniform(1000.0).qd).max(axis=0)
-        return bool(fastest[:3].max() > 0.999 * self.row.tilt and fastest[3] > 0.999 * self.row.insertion)
+        return bool(
+            fastest[:3].max() > 0.999 * self.row.tilt and fastest[3] > 0.999 * self.row.insertion
+        )
 
     def tilt_rate(self, robot: Robot) -> float:
         """Largest tilt rate, rad/s."""
@@ -85,12 +94,16 @@ class SpeedRun:
 def at_speeds(problem: Problem, row: SpeedRow) -> Problem:
     """The problem with every rotary joint limited to the printed rotary speed and joint 4 to the printed translation."""
     speed = {"revolute": row.tilt, "prismatic": row.insertion}
-    first, second, third, fourth = (replace(joint, velocity=speed[joint.kind]) for joint in problem.robot.joints)
+    first, second, third, fourth = (
+        replace(joint, velocity=speed[joint.kind]) for joint in problem.robot.joints
+    )
     robot = replace(problem.robot, joints=(first, second, third, fourth))
     return replace(problem, name=f"Table III, {row.label}", robot=robot)
 
 
-def speed_runs(problem: Problem, progress: Callable[[str], None] = lambda _: None) -> tuple[SpeedRun, ...]:
+def speed_runs(
+    problem: Problem, progress: Callable[[str], None] = lambda _: None
+) -> tuple[SpeedRun, ...]:
     """All rows of Table III, planned within the published accelerations."""
     runs = []
     for row in TABLE_III:
@@ -114,15 +127,25 @@ def depth_of(problem: Problem) -> float:
 
 
 def _values(problem: Problem, name: str) -> list[float]:
-    points = [problem.start, *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free)))]
-    return [point.given[name] for point in points if isinstance(point, Task) and name in point.given]
+    points = [
+        problem.start,
+        *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free))),
+    ]
+    return [
+        point.given[name] for point in points if isinstance(point, Task) and name in point.given
+    ]
 
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
     """Table III."""
-    mechanism, allowed = Mechanism.from_geometry(problem.robot.geometry), problem.robot.ranges["tilt"]
+    mechanism, allowed = (
+        Mechanism.from_geometry(problem.robot.geometry),
+        problem.robot.ranges["tilt"],
+    )
     tilts, limit = tilts_of(problem), published.ROTARY_ACCELERATION
-    per_tilt = np.abs(joint_speed_per_tilt_speed(mechanism, np.linspace(*tilts, 501), mechanism.home_branch))
+    per_tilt = np.abs(
+        joint_speed_per_tilt_speed(mechanism, np.linspace(*tilts, 501), mechanism.home_branch)
+    )
     values = {
         "runs": runs,
         "robot": problem.robot,
@@ -147,7 +170,9 @@ def _figure(runs: tuple[SpeedRun, ...]) -> Figure:
         for row, joint in enumerate(DRIVEN):
             axes, load = panels[row, column], run.load(joint)
             shade_phases(axes, run.plan.motion)
-            axes.plot(load.t, 1e3 * load.torque(), color=COLOURS[JOINTS.index(joint)], linewidth=1.1)
+            axes.plot(
+                load.t, 1e3 * load.torque(), color=COLOURS[JOINTS.index(joint)], linewidth=1.1
+            )
             for end in run.envelope(joint):
                 axes.axhline(1e3 * end, **LIMIT)
             label = f"joint {NUMBER[joint]} ({joint})\nmotor torque (mN·m)" if column == 0 else ""
@@ -170,14 +195,17 @@ class Payload:
 
     def rows(self) -> Iterator[tuple[str, MotorRequirement, MotorRequirement]]:
         """Every stroke: its name, what it requires at the friction of Table II and at the package's."""
-        for stroke, ours, theirs in zip(self.run.strokes, self.identified.joints, self.package.joints, strict=True):
+        for stroke, ours, theirs in zip(
+            self.run.strokes, self.identified.joints, self.package.joints, strict=True
+        ):
             yield _label(stroke), ours.requirement, theirs.requirement
 
 
 def payloads(inputs: Inputs) -> tuple[Payload, ...]:
     """Both motorisation runs with both sets of friction."""
     return tuple(
-        Payload(run, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION)) for run in inputs.motorisations.values()
+        Payload(run, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION))
+        for run in inputs.motorisations.values()
     )
 
 

@@ -130,12 +130,16 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
     _check(problem)
     eye = load_problem(problems / "eye_approach.yaml").eye
     if eye is None:
-        raise ProblemError("missing: the eye of §IV-A", file=problems / "eye_approach.yaml", key="eye")
+        raise ProblemError(
+            "missing: the eye of §IV-A", file=problems / "eye_approach.yaml", key="eye"
+        )
     return Inputs(
         problems,
         problem,
         eye=eye,
-        motorisations={name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names},
+        motorisations={
+            name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names
+        },
         rigs={name: load_drive(problems / "drives" / f"{name}.yaml") for name in RIGS},
         recordings=recordings,
     )
@@ -147,12 +151,18 @@ def _check(problem: Problem) -> None:
     for joint in robot.joints:
         if joint.name in DRIVEN and joint.drive is None:
             raise ProblemError(
-                "missing: Tables II and III need its friction", file=robot.file, key=f"joints.{joint.name}.drive"
+                "missing: Tables II and III need its friction",
+                file=robot.file,
+                key=f"joints.{joint.name}.drive",
             )
     if "tilt" not in robot.ranges:
-        raise ProblemError("missing: the range in which the arm works", file=robot.file, key="limits.tilt")
+        raise ProblemError(
+            "missing: the range in which the arm works", file=robot.file, key="limits.tilt"
+        )
     if not isinstance(problem.start, Task):
-        raise ProblemError("Table III's motion starts from task coordinates", file=problem.file, key="start")
+        raise ProblemError(
+            "Table III's motion starts from task coordinates", file=problem.file, key="start"
+        )
 
 
 _COMMON = {

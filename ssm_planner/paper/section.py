@@ -34,7 +34,12 @@ class Section:
     def text(self) -> str:
         """Markdown that starts with the heading; paragraphs in lines of WIDTH, tables and pictures as they are."""
         blocks = render(self.name, **self.values).rstrip().split("\n\n")
-        return "\n\n".join(block if re.match(r"[|#]|\[!", block) else wrapped(block) for block in blocks) + "\n"
+        return (
+            "\n\n".join(
+                block if re.match(r"[|#]|\[!", block) else wrapped(block) for block in blocks
+            )
+            + "\n"
+        )
 
     @property
     def title(self) -> str:
@@ -53,8 +58,12 @@ def render(name: str, **values: Any) -> str:
 
 def wrapped(paragraph: str) -> str:
     """A paragraph in lines of WIDTH, commands unbroken."""
-    joined = re.sub("`[^`]*`", lambda code: code.group().replace(" ", "\0"), " ".join(paragraph.split()))
-    return textwrap.fill(joined, WIDTH, break_long_words=False, break_on_hyphens=False).replace("\0", " ")
+    joined = re.sub(
+        "`[^`]*`", lambda code: code.group().replace(" ", "\0"), " ".join(paragraph.split())
+    )
+    return textwrap.fill(joined, WIDTH, break_long_words=False, break_on_hyphens=False).replace(
+        "\0", " "
+    )
 
 
 @cache
@@ -68,5 +77,7 @@ def _templates() -> Environment:
         degrees=lambda angle, decimals=3: fixed(math.degrees(angle), decimals) + "°",
         degrees_more=lambda angle, decimals: signed(math.degrees(angle), decimals) + "°",
     )
-    made.globals.update(published=published, DRIVEN=published.DRIVEN, NUMBER=published.NUMBER, RPM=RPM, zip=zip)
+    made.globals.update(
+        published=published, DRIVEN=published.DRIVEN, NUMBER=published.NUMBER, RPM=RPM, zip=zip
+    )
     return made

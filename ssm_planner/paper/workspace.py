@@ -10,13 +10,26 @@ import numpy as np
 
 from ssm_planner.display import minus
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import DesignRegion, design_region, joint_speed_per_tilt_speed, tilt_interval
+from ssm_planner.kinematics.workspace import (
+    DesignRegion,
+    design_region,
+    joint_speed_per_tilt_speed,
+    tilt_interval,
+)
 from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section
 from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.figures.style import COLOURS, LIMIT, SIZE, finish, legend, legend_above, new_figure
+from ssm_planner.reporting.figures.style import (
+    COLOURS,
+    LIMIT,
+    SIZE,
+    finish,
+    legend,
+    legend_above,
+    new_figure,
+)
 from ssm_planner.reporting.figures.workspace import (
     axes_figure,
     design_region_figure,
@@ -66,11 +79,25 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     axes = figure.subplots()
     interval = tilt_interval(mechanism)
     low, high = (math.degrees(end) for end in interval)
-    for sign, grey, label in ((-1.0, "0.72", "reachable at roll 0°"), (1.0, "0.88", "reachable at roll 180°")):
+    for sign, grey, label in (
+        (-1.0, "0.72", "reachable at roll 0°"),
+        (1.0, "0.88", "reachable at roll 180°"),
+    ):
         ends = sorted((sign * low, sign * high))
-        axes.add_patch(Wedge((0.0, 0.0), 1.0, *ends, facecolor=grey, edgecolor="0.3", linewidth=0.8, label=label))
+        axes.add_patch(
+            Wedge(
+                (0.0, 0.0), 1.0, *ends, facecolor=grey, edgecolor="0.3", linewidth=0.8, label=label
+            )
+        )
         inside = sign * (0.28 * interval[0] + 0.72 * interval[1])  # beside the line of home
-        axes.text(0.75 * math.cos(inside), 0.75 * math.sin(inside), "2α", ha="center", va="center", fontsize=SIZE)
+        axes.text(
+            0.75 * math.cos(inside),
+            0.75 * math.sin(inside),
+            "2α",
+            ha="center",
+            va="center",
+            fontsize=SIZE,
+        )
     around = np.linspace(0.0, 2.0 * math.pi, 361)
     axes.plot(np.cos(around), np.sin(around), color="0.8", linewidth=0.8, zorder=0)
     for k, tilt in enumerate(TABLE_I_MEASURED):
@@ -79,7 +106,14 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     for tilt, measured in zip(interval, TABLE_I_MEASURED, strict=True):
         shown = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
         side = "right" if math.cos(tilt) < 0 else "left"
-        axes.text(1.14 * math.cos(tilt), -1.14 * math.sin(tilt), shown, ha=side, va="center", fontsize=SIZE - 1)
+        axes.text(
+            1.14 * math.cos(tilt),
+            -1.14 * math.sin(tilt),
+            shown,
+            ha=side,
+            va="center",
+            fontsize=SIZE - 1,
+        )
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
     axes.text(1.36, 0.0, "ω₁", ha="left", va="center", fontsize=SIZE)
     finish(axes, "", "")
@@ -140,7 +174,9 @@ def design_choice() -> DesignChoice:
     need = (middle - published.REQUIRED_TILT / 2, middle + published.REQUIRED_TILT / 2)
     chosen = Mechanism.from_angles(published.ALPHA, published.BETA)
     low, high = tilt_interval(chosen)
-    rates = np.abs(joint_speed_per_tilt_speed(chosen, np.array([*need, middle]), chosen.home_branch)[:, 1])
+    rates = np.abs(
+        joint_speed_per_tilt_speed(chosen, np.array([*need, middle]), chosen.home_branch)[:, 1]
+    )
     return DesignChoice(
         design_region(*TABLE_I),
         design_region(*need).smallest_alpha,
@@ -162,7 +198,9 @@ def design_section(robot: Robot, eye: Eye) -> Section:
         "beside": math.hypot(across, beside),
     }
     figure = design_region_figure(choice.region, (mechanism.alpha, mechanism.beta), size=(4.6, 4.6))
-    return Section("design", values, {"design": figure, "eye_sections": eye_sections(mechanism, eye)})
+    return Section(
+        "design", values, {"design": figure, "eye_sections": eye_sections(mechanism, eye)}
+    )
 
 
 def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
@@ -176,24 +214,45 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
     about_tilt = mechanism.insertion_sign * pointings(mechanism, tilts, np.zeros(len(sweep))).T
     about_roll = mechanism.insertion_sign * pointings(mechanism, middle, rolls).T
     views = (
-        (0, about_tilt, "tilt", published.REQUIRED_TILT, "section through ω₁, roll 0°", "along ω₁ (mm)"),
+        (
+            0,
+            about_tilt,
+            "tilt",
+            published.REQUIRED_TILT,
+            "section through ω₁, roll 0°",
+            "along ω₁ (mm)",
+        ),
         (1, about_roll, "roll", published.REQUIRED_ROLL, "seen along ω₁", "across ω₁ (mm)"),
     )
-    for axes, (i, ways, name, extent, title, label) in zip(figure.subplots(1, 2, sharey=True), views, strict=True):
+    for axes, (i, ways, name, extent, title, label) in zip(
+        figure.subplots(1, 2, sharey=True), views, strict=True
+    ):
         centre = _mm(eye.centre, i)
-        axes.add_patch(Circle(centre, 1e3 * eye.radius, fill=False, edgecolor="black", label="retina"))
+        axes.add_patch(
+            Circle(centre, 1e3 * eye.radius, fill=False, edgecolor="black", label="retina")
+        )
         kept = 1e3 * (eye.radius - eye.clearance)
-        axes.add_patch(Circle(centre, kept, fill=False, label="clearance", edgecolor="0.45", linestyle=(0, (4, 2))))
+        axes.add_patch(
+            Circle(
+                centre, kept, fill=False, label="clearance", edgecolor="0.45", linestyle=(0, (4, 2))
+            )
+        )
         if eye.lens is not None:
             widths = _mm(2 * np.sqrt(eye.lens.frame**2 @ eye.lens.semi_axes**2), i)
-            axes.add_patch(Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens"))
+            axes.add_patch(
+                Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens")
+            )
         ends = 1e3 * (ways * _to_retina(eye, ways)[:, None])[:, [i, 2]]
         outline = np.vstack([np.zeros(2), ends])
-        axes.add_patch(Polygon(outline, color=COLOURS[0], alpha=0.25, linewidth=0, label="required range"))
+        axes.add_patch(
+            Polygon(outline, color=COLOURS[0], alpha=0.25, linewidth=0, label="required range")
+        )
         for end in ends[[0, -1]]:
             axes.plot(*zip((0.0, 0.0), end, strict=True), color=COLOURS[0], linewidth=1.0)
         axes.plot([0.0], [0.0], "o", color="black", markersize=4, label="port, RCM")
-        finish(axes, label, "up (mm)" if i == 0 else "", f"{name} {math.degrees(extent):.0f}°, {title}")
+        finish(
+            axes, label, "up (mm)" if i == 0 else "", f"{name} {math.degrees(extent):.0f}°, {title}"
+        )
         axes.set(xlim=(centre[0] - 13.0, centre[0] + 13.0), ylim=(-21.0, 5.0), aspect="equal")
     legend_above(figure, figure.axes[0], 5)
     return figure

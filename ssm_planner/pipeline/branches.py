@@ -21,7 +21,13 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
 from ssm_planner.planning.kept import kept
 from ssm_planner.planning.ocp.refinement import EFFORT
-from ssm_planner.planning.outlook import LONGER, bounded_duration, feasible_phases, geometry_of, least_duration
+from ssm_planner.planning.outlook import (
+    LONGER,
+    bounded_duration,
+    feasible_phases,
+    geometry_of,
+    least_duration,
+)
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
 from ssm_planner.planning.planner import PlannedPhase, PlannerResult, sketched_duration
 from ssm_planner.planning.reason import Reason
@@ -96,7 +102,12 @@ class _Search:
         *,
         any_does: bool,
     ) -> None:
-        self.problem, self.attempt, self.progress, self.any_does = problem, attempt, progress, any_does
+        self.problem, self.attempt, self.progress, self.any_does = (
+            problem,
+            attempt,
+            progress,
+            any_does,
+        )
         self.found = attempt(problem), problem
         self.hint = ""
 
@@ -117,12 +128,20 @@ class _Search:
             tried = 0
             for bound, other in _others(self.settled, phases, (entry, place), self.best):
                 longest = _duration(self.best) * (1 - SHORTER)
-                enough = tried >= RESCUES if self.best[2] is not None else EFFORT.beyond(begin, SEARCH)
+                enough = (
+                    tried >= RESCUES if self.best[2] is not None else EFFORT.beyond(begin, SEARCH)
+                )
                 if bound >= longest or enough:
                     break
                 tried += 1
-                known = f", {_duration(self.best):.4f} s so far{self.hint}" if self.best[2] is None else ""
-                self.progress(f"other joints for {problem.motion[entry].name}, attempt {tried}{known}")
+                known = (
+                    f", {_duration(self.best):.4f} s so far{self.hint}"
+                    if self.best[2] is None
+                    else ""
+                )
+                self.progress(
+                    f"other joints for {problem.motion[entry].name}, attempt {tried}{known}"
+                )
                 if _sketched(other, longest) >= longest:
                     continue
                 found = attempt(other)
@@ -130,7 +149,11 @@ class _Search:
                     self.found = found, other
                     if self.any_does:
                         return
-            if self.best[2] is None and _frees_spin(problem, entry, place) and not EFFORT.beyond(begin, SEARCH):
+            if (
+                self.best[2] is None
+                and _frees_spin(problem, entry, place)
+                and not EFFORT.beyond(begin, SEARCH)
+            ):
                 self.found = _with_best_spin(self.settled, entry, self.best, attempt)
             if self.settled.motion[entry] is not problem.motion[entry]:
                 phases = _phases(self.settled)
@@ -163,7 +186,11 @@ def _phases(problem: Problem) -> tuple[Phase, ...]:
     """As they are planned, or from the first start configuration where nothing can be planned."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phases, reason = feasible_phases(problem, mechanism)
-    return phases if reason is None else phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+    return (
+        phases
+        if reason is None
+        else phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+    )
 
 
 def _others(
@@ -190,11 +217,16 @@ def _others(
         own = replace(phase, points=np.stack([phase.q_start, q]))
         if stops and least_duration(problem, mechanism, own) >= _duration(best):
             continue
-        way = kept((place, q.tobytes(), *known), partial(_Way.to, problem, mechanism, phases[0].q_start, at=at, q=q))
+        way = kept(
+            (place, q.tobytes(), *known),
+            partial(_Way.to, problem, mechanism, phases[0].q_start, at=at, q=q),
+        )
         bound = way.bound(best[0].phases)
         in_time = problem.duration is None or bound <= problem.duration * (1 + LONGER)
         if in_time and bound < _duration(best):
-            found.append((max(bound, problem.duration or 0.0), unchecked(problem, motion=way.motion), q))
+            found.append(
+                (max(bound, problem.duration or 0.0), unchecked(problem, motion=way.motion), q)
+            )
     found.sort(key=lambda each: each[0])
     if best[2] is None or _frees_spin(problem, entry, place):
         return [(bound, other) for bound, other, _ in found]
@@ -222,12 +254,18 @@ def _spins(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> tu
     if ends[1] - ends[0] < 2 * np.pi:
         low, high = max(low, q[2] + ends[0] - spin), min(high, q[2] + ends[1] - spin)
     stop = first + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
-    values = np.append([q[2], first, stop], np.linspace(max(low, first - np.pi), min(high, first + np.pi), SPINS))
+    values = np.append(
+        [q[2], first, stop], np.linspace(max(low, first - np.pi), min(high, first + np.pi), SPINS)
+    )
     turned = np.tile(q, (len(values), 1))
     turned[:, 2] = np.clip(values, low, high)
     tasks = task_from_joints(mechanism, turned, near=phase.start)
     bounds = [
-        least_duration(problem, mechanism, replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task))
+        least_duration(
+            problem,
+            mechanism,
+            replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task),
+        )
         for joints, task in zip(turned, tasks, strict=True)
     ]
     return turned, np.array(bounds)
@@ -252,7 +290,9 @@ def _with_best_spin(
     phase = next(each for each in phases if each.motion is problem.motion[entry])
     q, motion = phase.points[-1], phase.motion
     assert isinstance(motion, Free)
-    planned = (each.duration for each in best[0].phases if np.array_equal(each.phase.points, phase.points))
+    planned = (
+        each.duration for each in best[0].phases if np.array_equal(each.phase.points, phase.points)
+    )
     longest = next(planned, np.inf)
     turned, bounds = _spins(problem, mechanism, phase, q)
     if motion.duration is not None or not bounds.min() < longest * (1 - LEAST_GAIN):
@@ -266,7 +306,9 @@ def _with_best_spin(
         for value in centre + offsets:
             if not room.min() <= value <= room.max() or EFFORT.beyond(begin, SEARCH):
                 continue
-            other = _with_target(problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]]))
+            other = _with_target(
+                problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]])
+            )
             longest = _duration(best) * (1 - SHORTER)
             expected = _sketched(other, (1 + FLAT) * longest)
             flat |= abs(expected - before) < FLAT * before
@@ -292,7 +334,9 @@ class _Way:
     """What they take at least, s, infinite where that is more than was asked for."""
 
     @classmethod
-    def to(cls, problem: Problem, mechanism: Mechanism, start: Array, *, at: tuple[int, int], q: Array) -> _Way:
+    def to(
+        cls, problem: Problem, mechanism: Mechanism, start: Array, *, at: tuple[int, int], q: Array
+    ) -> _Way:
         """From joints `start` (4,) on, with q (4,) as a target; at: of which entry, and which of its targets."""
         other = _with_target(problem, *at, q)
         try:
@@ -304,13 +348,20 @@ class _Way:
             return cls(other.motion)
         if reason is not None:
             return cls(other.motion)
-        return cls(other.motion, phases, tuple(bounded_duration(problem, mechanism, each) for each in phases))
+        return cls(
+            other.motion,
+            phases,
+            tuple(bounded_duration(problem, mechanism, each) for each in phases),
+        )
 
     def bound(self, planned: tuple[PlannedPhase, ...]) -> float:
         """Of the duration, s: where a phase has been planned already, what it takes; infinite where there is no motion."""
         if not self.phases:
             return np.inf
-        return sum(_planned(each, planned, least) for each, least in zip(self.phases, self.least, strict=True))
+        return sum(
+            _planned(each, planned, least)
+            for each, least in zip(self.phases, self.least, strict=True)
+        )
 
 
 def _planned(phase: Phase, planned: tuple[PlannedPhase, ...], otherwise: float) -> float:
@@ -333,5 +384,9 @@ def _with_target(problem: Problem, entry: int, place: int, q: Array) -> Problem:
     targets = [*motion.through, motion.to]
     targets[place] = Joints((a, b, c, d), targets[place].line)
     spin_free = motion.spin_free and place < len(motion.through)
-    changed: Motion = unchecked(motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free)
-    return unchecked(problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :]))
+    changed: Motion = unchecked(
+        motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free
+    )
+    return unchecked(
+        problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :])
+    )

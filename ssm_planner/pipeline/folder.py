@@ -36,7 +36,9 @@ def write_folder(
         paths = {
             "plan": plan.write(temporary / FILE),
             "report": write_report(plan, temporary / "report.html"),
-            "trajectory": write_csv(temporary / "trajectory.csv", plan.trajectory, plan.robot, rate),
+            "trajectory": write_csv(
+                temporary / "trajectory.csv", plan.trajectory, plan.robot, rate
+            ),
             **write_figures(plan, temporary, drawer),
         }
     return {name: folder / path.name for name, path in paths.items()}

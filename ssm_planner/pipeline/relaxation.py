@@ -107,7 +107,11 @@ class LessRate(Relaxation):
 
     def problem(self, value: float) -> Problem:
         less = {name: value * rate for name, rate in self.rates.items()}
-        return replace(self.base, start_rate=less) if self.end == "start_rate" else replace(self.base, end_rate=less)
+        return (
+            replace(self.base, start_rate=less)
+            if self.end == "start_rate"
+            else replace(self.base, end_rate=less)
+        )
 
     def described(self, value: float) -> str:
         return f"{self.end} of {self._text(value)} instead of {self._text(1.0)}"
@@ -246,7 +250,9 @@ def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]
         return Cure(relaxation, value, attempt(relaxation.problem(value)))
 
     limit = relaxation.limit
-    growths = [each for each in GROWTH if limit.relaxed(relaxation.value(each * (1 + BARELY))) is not None]
+    growths = [
+        each for each in GROWTH if limit.relaxed(relaxation.value(each * (1 + BARELY))) is not None
+    ]
     if not growths:
         return None
     short = 0.0
@@ -259,7 +265,10 @@ def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]
 
 
 def _sharpened(
-    cure: Callable[[float], Cure], found: Cure, between: tuple[float, float], patient: Callable[[], bool]
+    cure: Callable[[float], Cure],
+    found: Cure,
+    between: tuple[float, float],
+    patient: Callable[[], bool],
 ) -> Cure:
     """A cure so small that SHARP of its relaxation does not work.
 
@@ -307,7 +316,11 @@ def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cur
 
 
 def _others(
-    problem: Problem, reason: Reason, duration: float | None, attempt: Attempt, patient: Callable[[], bool]
+    problem: Problem,
+    reason: Reason,
+    duration: float | None,
+    attempt: Attempt,
+    patient: Callable[[], bool],
 ) -> Iterator[Cure]:
     """Cures that move no limit: of each kind the first of its values that gives a motion."""
 

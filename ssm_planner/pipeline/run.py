@@ -104,7 +104,9 @@ def _plan(
     if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if planned.trajectory is None else planned.trajectory.duration
-        cure = search(problem, reason, _duration_or_reason, duration, feasible=_any_duration_or_reason)
+        cure = search(
+            problem, reason, _duration_or_reason, duration, feasible=_any_duration_or_reason
+        )
         if cure is not None:
             reason = replace(reason, relaxation=cure.text)
             if cure.works:
@@ -155,16 +157,24 @@ class Replanner:
         first = self.problem.start if start is None else _merged(self.problem.start, start)
         motion = self.problem.motion if target is None else self._to(target)
         begins = self.problem.start_rate if rates is None else rates
-        return plan(quickly(replace(self.problem, start=first, start_rate=begins, motion=motion)), relaxations=False)
+        return plan(
+            quickly(replace(self.problem, start=first, start_rate=begins, motion=motion)),
+            relaxations=False,
+        )
 
     def plan_from(self, motion: Plan | Trajectory, at: float, target: Point | None = None) -> Plan:
         """Plan on from an instant of a motion, s, as fast as the robot then moves; otherwise as `plan`."""
-        there = begun_at(replace(self.problem, motion=self._to(target)) if target else self.problem, motion, at)
+        there = begun_at(
+            replace(self.problem, motion=self._to(target)) if target else self.problem, motion, at
+        )
         return plan(quickly(there), relaxations=False)
 
     def _to(self, target: Point) -> tuple[Motion, ...]:
         motions = list(self.problem.motion)
-        last = next((k for k in reversed(range(len(motions))) if isinstance(motions[k], (Straight, Free))), None)
+        last = next(
+            (k for k in reversed(range(len(motions))) if isinstance(motions[k], (Straight, Free))),
+            None,
+        )
         entry = None if last is None else motions[last]
         if last is None or not isinstance(entry, (Straight, Free)):
             raise ProblemError("no motion of this problem has a target", key="target", value=target)
@@ -174,7 +184,9 @@ class Replanner:
             motions[last] = unchecked(entry, **target.given)
         else:
             reason = "a straight motion is one of task coordinates"
-            raise ProblemError(reason, key="target", value=target, allowed="roll, tilt, spin, depth")
+            raise ProblemError(
+                reason, key="target", value=target, allowed="roll, tilt, spin, depth"
+            )
         return tuple(motions)
 
 
@@ -187,10 +199,14 @@ def begun_at(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     motion = motion.motion if isinstance(motion, Plan) else motion
     if not 0 <= at <= motion.duration:
         allowed = f"0 s to {motion.duration:.6g} s"
-        raise ProblemError("not an instant of this motion", key="at", value=f"{at:g} s", allowed=allowed)
+        raise ProblemError(
+            "not an instant of this motion", key="at", value=f"{at:g} s", allowed=allowed
+        )
     state = motion.sample(motion.breaks[0] + at)
     robot = problem.robot
-    fastest, strongest = np.array([(joint.velocity, joint.acceleration) for joint in robot.joints]).T
+    fastest, strongest = np.array(
+        [(joint.velocity, joint.acceleration) for joint in robot.joints]
+    ).T
     q, qd = state.q[0], state.qd[0]
     qd = np.where(np.abs(qd) > JUMP * fastest, qd, 0.0)  # below it is no step to the check
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
@@ -198,11 +214,17 @@ def begun_at(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     if qd.any() and not isinstance(entries[0], Free):
         stop = q + ROOM * qd * np.abs(qd) / (2 * strongest)
         entries = (Free(Joints(_four(stop)), name="stop"), *entries)
-    start_rate = {name: float(rate) for name, rate in zip(TASK, rates, strict=True) if abs(rate) > ROUNDING * most}
+    start_rate = {
+        name: float(rate)
+        for name, rate in zip(TASK, rates, strict=True)
+        if abs(rate) > ROUNDING * most
+    }
     jerk = any(joint.jerk is not None for joint in robot.joints)
     pulls = _four(state.qdd[0]) if jerk and qd.any() else (0.0, 0.0, 0.0, 0.0)
     start = Joints(_four(q))
-    return replace(problem, start=start, start_rate=start_rate, start_acceleration=pulls, motion=entries)
+    return replace(
+        problem, start=start, start_rate=start_rate, start_acceleration=pulls, motion=entries
+    )
 
 
 def _four(values: Array) -> tuple[float, float, float, float]:
@@ -229,12 +251,20 @@ def _nominal(problem: Problem, progress: Progress) -> float | None:
 def _summaries(problem: Problem, planned: PlannerResult) -> tuple[PhaseSummary, ...]:
     """Of the phases, with how they keep what is promised of their paths."""
     kept: dict[Span, WayKept] = {}
-    told = any(getattr(each, "blend", None) or getattr(each, "constant_speed", None) for each in problem.motion)
+    told = any(
+        getattr(each, "blend", None) or getattr(each, "constant_speed", None)
+        for each in problem.motion
+    )
     if planned.trajectory is not None and told:
         mechanism = Mechanism.from_geometry(problem.robot.geometry)
-        kept = {each.way.span: each for each in promises_kept(planned.trajectory, mechanism, problem.task_limits)}
+        kept = {
+            each.way.span: each
+            for each in promises_kept(planned.trajectory, mechanism, problem.task_limits)
+        }
     spans = () if planned.trajectory is None else planned.trajectory.phases
-    return tuple(_summary(each, kept.get(span)) for each, span in zip_longest(planned.phases, spans))
+    return tuple(
+        _summary(each, kept.get(span)) for each, span in zip_longest(planned.phases, spans)
+    )
 
 
 def _summary(planned: PlannedPhase, kept: WayKept | None) -> PhaseSummary:
@@ -311,11 +341,17 @@ def _tightened(
         found(planned.trajectory)
         progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
         certificate = check(planned.trajectory, problem.robot, problem.task_limits, seal=True)
-        outcome = planned, certificate, None if certificate.passed else _exceeded(problem, certificate)
+        outcome = (
+            planned,
+            certificate,
+            None if certificate.passed else _exceeded(problem, certificate),
+        )
         if not certificate.passed and any(phase.paced for phase in planned.phases):
             paced = False
             continue
-        stricter = None if certificate.passed or attempt == ATTEMPTS else tightened(strict, certificate)
+        stricter = (
+            None if certificate.passed or attempt == ATTEMPTS else tightened(strict, certificate)
+        )
         if stricter is None:
             break
         strict = stricter
@@ -331,7 +367,9 @@ def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
     """
     strict = problem
     for found in certificate.violations:
-        limit = next((each for each in strict.all_limits if each.key == (found.name, found.joint)), None)
+        limit = next(
+            (each for each in strict.all_limits if each.key == (found.name, found.joint)), None
+        )
         stricter = None if limit is None else limit.tightened(found.worst, found.limit)
         if stricter is not None:
             try:
@@ -375,7 +413,9 @@ class _Cooling:
         self.hot |= set(excess)
         low, over = 0.0, max(excess.values())
         last = self.first
-        timed = self.problem.duration is not None or all(entry.duration is not None for entry in self.problem.motion)
+        timed = self.problem.duration is not None or all(
+            entry.duration is not None for entry in self.problem.motion
+        )
         for multiplier in MULTIPLIERS[:1] if timed else MULTIPLIERS:
             outcome = self._with(multiplier)
             if outcome[2] is None:
@@ -392,7 +432,9 @@ class _Cooling:
 
     def _with(self, multiplier: float) -> Outcome:
         weight = multiplier / (1 - multiplier)
-        cooling = np.array([weight if joint.name in self.hot else 0.0 for joint in self.problem.robot.joints])
+        cooling = np.array(
+            [weight if joint.name in self.hot else 0.0 for joint in self.problem.robot.joints]
+        )
         if self.problem.planner == "optimal":
             quick = _tightened(quickly(self.problem), _ignore, _ignore, cooling)
             if max(_excess(quick).values(), default=0.0) > CERTAIN:
@@ -419,13 +461,19 @@ class _Cooling:
     def _reserve(self, outcome: Outcome) -> float:
         """1 − (RMS/limit)² of the hottest of the motors."""
         limits = () if outcome[1] is None else outcome[1].limits
-        mine = (each for each in limits if each.name == ContinuousTorque.name and each.joint in self.hot)
+        mine = (
+            each for each in limits if each.name == ContinuousTorque.name and each.joint in self.hot
+        )
         return 1 - max(((each.worst / each.limit) ** 2 for each in mine), default=0.0)
 
     def _resting(self, outcome: Outcome) -> Outcome | None:
         """The same motion, slower where the hot motors stand, so that they cool by the end; None where they never do."""
         planned, excess, problem = outcome[0], _excess(outcome), self.problem
-        if problem.duration is not None or len(planned.phases) != len(problem.motion) or planned.trajectory is None:
+        if (
+            problem.duration is not None
+            or len(planned.phases) != len(problem.motion)
+            or planned.trajectory is None
+        ):
             return None
         hot = [i for i, joint in enumerate(problem.robot.joints) if joint.name in self.hot]
         standing = [
@@ -434,10 +482,16 @@ class _Cooling:
             and not phase.motion.coefficients[:, 1:, hot].any()
             for entry, phase in zip(problem.motion, planned.phases, strict=True)
         ]
-        least = sum(phase.duration for phase, stands in zip(planned.phases, standing, strict=True) if stands)
+        least = sum(
+            phase.duration for phase, stands in zip(planned.phases, standing, strict=True) if stands
+        )
         if not least:
             return None
-        more = max(excess.values()) * (1 + BARELY) * (planned.trajectory.duration + (problem.duty or 0.0))
+        more = (
+            max(excess.values())
+            * (1 + BARELY)
+            * (planned.trajectory.duration + (problem.duty or 0.0))
+        )
         durations = [
             phase.duration * (1 + more / least) if stands and phase.duration else None
             for phase, stands in zip(planned.phases, standing, strict=True)
@@ -448,13 +502,18 @@ class _Cooling:
             return None
         # the durations are ours, so bounds and cross-checks are those of the fastest motion
         phases = tuple(
-            replace(new, lower_bound=old.lower_bound) for new, old in zip(found[0].phases, planned.phases, strict=True)
+            replace(new, lower_bound=old.lower_bound)
+            for new, old in zip(found[0].phases, planned.phases, strict=True)
         )
         return replace(found[0], phases=phases), found[1], None
 
 
 def _lasting(entry: Motion, duration: float | None) -> Motion:
-    return entry if duration is None or isinstance(entry, (Follow, Scan)) else replace(entry, duration=duration)
+    return (
+        entry
+        if duration is None or isinstance(entry, (Follow, Scan))
+        else replace(entry, duration=duration)
+    )
 
 
 def _ignore(_: object) -> None:
@@ -467,14 +526,20 @@ def _duration_or_reason(problem: Problem) -> float | Reason:
 
 def _any_duration_or_reason(problem: Problem) -> float | Reason:
     """Of a motion, or the reason why there is none, with no effort to make it fast or cool."""
-    timed = problem.duration is not None or any(entry.duration is not None for entry in problem.motion)
+    timed = problem.duration is not None or any(
+        entry.duration is not None for entry in problem.motion
+    )
     if problem.objective == "time then heat":
         problem = unchecked(problem, objective="time")
     # where joints turn back a motion may be short enough
-    return _tried(quickly(problem), partial(_attempt, progress=_ignore, found=_ignore, turning=timed), "any")
+    return _tried(
+        quickly(problem), partial(_attempt, progress=_ignore, found=_ignore, turning=timed), "any"
+    )
 
 
-def _tried(problem: Problem, attempt: Callable[[Problem], Outcome], enough: Enough) -> float | Reason:
+def _tried(
+    problem: Problem, attempt: Callable[[Problem], Outcome], enough: Enough
+) -> float | Reason:
     (planned, _, reason), _, _ = on_any_branch(problem, attempt, enough=enough)
     if reason is not None or planned.trajectory is None:
         return reason or Reason(None, None, None, None, "no motion found")
@@ -508,7 +573,9 @@ def plan_to_folder(
 def _exceeded(problem: Problem, certificate: Certificate) -> Reason:
     """The worst violation that the check found and tightening did not cure."""
     worst = certificate.worst
-    limit: Limit | None = next((own for own in problem.all_limits if own.key == (worst.name, worst.joint)), None)
+    limit: Limit | None = next(
+        (own for own in problem.all_limits if own.key == (worst.name, worst.joint)), None
+    )
     if worst.name in JUMPS and worst.joint is not None:
         limit = Jump(worst.joint, worst.limit, derivative=JUMPS.index(worst.name))
     joint = "" if worst.joint is None else f" of joint {worst.joint}"

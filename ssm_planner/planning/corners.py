@@ -50,7 +50,8 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     def with_drives(k: int) -> tuple[Robot, ...]:
         pairs = zip(robot.joints, drives, strict=True)
         joints = tuple(
-            unchecked(joint, drive=each[min(k, len(each) - 2)] if k >= 0 else each[-1]) for joint, each in pairs
+            unchecked(joint, drive=each[min(k, len(each) - 2)] if k >= 0 else each[-1])
+            for joint, each in pairs
         )
         return tuple(unchecked(each, joints=joints) for each in loaded)
 
@@ -68,13 +69,19 @@ def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
 
 
 @lru_cache(maxsize=64)
-def bounding_drives(drive: Drive, share: float, *, speed: float, torque: float) -> tuple[Drive, ...]:
+def bounding_drives(
+    drive: Drive, share: float, *, speed: float, torque: float
+) -> tuple[Drive, ...]:
     """Drives that together take at least the motor torque of every set within the share, and a last one that takes least.
 
     speed (rad/s) and torque (N·m): of the motor, the largest.
     """
     sets = spread_of(drive).within(share)
-    bare = unchecked(drive, friction=unchecked(friction_of(drive), posterior=None, covariance=None), friction_ranges={})
+    bare = unchecked(
+        drive,
+        friction=unchecked(friction_of(drive), posterior=None, covariance=None),
+        friction_ranges={},
+    )
     needed = np.minimum(_torques(bare, sets, speed, torque), BEYOND * torque)
     envelope, reached = needed.max(axis=0), np.full(needed.shape[1], -np.inf)
     chosen: list[int] = []
@@ -82,7 +89,10 @@ def bounding_drives(drive: Drive, share: float, *, speed: float, torque: float) 
         chosen.append(int(np.argmax(needed[:, int(np.argmax(envelope - reached))])))
         reached = np.maximum(reached, needed[chosen[-1]])
     beyond = 1.15 * float(np.max(envelope - reached))
-    found = [_raised(bare, {name: float(column[k]) for name, column in sets.items()}, beyond) for k in chosen]
+    found = [
+        _raised(bare, {name: float(column[k]) for name, column in sets.items()}, beyond)
+        for k in chosen
+    ]
     least = {name: float(column.min()) for name, column in sets.items()}
     if LAW in least:
         least[LAW] = float(LAWS.index("coulomb"))
@@ -98,9 +108,16 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
     """σ τ of every set (rows) at a grid of motor speeds, efforts and directions, moving and breaking away."""
     up, _ = mesh_coefficients(drive, sets.get("mu", np.array([friction_of(drive).mu])))
     at = {*(speed * SPEEDS).tolist()}
-    at |= {factor * value for value in np.unique(sets.get("stribeck_speed", []))[::100] for factor in (0.3, 1.0, 2.0)}
+    at |= {
+        factor * value
+        for value in np.unique(sets.get("stribeck_speed", []))[::100]
+        for factor in (0.3, 1.0, 2.0)
+    }
     w, effort, way, start = (
-        grid.ravel() for grid in np.meshgrid(sorted(at), torque / float(np.min(up)) * EFFORTS, [-1.0, 1.0], [0.0, 1.0])
+        grid.ravel()
+        for grid in np.meshgrid(
+            sorted(at), torque / float(np.min(up)) * EFFORTS, [-1.0, 1.0], [0.0, 1.0]
+        )
     )
     keep = (start == 0.0) | (w == 0.0)
     w, effort, way, start = w[keep], effort[keep], way[keep], start[keep]

@@ -38,7 +38,9 @@ OVER_RETINA = 1e-7
 """m within which the tip is at its distance from the retina."""
 
 
-def points_of_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> tuple[Array, int]:
+def points_of_curve(
+    problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array
+) -> tuple[Array, int]:
     """Points (n, 4) of a spline or table from where the robot is, task (4,) and q (4,) on; and how many of them lead to it.
 
     None do, but one to a table that begins elsewhere. Raises ProblemError for what is out of reach.
@@ -67,11 +69,16 @@ def _joints(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array,
                 raise _unreached(problem, motion, tips[missed], len(rows) - 1 + missed)
         else:
             tasks = _filled(problem, mechanism, motion, points, task, first=len(rows) - 1)
-            found = np.stack(joints_of_task(NUMPY, mechanism, tasks.T, int(mechanism.branch_of(rows[-1]))), axis=1)
+            found = np.stack(
+                joints_of_task(NUMPY, mechanism, tasks.T, int(mechanism.branch_of(rows[-1]))),
+                axis=1,
+            )
             turns = np.round((rows[-1] - found[0]) / (2 * np.pi))
             found = (found + 2 * np.pi * turns * (1, 1, 1, 0))[1:]
         rows = np.vstack([rows, found])
-        task = task_from_joints(mechanism, found[-1:], near=task if kind is not Task else tasks[-1])[0]
+        task = task_from_joints(
+            mechanism, found[-1:], near=task if kind is not Task else tasks[-1]
+        )[0]
     return rows
 
 
@@ -87,17 +94,28 @@ def _unreached(problem: Problem, motion: Follow, tip: Tip, k: int) -> ProblemErr
     value = ", ".join(f"{1e3 * x:.4g} mm" for x in tip.position)
     reason = "the mechanism cannot bring the tip there"
     return ProblemError(
-        reason, file=motion.file or problem.file, line=tip.line, key=_key(motion, k, "tip"), value=value
+        reason,
+        file=motion.file or problem.file,
+        line=tip.line,
+        key=_key(motion, k, "tip"),
+        value=value,
     )
 
 
 def without_repeats(points: Array) -> Array:
     """Of points (n, 4) those that differ from the one before; the first at any rate."""
-    return np.asarray(points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)])
+    return np.asarray(
+        points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)]
+    )
 
 
 def _filled(
-    problem: Problem, mechanism: Mechanism, motion: Follow, points: Sequence[Point], task: Array, first: int = 0
+    problem: Problem,
+    mechanism: Mechanism,
+    motion: Follow,
+    points: Sequence[Point],
+    task: Array,
+    first: int = 0,
 ) -> Array:
     """Task coordinates from where the robot is on, (n + 1, 4); what is left out is kept. first: place of the first point."""
     rows = [task]
@@ -105,12 +123,19 @@ def _filled(
         assert isinstance(point, Task)
         rows.append(np.array([point.given.get(name, rows[-1][k]) for k, name in enumerate(TASK)]))
         refuse_tilt(
-            problem, mechanism, float(rows[-1][1]), line=point.line, key=_key(motion, k, "tilt"), file=motion.file
+            problem,
+            mechanism,
+            float(rows[-1][1]),
+            line=point.line,
+            key=_key(motion, k, "tilt"),
+            file=motion.file,
         )
     return np.array(rows)
 
 
-def _of_tips(mechanism: Mechanism, tips: Array, spins: ArrayLike, before: Array) -> tuple[Array, Flags]:
+def _of_tips(
+    mechanism: Mechanism, tips: Array, spins: ArrayLike, before: Array
+) -> tuple[Array, Flags]:
     """Joints (n, 4) that bring the tip there (n, 3) from beyond the remote centre, on the branch of the joints before (4,)
     and without jumps from these on; and which of them do (n,)."""
     found = inverse_tip(mechanism, tips, spins)
@@ -120,7 +145,9 @@ def _of_tips(mechanism: Mechanism, tips: Array, spins: ArrayLike, before: Array)
     return np.column_stack([turned, joints[:, 3]]), found.reaches[:, column]
 
 
-def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> TipPath | Array:
+def tip_curve(
+    problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array
+) -> TipPath | Array:
     """The joints along a line or an arc of the tip from where the robot is, task (4,) and q (4,) on, spin in proportion.
 
     Where it goes nowhere q itself; radially from or to the remote centre its end, (4,). Raises ProblemError.
@@ -129,12 +156,24 @@ def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Arra
         given = _joints(problem, mechanism, motion, task, q)
         tips, spins = tip_position(mechanism, given), [float(task[2])]
         for row in given[1:]:
-            spins.append(float(task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[0, 2]))
+            spins.append(
+                float(
+                    task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[
+                        0, 2
+                    ]
+                )
+            )
     else:
         (end,) = _filled(problem, mechanism, motion, [motion.to], task)[1:]
-        tips = np.vstack([tip_position(mechanism, q[None]), _over_retina(problem, mechanism, motion, end)])
+        tips = np.vstack(
+            [tip_position(mechanism, q[None]), _over_retina(problem, mechanism, motion, end)]
+        )
         given, spins = np.vstack([q, q]), [float(task[2]), float(end[2])]
-    if np.abs(given - q).max() < NOWHERE and np.abs(tips - tips[0]).max() < NOWHERE and np.ptp(spins) < NOWHERE:
+    if (
+        np.abs(given - q).max() < NOWHERE
+        and np.abs(tips - tips[0]).max() < NOWHERE
+        and np.ptp(spins) < NOWHERE
+    ):
         return q
     found = _arc(tips) if motion.curve == "arc" else _line(tips)
     if motion.curve == "retina" and problem.eye is not None:
@@ -156,7 +195,9 @@ def tip_curve(problem: Problem, mechanism: Mechanism, motion: Follow, task: Arra
                 allowed=keeps,
             )
         branch, driven = int(mechanism.branch_of(q)), driven_joints(problem)
-        path = TipPath(mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven)
+        path = TipPath(
+            mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven
+        )
         at = path.tips(np.linspace(0.0, 1.0, LOOKS))
         nearest = np.linalg.norm(at, axis=1).min()
         keeps = "a curve within the workspace, away from the remote centre"
@@ -176,7 +217,9 @@ def _over_retina(problem: Problem, mechanism: Mechanism, motion: Follow, task: A
     return tips_over_retina(problem, motion, axis, motion.distance or 0.0)
 
 
-def at_distance(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array) -> Array:
+def at_distance(
+    problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array
+) -> Array:
     """The joints q (4,), of task coordinates (4,), with the tool as deep as a distance from the retina asks."""
     tip = tip_position(mechanism, q[None])
     wanted = _over_retina(problem, mechanism, motion, task)

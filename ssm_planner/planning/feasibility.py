@@ -58,11 +58,15 @@ AT_POINTS = 1e-6
 """rad or m by which a task coordinate that follows from joints may miss its range; the check of the motion is finer."""
 
 
-def infeasible_place(problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]) -> Reason | None:
+def infeasible_place(
+    problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]
+) -> Reason | None:
     """The first place that a limit forbids: range of a joint or of a task coordinate, the retina's clearance or the lens."""
     for phase in phases:
         q = _joints(phase)
-        reason = _beyond_range(problem, mechanism, phase, q) or _past_boundary(problem, mechanism, phase)
+        reason = _beyond_range(problem, mechanism, phase, q) or _past_boundary(
+            problem, mechanism, phase
+        )
         reason = reason or blocked_by_eye(problem, mechanism, phase, q)
         if reason is not None:
             return reason
@@ -92,19 +96,30 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
     def ranges() -> Iterator[tuple[Limit, str, Array, float]]:
         for i, joint in enumerate(problem.robot.joints):
             tolerance = TOLERANCE * (joint.position[1] - joint.position[0])
-            yield joint.limit(JointPosition), f"joint {joint.name} would have to reach", q[:, i], tolerance
+            yield (
+                joint.limit(JointPosition),
+                f"joint {joint.name} would have to reach",
+                q[:, i],
+                tolerance,
+            )
         wrapped, continuous = task_from_joints(mechanism, q), _continuous(mechanism, phase, q)
         for limit in problem.limits:
             if isinstance(limit, TaskRange):
                 name = limit.coordinate
-                task = wrapped if limit.high - limit.low >= 2 * np.pi else continuous  # out of all else a turn leads
+                task = (
+                    wrapped if limit.high - limit.low >= 2 * np.pi else continuous
+                )  # out of all else a turn leads
                 yield limit, f"{name} would have to be", task[:, TASK.index(name)], AT_POINTS
 
     for limit, words, values, tolerance in ranges():
         over = np.maximum(limit.low - values, values - limit.high)
         k = int(np.argmax(over))
         if over[k] > tolerance:
-            value, bound, where = float(values[k]), limit.bound(float(values[k])), _where(phase, k, len(values))
+            value, bound, where = (
+                float(values[k]),
+                limit.bound(float(values[k])),
+                _where(phase, k, len(values)),
+            )
             unit, scale = shown(limit.unit)
             text = f"{words} {value * scale:.6g} {unit}, its range ends at {bound * scale:.6g} {unit} ({where})"
             return Reason(limit, where, value, bound, text)
@@ -114,7 +129,9 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
 def _continuous(mechanism: Mechanism, phase: Phase, q: Array) -> Array:
     """Task coordinates (n, 4) of the joints along a phase, from its start on without wrapping: a whole turn is one."""
     task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
-    return np.asarray(task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0))
+    return np.asarray(
+        task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0)
+    )
 
 
 def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
@@ -123,13 +140,17 @@ def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reas
     Tilt follows joint 2 alone, and its extremes are where the branches of the inverse kinematics meet, at δ + k π: between
     two points that lie on either side of one, every motion passes it.
     """
-    limit = next((each for each in problem.limits if each.key == (TaskRange.name_of("tilt"), None)), None)
+    limit = next(
+        (each for each in problem.limits if each.key == (TaskRange.name_of("tilt"), None)), None
+    )
     if phase.path is not None or limit is None:
         return None
     name, (unit, scale) = problem.robot.joints[1].name, shown("rad")
     for k, (first, last) in enumerate(pairwise(phase.points)):
         low, high = sorted((float(first[1]), float(last[1])))
-        turns = np.arange(np.ceil((low - mechanism.delta) / np.pi), (high - mechanism.delta) / np.pi)
+        turns = np.arange(
+            np.ceil((low - mechanism.delta) / np.pi), (high - mechanism.delta) / np.pi
+        )
         if not len(turns):
             continue
         there = np.tile(first, (len(turns), 1))
@@ -160,13 +181,9 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
             continue
         where = _where(phase, k, len(q))
         if isinstance(each, RetinaClearance):
-            text = (
-                f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"
-            )
+            text = f"the tip would come within {1e3 * found:.4g} mm of the retina, the clearance is {1e3 * least:.4g} mm"
         else:
-            text = (
-                f"the shaft would touch the lens: {found:.4g} of its size from its centre, at least {least:.4g} is free"
-            )
+            text = f"the shaft would touch the lens: {found:.4g} of its size from its centre, at least {least:.4g} is free"
         return Reason(each, where, least, found, f"{text} ({where})")
     return None
 
@@ -174,8 +191,14 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
 def nearest_to_eye(problem: Problem, path: JointPath) -> Array:
     """Where a path comes nearest to retina or lens, or goes farthest through them: joints, (4,)."""
     q = path.overview.q
-    values = [] if problem.eye is None else eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, q).T).values()
-    room = np.min([value / least for value, least in values if least > 0] or np.zeros((1, len(q))), axis=0)
+    values = (
+        []
+        if problem.eye is None
+        else eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, q).T).values()
+    )
+    room = np.min(
+        [value / least for value, least in values if least > 0] or np.zeros((1, len(q))), axis=0
+    )
     return np.asarray(q[int(np.argmin(room))])
 
 
@@ -202,7 +225,9 @@ def _grazes_eye(problem: Problem, path: JointPath) -> bool:
     for name in (limit.name for limit in problem.eye.limits):
         s = np.linspace(0.0, 1.0, CLOSE)
         for _ in range(2):
-            values, least = eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, path.sample(s).q).T)[name]
+            values, least = eye_limits(
+                NUMPY, problem.eye, tip_position(path.mechanism, path.sample(s).q).T
+            )[name]
             k = int(np.argmin(values))
             if values[k] < least - TOLERANCE:
                 return True
@@ -218,7 +243,9 @@ def with_boundary_rates(
     Raises ProblemError where a straight motion would leave its line.
     """
     # a motion to where the robot already is takes no time, so the rates are those of its neighbours
-    lasting = [k for k, phase in enumerate(phases) if phase.motion.duration is not None or not phase.stands]
+    lasting = [
+        k for k, phase in enumerate(phases) if phase.motion.duration is not None or not phase.stands
+    ]
     for k, key in ((lasting[0], "start_rate"), (lasting[-1], "end_rate")):
         phase, reason = _with_rate(problem, mechanism, phases[k], key)
         if reason is not None:
@@ -227,11 +254,18 @@ def with_boundary_rates(
             phase = replace(phase, qdd_start=np.array(problem.start_acceleration))
         phases = (*phases[:k], phase, *phases[k + 1 :])
     return phases, next(
-        (reason for phase in phases if (reason := _too_near(problem, mechanism, phase)) is not None), None
+        (
+            reason
+            for phase in phases
+            if (reason := _too_near(problem, mechanism, phase)) is not None
+        ),
+        None,
     )
 
 
-def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -> tuple[Phase, Reason | None]:
+def _with_rate(
+    problem: Problem, mechanism: Mechanism, phase: Phase, key: str
+) -> tuple[Phase, Reason | None]:
     """A phase with q̇ at one end, from the task rates that the problem asks for there; key: start_rate or end_rate."""
     at_start = key == "start_rate"
     asked = problem.start_rate if at_start else problem.end_rate
@@ -239,7 +273,9 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
     if not rate.any():
         return phase, None
     if phase.stands:
-        raise ProblemError("a dwell has no speed", file=problem.file, line=phase.motion.line, key=key)
+        raise ProblemError(
+            "a dwell has no speed", file=problem.file, line=phase.motion.line, key=key
+        )
     if phase.path is not None:
         _refuse_off_line(problem, mechanism, phase, key, rate)
     qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
@@ -248,7 +284,9 @@ def _with_rate(problem: Problem, mechanism: Mechanism, phase: Phase, key: str) -
     return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
 
 
-def _refuse_off_line(problem: Problem, mechanism: Mechanism, phase: Phase, key: str, rate: Array) -> None:
+def _refuse_off_line(
+    problem: Problem, mechanism: Mechanism, phase: Phase, key: str, rate: Array
+) -> None:
     """ProblemError for task rates (4,) that do not point along a path at the end where they are asked for."""
     assert phase.path is not None
     at = phase.path.sample(np.array([0.0 if key == "start_rate" else 1.0]))
@@ -263,7 +301,9 @@ def _refuse_off_line(problem: Problem, mechanism: Mechanism, phase: Phase, key: 
         )
 
 
-def _too_fast(problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd: Array) -> Reason | None:
+def _too_fast(
+    problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd: Array
+) -> Reason | None:
     """A joint faster than its limit; a tip that takes too far to stop."""
     phase, key = end
     place = f"{phase.motion.name}, {key.replace('_', ' ')}"
@@ -276,10 +316,14 @@ def _too_fast(problem: Problem, mechanism: Mechanism, end: tuple[Phase, str], qd
                 f"{scale * limit.largest:.4g} {unit} ({place})"
             )
             return Reason(limit, place, float(abs(qd[i])), limit.largest, text)
-    return _too_far_to_stop(problem, mechanism, phase.points[0 if key == "start_rate" else -1], qd, place)
+    return _too_far_to_stop(
+        problem, mechanism, phase.points[0 if key == "start_rate" else -1], qd, place
+    )
 
 
-def _too_far_to_stop(problem: Problem, mechanism: Mechanism, q: Array, qd: Array, place: str) -> Reason | None:
+def _too_far_to_stop(
+    problem: Problem, mechanism: Mechanism, q: Array, qd: Array, place: str
+) -> Reason | None:
     """Rates from which the tip travels too far until it can stand."""
     limit = problem.stop_travel
     if limit is None:
@@ -312,14 +356,19 @@ def _too_near(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | 
                 f"{scale * abs(last):.4g} {unit}/s: that takes {scale * needed:.4g} {unit}/s², its limit is "
                 f"{scale * joint.acceleration:.4g} {unit}/s² ({phase.motion.name})"
             )
-            return Reason(joint.limit(JointAcceleration), phase.motion.name, needed, joint.acceleration, text)
+            return Reason(
+                joint.limit(JointAcceleration), phase.motion.name, needed, joint.acceleration, text
+            )
     return None
 
 
 def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
     """A joint that leaves its range, or that of tilt or depth, before it can stand, or has to come from beyond it."""
     room = joint_room(problem, mechanism, phase.points)
-    ends = (phase.qd_start, 0, 1.0, "cannot stop before reaching"), (phase.qd_end, -1, -1.0, "would have to come from")
+    ends = (
+        (phase.qd_start, 0, 1.0, "cannot stop before reaching"),
+        (phase.qd_end, -1, -1.0, "would have to come from"),
+    )
     for (qd, side, sign, words), (i, joint) in product(ends, enumerate(problem.robot.joints)):
         there = phase.points[side].copy()
         there[i] += sign * qd[i] * abs(qd[i]) / (2 * joint.acceleration)
@@ -327,9 +376,13 @@ def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason
             continue
         limit: Limit = joint.limit(JointPosition)
         value, name = float(there[i]), f"joint {joint.name}"
-        if limit.low <= value <= limit.high:  # the range of the task coordinate that follows this joint alone
+        if (
+            limit.low <= value <= limit.high
+        ):  # the range of the task coordinate that follows this joint alone
             name = {1: "tilt", 3: "depth"}[i]
-            limit = next(each for each in problem.limits if each.key == (TaskRange.name_of(name), None))
+            limit = next(
+                each for each in problem.limits if each.key == (TaskRange.name_of(name), None)
+            )
             value = float(task_from_joints(mechanism, there[None])[0, TASK.index(name)])
         unit, scale = shown(limit.unit)
         text = (
@@ -354,7 +407,9 @@ def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> 
     return Reason(None, phase.motion.name, None, None, text)
 
 
-def motor_too_weak(problem: Problem, phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
+def motor_too_weak(
+    problem: Problem, phase: Phase, path: JointPath, samples: int = 0
+) -> Reason | None:
     """The motor that is most too weak at the knots of a path or, with `samples`, between them too.
 
     A motor too weak at the knots of a free motion's path is so whatever way the motion takes between them.
@@ -374,7 +429,10 @@ def motor_too_weak(problem: Problem, phase: Phase, path: JointPath, samples: int
                 f"motor of joint {joint.name} is too weak to move at all: against gravity and friction it needs "
                 f"{1e3 * needed[k]:.4g} mN·m and has {1e3 * available:.4g} mN·m ({place})"
             )
-            weakest = ratio, Reason(joint.limit(MotorTorque), place, float(needed[k]), available, text)
+            weakest = (
+                ratio,
+                Reason(joint.limit(MotorTorque), place, float(needed[k]), available, text),
+            )
     return None if weakest is None else weakest[1]
 
 
@@ -387,7 +445,9 @@ def motor_too_weak_to_brake(problem: Problem, phase: Phase) -> Reason | None:
     robot, qd = problem.robot, phase.qd_start
     most = np.array([joint.acceleration for joint in robot.joints])
     pulls = np.vstack([np.zeros(4), np.diag(most)])
-    load = RigidBody.from_robot(robot).inverse_dynamics(np.tile(phase.q_start, (5, 1)), np.tile(qd, (5, 1)), pulls)
+    load = RigidBody.from_robot(robot).inverse_dynamics(
+        np.tile(phase.q_start, (5, 1)), np.tile(qd, (5, 1)), pulls
+    )
     for i, drive, motor in motorised(robot.joints):
         sign = float(np.sign(qd[i]))
         if not sign:
@@ -416,10 +476,20 @@ def _starting_torque(path: JointPath, i: int, drive: Drive, s: Array, gravity: A
     knots, signs = path.directions
     sign = signs[:, i]
     starts = knots[:-1][(sign != 0) & (sign != np.append(0.0, sign[:-1]))]
-    mu = np.where(np.isin(s, starts), breakaway_coefficient(friction), np.asarray(friction_coefficient(friction, 0.0)))
+    mu = np.where(
+        np.isin(s, starts),
+        breakaway_coefficient(friction),
+        np.asarray(friction_coefficient(friction, 0.0)),
+    )
     # at a knot the joint has to come, and to leave
-    before, after = (np.clip(np.searchsorted(knots, s, side=side) - 1, 0, len(sign) - 1) for side in ("left", "right"))
-    torques = [np.abs(breakaway_torque(drive, gravity, sign[k], mu)) * np.abs(sign[k]) for k in (before, after)]
+    before, after = (
+        np.clip(np.searchsorted(knots, s, side=side) - 1, 0, len(sign) - 1)
+        for side in ("left", "right")
+    )
+    torques = [
+        np.abs(breakaway_torque(drive, gravity, sign[k], mu)) * np.abs(sign[k])
+        for k in (before, after)
+    ]
     return np.maximum(*torques)
 
 
@@ -500,7 +570,9 @@ class _SlowMotion:
         inertial = np.abs(speed - np.gradient(inertia, way.s)) * fastest**2 + viscous
         # in the direction of motion the torque is b_c + max(up E, down E)
         effort = sign * static + friction.b_oc
-        up, down = (float(slope) for slope in motor_torque_rows(drive, int(sign), friction.mu).slope)
+        up, down = (
+            float(slope) for slope in motor_torque_rows(drive, int(sign), friction.mu).slope
+        )
         slope = up if effort.min() > 0 else down if effort.max() < 0 else min(max(0.0, down), up)
         least = friction.b_c + slope * effort - abs(slope) * inertial
         return max(0.0, float(least.min()))
@@ -514,7 +586,11 @@ def duration_too_short(name: str, asked: float, needed: float) -> Reason:
 
 def not_constant(name: str, asked: float, largest: float) -> Reason:
     """A constant speed of the tip, m/s, that other limits do not allow all along a curve; largest: one that they do."""
-    able = f"it can keep up to {1e3 * largest:.4g} mm/s" if largest else "nor can it keep a slower speed"
+    able = (
+        f"it can keep up to {1e3 * largest:.4g} mm/s"
+        if largest
+        else "nor can it keep a slower speed"
+    )
     text = f"the tip cannot keep {1e3 * asked:.4g} mm/s between getting up to speed and slowing down ({name}); {able}"
     return Reason(ConstantSpeed(largest or asked), name, asked, largest, text)
 

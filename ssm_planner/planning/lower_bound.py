@@ -22,7 +22,9 @@ NONE = TaskLimits()
 AT_REST = np.zeros((2, 4))
 
 
-def lower_bound(robot: Robot, points: Array, speeds: Array = AT_REST, limits: TaskLimits = NONE) -> float:
+def lower_bound(
+    robot: Robot, points: Array, speeds: Array = AT_REST, limits: TaskLimits = NONE
+) -> float:
     """A duration that no motion through points (k + 1, 4) beats: everything but one joint at a time ignored, s.
 
     speeds (2, 4): q̇ at both ends. The larger of two: the slowest joint over the whole way, and the sum over the stretches
@@ -33,14 +35,23 @@ def lower_bound(robot: Robot, points: Array, speeds: Array = AT_REST, limits: Ta
     tip = next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
     most[3] = min(most[3], tip, limits.rates.get("depth", math.inf))
     joints = range(4)
-    whole = max(_time(robot, i, positions=points[:, i], speeds=speeds[:, i], velocity=most[i]) for i in joints)
+    whole = max(
+        _time(robot, i, positions=points[:, i], speeds=speeds[:, i], velocity=most[i])
+        for i in joints
+    )
     if len(points) == 2:
         return max(whole, _straight_ways(robot, points, tip).sum())
     steps, last = np.diff(points, axis=0), len(points) - 2
     stretches = _straight_ways(robot, points, tip)
     for k, step in enumerate(steps):
-        begin, end = (speeds[0] if k == 0 else (None,) * 4), (speeds[1] if k == last else (None,) * 4)
-        times = [fastest(step[i], most[i], robot.joints[i].acceleration, (begin[i], end[i])) for i in joints]
+        begin, end = (
+            (speeds[0] if k == 0 else (None,) * 4),
+            (speeds[1] if k == last else (None,) * 4),
+        )
+        times = [
+            fastest(step[i], most[i], robot.joints[i].acceleration, (begin[i], end[i]))
+            for i in joints
+        ]
         stretches[k] = max(stretches[k], *times)
     return max(whole, float(stretches.sum()))
 
@@ -64,7 +75,9 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
             continue
         k, way = TASK.index(name), float(np.diff(ends[:, TASK.index(name)])[0])
         acceleration = angular_acceleration(robot, name, limits)
-        speeds = (None, None) if math.isinf(acceleration) else (float(rates[0, k]), float(rates[1, k]))
+        speeds = (
+            (None, None) if math.isinf(acceleration) else (float(rates[0, k]), float(rates[1, k]))
+        )
         bound = max(bound, fastest(way, rate, acceleration, speeds))
     return bound
 
@@ -83,15 +96,23 @@ def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
     sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
     once, twice = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
-    along = radius * once * second.acceleration + (radius + twice * radius**2) / sine * second.velocity**2
+    along = (
+        radius * once * second.acceleration
+        + (radius + twice * radius**2) / sine * second.velocity**2
+    )
     return along + {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
 
 
 def fastest(
-    way: float, velocity: float, acceleration: float, speeds: tuple[float | None, float | None] = (0.0, 0.0)
+    way: float,
+    velocity: float,
+    acceleration: float,
+    speeds: tuple[float | None, float | None] = (0.0, 0.0),
 ) -> float:
     """The shortest time over a way of either sign with |v| and |a| limited, from one speed to another; None: free ones, s."""
-    begin, end = (None if speed is None else float(math.copysign(1.0, way)) * speed for speed in speeds)
+    begin, end = (
+        None if speed is None else float(math.copysign(1.0, way)) * speed for speed in speeds
+    )
     way, known = abs(way), [speed for speed in (begin, end) if speed is not None]
     if begin is None or end is None:
         velocity = max([velocity, *map(abs, known)])
@@ -100,8 +121,12 @@ def fastest(
         # at the free end it is as fast as the way allows
         top = min(math.sqrt(known[0] ** 2 + 2 * acceleration * way), velocity)
         ramp = (top - known[0]) / acceleration
-        return ramp + (way - (top**2 - known[0] ** 2) / (2 * acceleration)) / top if top > 0 else ramp
-    return float(fastest_times(np.array(way), velocity, acceleration, (np.array(begin), np.array(end))))
+        return (
+            ramp + (way - (top**2 - known[0] ** 2) / (2 * acceleration)) / top if top > 0 else ramp
+        )
+    return float(
+        fastest_times(np.array(way), velocity, acceleration, (np.array(begin), np.array(end)))
+    )
 
 
 def fastest_times(
@@ -180,7 +205,9 @@ class SCurve:
     def stretched(self, duration: float) -> SCurve:
         """The same motion in another time."""
         factor = duration / self.duration
-        return SCurve(self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor)
+        return SCurve(
+            self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor
+        )
 
     def scaled(self, factor: float) -> SCurve:
         """The same motion over `factor` times the distance."""
@@ -202,22 +229,35 @@ class SCurve:
         _, gained = Cubic(begin, begin, self.start, self.end, self.lengths).end
         velocity = np.concatenate([[self.speed], self.speed + np.cumsum(gained)[:-1]])
         way, _ = Cubic(begin, velocity, self.start, self.end, self.lengths).end
-        return np.concatenate([[0.0], np.cumsum(way)[:-1]]), velocity, self.start, self.end, self.lengths
+        return (
+            np.concatenate([[0.0], np.cumsum(way)[:-1]]),
+            velocity,
+            self.start,
+            self.end,
+            self.lengths,
+        )
 
     def _piece(self, t: Array) -> Indices:
-        return np.clip(np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1)
+        return np.clip(
+            np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1
+        )
 
     @property
     def peaks(self) -> tuple[float, float, float]:
         """Largest velocity, acceleration and jerk (infinite where the acceleration jumps)."""
         _, velocity, _ = self.at(self.switches)
         acceleration = max(np.abs(self.start).max(), np.abs(self.end).max())
-        jumps = np.abs(np.append(self.start, 0.0) - np.append(0.0, self.end)).max() > 1e-9 * acceleration
+        jumps = (
+            np.abs(np.append(self.start, 0.0) - np.append(0.0, self.end)).max()
+            > 1e-9 * acceleration
+        )
         jerk = math.inf if jumps else float(np.abs((self.end - self.start) / self.lengths).max())
         return float(np.abs(velocity).max()), float(acceleration), jerk
 
 
-def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: float | None = None) -> SCurve:
+def rest_to_rest(
+    distance: float, velocity: float, acceleration: float, jerk: float | None = None
+) -> SCurve:
     """The fastest motion over a distance > 0.
 
     Without a jerk limit a trapezoid of velocity (a triangle where its limit is not reached), with one the profile of up to
@@ -241,14 +281,18 @@ def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: fl
     return SCurve(all_lengths[kept], starts[kept], ends[kept])
 
 
-def rest_time(distance: float, velocity: float, acceleration: float, jerk: float | None = None) -> float:
+def rest_time(
+    distance: float, velocity: float, acceleration: float, jerk: float | None = None
+) -> float:
     """The duration of `rest_to_rest`, s."""
     speed = min(velocity, _reachable_speed(distance, acceleration, jerk))
     if jerk is None:
         ramp = speed / acceleration
     else:
         limited = speed * jerk >= acceleration**2
-        ramp = speed / acceleration + acceleration / jerk if limited else 2 * math.sqrt(speed / jerk)
+        ramp = (
+            speed / acceleration + acceleration / jerk if limited else 2 * math.sqrt(speed / jerk)
+        )
     return ramp + max(distance / speed, ramp)
 
 
@@ -269,7 +313,9 @@ def least_times(robot: Robot, ways: Array, tips: Array, limits: TaskLimits) -> A
 
     The slowest joint alone, or the tip at its largest speed; the same as `rest_to_rest`, many at a time.
     """
-    tip = min((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), default=math.inf)
+    tip = min(
+        (limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), default=math.inf
+    )
     times = np.asarray(tips) / tip
     for i, joint in enumerate(robot.joints):
         way, v, a, j = np.abs(ways[:, i]), joint.velocity, joint.acceleration, joint.jerk

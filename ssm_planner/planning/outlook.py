@@ -19,7 +19,9 @@ LONGER = 1e-6
 """Share by which a motion may take longer than the duration asked for."""
 
 
-def feasible_phases(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
+def feasible_phases(
+    problem: Problem, mechanism: Mechanism
+) -> tuple[tuple[Phase, ...], Reason | None]:
     """The phases of a problem with the speeds at both ends, or the reason why no start configuration carries it.
 
     Start configurations are tried from the home branch and the one nearest to q = 0 on; the first whose joints stay in
@@ -31,13 +33,17 @@ def feasible_phases(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase
 def geometry_of(problem: Problem) -> tuple[Hashable, ...]:
     """What the phases of a problem and their bounds depend on, to know it by; neither motors nor a duration of the whole."""
     robot = problem.robot
-    joints = ((j.position, j.velocity, j.acceleration, j.jerk, SameObject(j.drive)) for j in robot.joints)
+    joints = (
+        (j.position, j.velocity, j.acceleration, j.jerk, SameObject(j.drive)) for j in robot.joints
+    )
     rates = (tuple(sorted(rate.items())) for rate in (problem.start_rate, problem.end_rate))
     own = problem.start, problem.start_acceleration, problem.limits, robot.limits, *rates
     return *map(SameObject, (robot.geometry, problem.eye, *problem.motion)), *joints, *own
 
 
-def _feasible_phases(problem: Problem, mechanism: Mechanism) -> tuple[tuple[Phase, ...], Reason | None]:
+def _feasible_phases(
+    problem: Problem, mechanism: Mechanism
+) -> tuple[tuple[Phase, ...], Reason | None]:
     reasons = []
     for q in start_configurations(problem, mechanism):
         phases = phases_from(problem, mechanism, q)
@@ -58,7 +64,9 @@ def least_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> floa
     """A duration that no motion between the ends of a phase can beat, s."""
     speeds = np.stack([phase.qd_start, phase.qd_end])
     rates = task_rates(mechanism, phase.points[[0, -1]], speeds)
-    found = rate_bound(problem.robot, np.stack([phase.start, phase.end]), rates, problem.task_limits)
+    found = rate_bound(
+        problem.robot, np.stack([phase.start, phase.end]), rates, problem.task_limits
+    )
     return max(lower_bound(problem.robot, phase.points, speeds, problem.task_limits), found)
 
 

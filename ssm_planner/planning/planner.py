@@ -33,9 +33,30 @@ from ssm_planner.planning.outlook import LONGER, bounded_duration, feasible_phas
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import JointPath, MotionPath, PolylinePath, SplinePath, StraightPath
-from ssm_planner.planning.retiming.retime import COARSE, POINTS, Retiming, motion_along, retime, retime_motion, stays_at
-from ssm_planner.planning.turning_points import PAYS, PAYS_IPOPT, SKETCHED, Turns, best_turns, passing_turns
+from ssm_planner.planning.retiming.paths import (
+    JointPath,
+    MotionPath,
+    PolylinePath,
+    SplinePath,
+    StraightPath,
+)
+from ssm_planner.planning.retiming.retime import (
+    COARSE,
+    POINTS,
+    Retiming,
+    motion_along,
+    retime,
+    retime_motion,
+    stays_at,
+)
+from ssm_planner.planning.turning_points import (
+    PAYS,
+    PAYS_IPOPT,
+    SKETCHED,
+    Turns,
+    best_turns,
+    passing_turns,
+)
 from ssm_planner.problem.limits import Duration, LensClearance, RetinaClearance, TipSpeed
 from ssm_planner.problem.motion import Follow, Free, Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -138,12 +159,21 @@ def plan_motion(
         return PlannerResult("infeasible", None, (), reason)
     planned: list[PlannedPhase] = []
     for k, phase in enumerate(phases, 1):
-        progress(phase.motion.name if len(phases) == 1 else f"{phase.motion.name} ({k} of {len(phases)})")
+        progress(
+            phase.motion.name if len(phases) == 1 else f"{phase.motion.name} ({k} of {len(phases)})"
+        )
         found = planner.plan(phase)
         if isinstance(found, Reason):
-            return PlannerResult("not converged" if found.limit is None else "infeasible", None, tuple(planned), found)
+            return PlannerResult(
+                "not converged" if found.limit is None else "infeasible",
+                None,
+                tuple(planned),
+                found,
+            )
         planned.append(planner.cross_checked(found))
-    trajectory = join([(each.phase.motion.name, each.motion.breaks, each.motion.coefficients) for each in planned])
+    trajectory = join(
+        [(each.phase.motion.name, each.motion.breaks, each.motion.coefficients) for each in planned]
+    )
     return PlannerResult("solved", trajectory, tuple(planned), None)
 
 
@@ -155,7 +185,9 @@ def sketched_duration(problem: Problem, longest: float = np.inf) -> float:
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phases, reason = feasible_phases(problem, mechanism)
     longest = min(longest, np.inf if problem.duration is None else problem.duration * (1 + LONGER))
-    planner = _PhasePlanner(unchecked(problem, objective="time"), mechanism, problem.robot, turning=False, paced=False)
+    planner = _PhasePlanner(
+        unchecked(problem, objective="time"), mechanism, problem.robot, turning=False, paced=False
+    )
     takes = [bounded_duration(problem, mechanism, phase) for phase in phases]
     if reason is not None or sum(takes) >= longest or any(map(planner.is_hopeless, phases)):
         return np.inf
@@ -168,11 +200,16 @@ def sketched_duration(problem: Problem, longest: float = np.inf) -> float:
 
 
 def _with_durations(
-    phases: tuple[Phase, ...], duration: float, planner: _PhasePlanner, progress: Callable[[str], None]
+    phases: tuple[Phase, ...],
+    duration: float,
+    planner: _PhasePlanner,
+    progress: Callable[[str], None],
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """The phases with durations that add up to the one asked for: what has none of its own is slowed down in proportion."""
     fastest = replace(planner, problem=replace(planner.problem, objective="time"))
-    if sum(bounded_duration(planner.problem, planner.mechanism, phase) for phase in phases) > duration * (1 + LONGER):
+    if sum(
+        bounded_duration(planner.problem, planner.mechanism, phase) for phase in phases
+    ) > duration * (1 + LONGER):
         fastest = planner._quick  # it is too short, and how long it takes is to be told
     least = []
     for phase in phases:
@@ -238,7 +275,10 @@ class _PhasePlanner:
         """A free phase from rest to rest in which a motor is too weak to move at all, whatever way it takes."""
         if phase.stands or phase.path is not None or phase.qd_start.any() or phase.qd_end.any():
             return False
-        return motor_too_weak(self.problem, phase, PolylinePath(self.mechanism, phase.points)) is not None
+        return (
+            motor_too_weak(self.problem, phase, PolylinePath(self.mechanism, phase.points))
+            is not None
+        )
 
     def plan(self, phase: Phase) -> PlannedPhase | Reason:
         """The motion of a phase, or the reason why there is none."""
@@ -267,7 +307,9 @@ class _PhasePlanner:
         if phase.stands or phase.motion.duration is not None:
             return planned
         if phase.path is None or not (guess is None or guess <= FAR * motion.duration):
-            again = retime_motion(self._way(phase, motion), self.problem.robot, self.problem.task_limits)
+            again = retime_motion(
+                self._way(phase, motion), self.problem.robot, self.problem.task_limits
+            )
             planned = replace(planned, toppra_duration=again.duration if again.converged else None)
         reached = planned.toppra_duration
         if reached is None or motion.duration <= LONGER_THAN_TOPPRA * reached:
@@ -279,7 +321,11 @@ class _PhasePlanner:
             alone = by_ipopt.plan(phase)
             if not isinstance(alone, Reason) and alone.duration < motion.duration:
                 return by_ipopt.cross_checked(alone)
-        return planned if self.cooling is not None or not self.paced else self._as_fast_as_toppra(planned)
+        return (
+            planned
+            if self.cooling is not None or not self.paced
+            else self._as_fast_as_toppra(planned)
+        )
 
     def _as_fast_as_toppra(self, planned: PlannedPhase) -> PlannedPhase:
         """The same path at TOPP-RA's pace, where the optimal control stopped at a slower one."""
@@ -292,9 +338,16 @@ class _PhasePlanner:
         found, motion = self._paced(planned.phase, planned.motion, path)
         if not found.converged or motion.duration >= planned.duration:
             return planned
-        again = retime_motion(self._way(planned.phase, motion), self.problem.robot, self.problem.task_limits)
+        again = retime_motion(
+            self._way(planned.phase, motion), self.problem.robot, self.problem.task_limits
+        )
         motion = replace(motion, solver=TOPPRA, confirmation=None)
-        return replace(planned, motion=motion, toppra_duration=again.duration if again.converged else None, paced=True)
+        return replace(
+            planned,
+            motion=motion,
+            toppra_duration=again.duration if again.converged else None,
+            paced=True,
+        )
 
     def _way(self, phase: Phase, motion: PhaseSolution) -> MotionPath:
         """The path that a motion of the phase takes."""
@@ -309,22 +362,31 @@ class _PhasePlanner:
             return motion
         path = self._way(phase, motion)
         samples = path.trajectory.sample(np.linspace(0.0, motion.duration, POINTS))
-        if braking_travel(self.mechanism, self.problem.robot, samples.q, samples.qd).max() <= limit.largest:
+        if (
+            braking_travel(self.mechanism, self.problem.robot, samples.q, samples.qd).max()
+            <= limit.largest
+        ):
             return motion
         return self._paced(phase, motion, path)[1]
 
-    def _paced(self, phase: Phase, motion: PhaseSolution, path: MotionPath) -> tuple[Retiming, PhaseSolution]:
+    def _paced(
+        self, phase: Phase, motion: PhaseSolution, path: MotionPath
+    ) -> tuple[Retiming, PhaseSolution]:
         """A motion timed again by TOPP-RA along the path that it took."""
         # at rest the pace is that of nothing, and the motion's own leaves no margin
         pace = 1.0 if phase.qd_start.any() else 1 - 2 * BETWEEN
-        found = retime_motion(path, with_margin(self.strict, BETWEEN), self.problem.task_limits, pace=pace)
+        found = retime_motion(
+            path, with_margin(self.strict, BETWEEN), self.problem.task_limits, pace=pace
+        )
         if not found.solved:
             return found, replace(motion, status=found.status, message=found.message)
         paced = motion_along(path, found)
         if phase.motion.duration is not None:
             paced = paced.slower(min(paced.duration / phase.motion.duration, 1.0))
         borders = np.interp(path.knots, found.s, found.times) * paced.duration / found.duration
-        timed = replace(motion, breaks=paced.breaks, coefficients=paced.coefficients, borders=borders)
+        timed = replace(
+            motion, breaks=paced.breaks, coefficients=paced.coefficients, borders=borders
+        )
         return found, timed
 
     def _retimed(self, phase: Phase, path: JointPath) -> PlannedPhase | Reason:
@@ -334,10 +396,14 @@ class _PhasePlanner:
         retiming = retime(path, robot, path.intervals, self.problem.task_limits, speeds)
         if not retiming.solved:
             return no_motion(self.problem, phase, path, retiming.message)
-        motion = PhaseSolution("solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver=TOPPRA)
+        motion = PhaseSolution(
+            "solved", "", 0, *retimed_pieces(path, retiming, speeds[1]), solver=TOPPRA
+        )
         return PlannedPhase(phase, motion, retiming.duration, self._lower_bound(phase))
 
-    def _at_constant_speed(self, phase: Phase, path: JointPath, speed: float) -> PlannedPhase | Reason:
+    def _at_constant_speed(
+        self, phase: Phase, path: JointPath, speed: float
+    ) -> PlannedPhase | Reason:
         """Along a line or an arc at a constant speed of the tip, m/s, that TOPP-RA gets to and leaves as fast as it can."""
 
         def paced(pace: float) -> _PhasePlanner:
@@ -386,7 +452,11 @@ class _PhasePlanner:
         )
         motion = self._solved(solve)
         found = self._planned(phase, path, motion, None if asked else retiming.duration, bound)
-        return self._retimed(phase, path) if isinstance(found, Reason) and self._may_be_retimed(phase) else found
+        return (
+            self._retimed(phase, path)
+            if isinstance(found, Reason) and self._may_be_retimed(phase)
+            else found
+        )
 
     def _may_be_retimed(self, phase: Phase) -> bool:
         """TOPP-RA alone may time it: along a curve or with rounded corners, neither in a duration nor with jerk limits."""
@@ -394,7 +464,11 @@ class _PhasePlanner:
         return curved and phase.motion.duration is None and not limits_jerk(self.problem.robot)
 
     def _solved(
-        self, solve: Callable[..., PhaseSolution], *, needed: bool = True, coarser: int | None = None
+        self,
+        solve: Callable[..., PhaseSolution],
+        *,
+        needed: bool = True,
+        coarser: int | None = None,
     ) -> PhaseSolution:
         """By the planner asked for; by Ipopt alone where the structured solver finds nothing that Ipopt confirms.
 
@@ -403,7 +477,9 @@ class _PhasePlanner:
         """
         method: Method = "sketched" if self.sketch is not None else METHODS[self.problem.planner]
         found = solve(method=method if compiled() is not None else "Ipopt")
-        given_up = needed and not found.solved and found.solver == "structured" and self.sketch is None
+        given_up = (
+            needed and not found.solved and found.solver == "structured" and self.sketch is None
+        )
         if given_up and coarser is not None and method == "confirmed":
             found = solve(method=method, count=coarser)
         return solve(method="Ipopt") if given_up and not found.solved else found
@@ -414,7 +490,12 @@ class _PhasePlanner:
         if reason is not None:
             return reason
         motion, turning = phase.motion, None
-        if len(phase.points) > 2 and isinstance(motion, Free) and motion.duration is None and self.cooling is None:
+        if (
+            len(phase.points) > 2
+            and isinstance(motion, Free)
+            and motion.duration is None
+            and self.cooling is None
+        ):
             turning = self._turning_at_points(phase) if self._may_turn else None
         # which of both is the faster is known before they are worked out to the end
         about = self._may_turn and motion.duration is None and self.cooling is None
@@ -499,12 +580,16 @@ class _PhasePlanner:
             return planned.motion
 
         first: PhaseSolution | None
-        if isinstance(found, Reason) or (self.problem.objective != "time" and found.motion.rest is None):
+        if isinstance(found, Reason) or (
+            self.problem.objective != "time" and found.motion.rest is None
+        ):
             first = solve(Turns(phase.points), np.inf)
         else:
             first = found.motion
         turns = (
-            None if first is None else best_turns(self.problem, self.mechanism, phase, first, solve, strict=self.strict)
+            None
+            if first is None
+            else best_turns(self.problem, self.mechanism, phase, first, solve, strict=self.strict)
         )
         if turns is None:
             return found
@@ -534,17 +619,24 @@ class _PhasePlanner:
 
     def _stopped_first(self, phase: Phase) -> PlannedPhase | None:
         """A free motion that begins at speed, as a stop and a motion from rest, named so; None where one is not found."""
-        first, strongest = phase.points[0], np.array([joint.acceleration for joint in self.problem.robot.joints])
+        first, strongest = (
+            phase.points[0],
+            np.array([joint.acceleration for joint in self.problem.robot.joints]),
+        )
         stop = first + ROOM * phase.qd_start * np.abs(phase.qd_start) / (2 * strongest)
         begin = replace(phase, points=np.stack([first, stop]), qd_end=np.zeros(4))
         rest = np.zeros(4)
-        onward = replace(phase, points=np.vstack([stop, phase.points[1:]]), qd_start=rest, qdd_start=rest)
+        onward = replace(
+            phase, points=np.vstack([stop, phase.points[1:]]), qd_start=rest, qdd_start=rest
+        )
         if infeasible_place(self.problem, self.mechanism, (begin, onward)) is not None:
             return None
         parts = [self._free_by_optimal_control(begin)]
         if not isinstance(parts[0], Reason):
             onwards = self._free_by_optimal_control(onward)
-            eye = isinstance(onwards, Reason) and isinstance(onwards.limit, (RetinaClearance, LensClearance))
+            eye = isinstance(onwards, Reason) and isinstance(
+                onwards.limit, (RetinaClearance, LensClearance)
+            )
             parts.append((self._drawn_back(onward) if eye else None) or onwards)
         motions = [part.motion for part in parts if not isinstance(part, Reason)]
         if len(motions) < 2:
@@ -558,7 +650,9 @@ class _PhasePlanner:
             borders=borders,
             directions=np.vstack([each.directions for each in motions]),
         )
-        named = replace(phase, motion=replace(phase.motion, name=f"{phase.motion.name}, stops first"))
+        named = replace(
+            phase, motion=replace(phase.motion, name=f"{phase.motion.name}, stops first")
+        )
         return PlannedPhase(named, motion, None, self._lower_bound(phase))
 
     def _drawn_back(self, phase: Phase) -> PlannedPhase | None:
@@ -615,12 +709,18 @@ class _PhasePlanner:
             sketch=None if turns is None else turns.sketch,
             about=about,
         )
-        passing = len(phase.points) > 2 and count is None and not (moving and limits_jerk(self.problem.robot))
+        passing = (
+            len(phase.points) > 2
+            and count is None
+            and not (moving and limits_jerk(self.problem.robot))
+        )
         needed = turns is None or turns.sketch is None or turns.gain > PAYS_IPOPT
         motion = self._solved(solve, needed=needed, coarser=ELEMENTS if passing else None)
         return self._planned(phase, direct, self._slowed_to_stop(phase, motion), None, None)
 
-    def _retime(self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True) -> Retiming:
+    def _retime(
+        self, path: JointPath, robot: Robot, speeds: tuple[float, float], *, static: bool = True
+    ) -> Retiming:
         return retime(path, robot, path.intervals, self.problem.task_limits, speeds, static=static)
 
     def _planned(
@@ -642,7 +742,9 @@ class _PhasePlanner:
         asked = phase.motion.duration
         if asked is not None and motion.duration > asked * (1 + LONGER):
             return duration_too_short(phase.motion.name, asked, motion.duration)
-        return PlannedPhase(phase, motion, toppra_duration, asked or bound or self._lower_bound(phase))
+        return PlannedPhase(
+            phase, motion, toppra_duration, asked or bound or self._lower_bound(phase)
+        )
 
     def _lower_bound(self, phase: Phase) -> float:
         """A duration that no motion between the ends of the phase can beat, s."""

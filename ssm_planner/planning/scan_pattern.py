@@ -40,7 +40,9 @@ def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> l
         runs, names = [tips[_soonest(problem, mechanism, tips, float(task[2]), q)]], [scan.name]
     result: list[Motion] = []
     for name, tips in zip(names, runs, strict=True):
-        result += _visits(scan, name, [Tip((x, y, z), float(task[2]), scan.line) for x, y, z in tips.tolist()])
+        result += _visits(
+            scan, name, [Tip((x, y, z), float(task[2]), scan.line) for x, y, z in tips.tolist()]
+        )
     return result
 
 
@@ -51,7 +53,10 @@ def pattern(scan: Scan) -> list[Array]:
     x = (np.arange(scan.columns) - (scan.columns - 1) / 2) * scan.spacing
     y = (np.arange(scan.rows) - (scan.rows - 1) / 2) * scan.spacing
     # every other row runs back, so that no motion crosses the whole pattern
-    rows = [np.stack([x if k % 2 == 0 else x[::-1], np.full_like(x, height)], axis=1) for k, height in enumerate(y)]
+    rows = [
+        np.stack([x if k % 2 == 0 else x[::-1], np.full_like(x, height)], axis=1)
+        for k, height in enumerate(y)
+    ]
     return [np.concatenate(rows)]
 
 
@@ -90,7 +95,13 @@ def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
 
 
 def refuse_tilt(
-    problem: Problem, mechanism: Mechanism, tilt: float, *, line: int | None, key: str, file: str | None = None
+    problem: Problem,
+    mechanism: Mechanism,
+    tilt: float,
+    *,
+    line: int | None,
+    key: str,
+    file: str | None = None,
 ) -> None:
     """ProblemError for a tilt (rad) out of the mechanism's reach; file: not the problem's own."""
     low, high = tilt_interval(mechanism)
@@ -158,7 +169,12 @@ def _soonest(problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q
     places = np.vstack([tip_position(mechanism, q[None]), tips])
     times = np.array(
         [
-            least_times(problem.robot, joints - here, np.linalg.norm(places - place, axis=1), problem.task_limits)
+            least_times(
+                problem.robot,
+                joints - here,
+                np.linalg.norm(places - place, axis=1),
+                problem.task_limits,
+            )
             for here, place in zip(joints, places, strict=True)
         ]
     )
@@ -212,9 +228,16 @@ def _improved(way: Indices, times: Array) -> Indices:
 def _moved(way: Indices, i: int, length: int, times: Array) -> Indices:
     """The way with the stretch of so many places from i on where it costs least, either way round."""
     stretch, rest = way[i : i + length], np.concatenate([way[:i], way[i + length :]])
-    saved = times[way[i - 1], stretch[0]] + times[stretch[-1], way[i + length]] - times[way[i - 1], way[i + length]]
+    saved = (
+        times[way[i - 1], stretch[0]]
+        + times[stretch[-1], way[i + length]]
+        - times[way[i - 1], way[i + length]]
+    )
     here, after = rest[:-1], rest[1:]
-    costs = [times[here, each[0]] + times[each[-1], after] - times[here, after] for each in (stretch, stretch[::-1])]
+    costs = [
+        times[here, each[0]] + times[each[-1], after] - times[here, after]
+        for each in (stretch, stretch[::-1])
+    ]
     turned = int(np.min(costs[1]) < np.min(costs[0]))
     k = int(np.argmin(costs[turned]))
     if saved - costs[turned][k] <= LEAST_GAIN:

@@ -103,7 +103,9 @@ def best_turns(
     for _ in range(TURNS):
         enough = (1 - PAYS) * motion.duration
         tried = []
-        for each in _promising(problem, mechanism, phase, motion, () if turns is None else turns.loose):
+        for each in _promising(
+            problem, mechanism, phase, motion, () if turns is None else turns.loose
+        ):
             found = solve(each, enough)
             if found is not None and found.duration < enough:
                 tried.append((found, each))
@@ -146,13 +148,19 @@ def _sketched_turns(
 
 
 def _promising(
-    problem: Problem, mechanism: Mechanism, phase: Phase, motion: PhaseSolution, loose: tuple[int, ...]
+    problem: Problem,
+    mechanism: Mechanism,
+    phase: Phase,
+    motion: PhaseSolution,
+    loose: tuple[int, ...],
 ) -> list[Turns]:
     """Motions with one turning point more than this one of the phase, which has some already; the best expected first."""
     screen = _Screen.of(problem, mechanism, phase, motion)
     path, found = screen.path, []
     ways = pairwise([k for k in range(len(path.knots)) if k not in loose])
-    small = [(way, each) for way in ways for each in screen.displacements(*way) if screen.has_room(each)]
+    small = [
+        (way, each) for way in ways for each in screen.displacements(*way) if screen.has_room(each)
+    ]
     own, *times = screen.times([path, *(each for _, each in small)])
     for ((first, last), displaced), time in zip(small, times, strict=True):
         chosen, gain = screen.farthest(displaced, 1 - time / own, own)
@@ -175,7 +183,9 @@ def passing_turns(problem: Problem, phase: Phase) -> Turns | None:
     The joints alone, with their speeds q̇_j(k) at the points unknown, give the durations of the ways: the least Σ_k max_j of
     the closed forms, once with the directions of the ways kept and once without. None where that saves too little.
     """
-    velocity, acceleration = np.array([(joint.velocity, joint.acceleration) for joint in problem.robot.joints]).T
+    velocity, acceleration = np.array(
+        [(joint.velocity, joint.acceleration) for joint in problem.robot.joints]
+    ).T
     velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
     way = np.diff(phase.points, axis=0)
     alone = _Passing(way, (phase.qd_start, phase.qd_end), velocity, acceleration)
@@ -184,7 +194,9 @@ def passing_turns(problem: Problem, phase: Phase) -> Turns | None:
     least = alone.duration(kept)
     if alone.duration(free) > (1 - PAYS) * least:
         return None
-    return Turns(phase.points, gain=1 - alone.duration(free) / least, passing=alone.without_idle(free))
+    return Turns(
+        phase.points, gain=1 - alone.duration(free) / least, passing=alone.without_idle(free)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +227,9 @@ class _Passing:
         n, most = len(self.way), np.broadcast_to(self.velocity, speeds.shape)
         signs = np.sign(self.way)
         low, high = (
-            np.where(turning | (np.minimum(side * signs[:-1], side * signs[1:]) > 0), side * most, 0.0)
+            np.where(
+                turning | (np.minimum(side * signs[:-1], side * signs[1:]) > 0), side * most, 0.0
+            )
             for side in (-1, 1)
         )
         unit = self.duration(speeds)
@@ -236,7 +250,10 @@ class _Passing:
             total,
             np.concatenate([self.times(speeds).max(axis=1) / unit, (speeds / most).ravel()]),
             fprime=total_slope,
-            bounds=[*[(0.0, np.inf)] * n, *zip((low / most).ravel(), (high / most).ravel(), strict=True)],
+            bounds=[
+                *[(0.0, np.inf)] * n,
+                *zip((low / most).ravel(), (high / most).ravel(), strict=True),
+            ],
             f_ieqcons=spare,
             fprime_ieqcons=spare_slope,
             iter=SOLVES,
@@ -291,7 +308,9 @@ class _Displaced(MotionPath):
     def peaks(self) -> tuple[float, ...]:
         """s where b is 1 or −1."""
         start, end = self.interval
-        return tuple(start + share * (end - start) for share in ((THIRD, 1 - THIRD) if self.both else (0.5,)))
+        return tuple(
+            start + share * (end - start) for share in ((THIRD, 1 - THIRD) if self.both else (0.5,))
+        )
 
     def sample(self, s: Array) -> PathSamples:
         found, (start, end) = super().sample(s), self.interval
@@ -301,10 +320,16 @@ class _Displaced(MotionPath):
         inside = (s > start) & (s < end)
         if self.both:
             far = 3**1.5 / 2 * self.far
-            wave = sine**2 * cosine, (3 * cosine**2 - 1) * sine, (9 * cosine**3 - 7 * cosine) * inside
+            wave = (
+                sine**2 * cosine,
+                (3 * cosine**2 - 1) * sine,
+                (9 * cosine**3 - 7 * cosine) * inside,
+            )
         else:
             far, wave = self.far, (sine**2, 2 * sine * cosine, 2 * (cosine**2 - sine**2) * inside)
-        for order, (values, part) in enumerate(zip((found.q, found.dq, found.ddq), wave, strict=True)):
+        for order, (values, part) in enumerate(
+            zip((found.q, found.dq, found.ddq), wave, strict=True)
+        ):
             values[:, self.joint] += far * rate**order * part
         return found
 
@@ -328,9 +353,13 @@ class _Screen:
     """Of the joints, (2, 4)."""
 
     @classmethod
-    def of(cls, problem: Problem, mechanism: Mechanism, phase: Phase, motion: PhaseSolution) -> _Screen:
+    def of(
+        cls, problem: Problem, mechanism: Mechanism, phase: Phase, motion: PhaseSolution
+    ) -> _Screen:
         trajectory = Trajectory(motion.breaks, motion.coefficients, ())
-        path = MotionPath(mechanism, trajectory, motion.borders / trajectory.duration, motion.directions)
+        path = MotionPath(
+            mechanism, trajectory, motion.borders / trajectory.duration, motion.directions
+        )
         return cls(problem, phase, path, joint_room(problem, mechanism, phase.points))
 
     def displacements(self, first: int, last: int) -> Iterator[_Displaced]:
@@ -342,11 +371,19 @@ class _Screen:
         for joint, limits in enumerate(self.problem.robot.joints):
             signs = set(np.sign(path.signs[first:last, joint]).tolist()) - {0.0}
             for side in (-1, 1) if len(signs) < 2 else ():
-                interval = (start, end) if not signs else (end - part, end) if side in signs else (start, start + part)
+                interval = (
+                    (start, end)
+                    if not signs
+                    else (end - part, end)
+                    if side in signs
+                    else (start, start + part)
+                )
                 far = side * STEP * limits.velocity
                 for both in (False, True) if not signs else (False,):
                     moved = {"joint": joint, "far": far, "interval": interval, "both": both}
-                    yield _Displaced(path.mechanism, path.trajectory, path.knots, path.signs, **moved)  # type: ignore[arg-type]
+                    yield _Displaced(
+                        path.mechanism, path.trajectory, path.knots, path.signs, **moved
+                    )  # type: ignore[arg-type]
 
     def has_room(self, displaced: _Displaced) -> bool:
         """Whether the joints stay in their room."""

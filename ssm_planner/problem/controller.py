@@ -66,7 +66,9 @@ class Controller(Value):
     """Whether the drive adds the exported torque offsets. Without them velocity and acceleration feed-forward are tuned."""
     joints: Annotated[Mapping[str, AxisController], Names(JOINTS)] = field(default_factory=dict)
     """The position loops, by joint."""
-    compliance: Annotated[Mapping[str, JointCompliance], Names(JOINTS)] = field(default_factory=dict)
+    compliance: Annotated[Mapping[str, JointCompliance], Names(JOINTS)] = field(
+        default_factory=dict
+    )
     """Between drive and joint, by joint."""
     file: str | None = field(default=None, compare=False)
 
@@ -74,7 +76,9 @@ class Controller(Value):
         if self.output_share > 1:
             raise self._wrong("output_share", "more than the supply gives", "above 0 and up to 1")
         if not 1e-5 <= self.loop_period <= 2e-3:
-            raise self._wrong("loop_period", "no period of a position loop: is the unit right?", "0.01 ms to 2 ms")
+            raise self._wrong(
+                "loop_period", "no period of a position loop: is the unit right?", "0.01 ms to 2 ms"
+            )
 
     def axis(self, joint: str) -> AxisController:
         """The loop of a joint by name."""

@@ -46,7 +46,9 @@ class Rig(Value):
     load_offset: Annotated[float, Quantity("torque", "force")] = 0.0
     """Constant effort beside the payload that an identification found, N·m (worm) or N (screw); positive opposes positive
     motion."""
-    published: Annotated[Mapping[str, NotNegative], Names((*PARAMETERS, "preload"))] = field(default_factory=dict)
+    published: Annotated[Mapping[str, NotNegative], Names((*PARAMETERS, "preload"))] = field(
+        default_factory=dict
+    )
     """Parameters that others published for this drive, by name in Friction (and preload), SI: for comparison, and the
     reference nearest to which identification settles what its data leave open (it then says so)."""
 
@@ -54,7 +56,9 @@ class Rig(Value):
     def F_payload(self) -> float:
         """Part of the output effort F that the payload's weight adds, N·m (worm) or N (screw): positive opposes
         positive motion."""
-        return -self.payload_direction * self.payload_mass * self.gravity * (self.payload_arm or 1.0)
+        return (
+            -self.payload_direction * self.payload_mass * self.gravity * (self.payload_arm or 1.0)
+        )
 
     @property
     def load(self) -> float:
@@ -116,12 +120,20 @@ class Friction(Value):
         if self.mu_lowest is not None and self.mu_lowest > self.mu:
             raise self._wrong("mu_lowest", "larger than mu", f"at most mu = {self.mu:g}")
         if self.law != "coulomb" and self.stribeck_speed is None:
-            raise self._wrong("law", "this law needs mu_stribeck and stribeck_speed", "both of them, or law: coulomb")
+            raise self._wrong(
+                "law",
+                "this law needs mu_stribeck and stribeck_speed",
+                "both of them, or law: coulomb",
+            )
         if self.covariance is not None and self.posterior is not None:
-            raise self._wrong("covariance", "the posterior says it already", "one of the two", "both")
+            raise self._wrong(
+                "covariance", "the posterior says it already", "one of the two", "both"
+            )
         for name, unused in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
             if self.law == "coulomb" and getattr(self, name) != unused:
-                raise self._wrong(name, "not a parameter of the coulomb law", "law: stribeck_exponential or …")
+                raise self._wrong(
+                    name, "not a parameter of the coulomb law", "law: stribeck_exponential or …"
+                )
 
 
 ThreadKind = Literal["worm", "lead_screw", "antibacklash_screw"]
@@ -156,12 +168,16 @@ class Ratings(Value):
     def _check(self) -> None:
         continuous, peak = self.continuous_output, self.peak_output
         if continuous is not None and peak is not None and peak < continuous:
-            raise self._wrong("peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI")
+            raise self._wrong(
+                "peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI"
+            )
         if self.duty is not None and self.duty > 1:
             raise self._wrong("duty", "more than all of the time", "a share above 0 and up to 1")
         length, diameter = self.free_length, self.root_diameter
         if length is not None and diameter is not None and diameter > length:
-            raise self._wrong("root_diameter", "thicker than long: is the unit right?", "less than free_length")
+            raise self._wrong(
+                "root_diameter", "thicker than long: is the unit right?", "less than free_length"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,18 +244,27 @@ class Drive(Value):
 
     def _check(self) -> None:
         if not self.threaded and self.self_locking:
-            raise self._wrong("self_locking", f"a {self.kind} drive does not lock itself", "False", "True")
+            raise self._wrong(
+                "self_locking", f"a {self.kind} drive does not lock itself", "False", "True"
+            )
         if not self.lead_angle < LARGEST_LEAD_ANGLE:
             raise self._wrong("lead_angle", "implausible", "above 0 and below 60 deg, in rad")
         if not self.pressure_angle < LARGEST_THREAD_ANGLE / 2:
             raise self._wrong("pressure_angle", "implausible", "above 0 and below 60 deg, in rad")
         if self.friction is None and self.rig is None:
             raise self._wrong(
-                "friction", "missing: only a drive with a rig may leave it to be identified", "a Friction", "None"
+                "friction",
+                "missing: only a drive with a rig may leave it to be identified",
+                "a Friction",
+                "None",
             )
         for name in ("preload", "second_nut_mass"):
             if self.kind != "antibacklash_screw" and getattr(self, name) > 0:
-                raise self._wrong(name, f"a {self.kind} has one nut or wheel only", "0, or kind antibacklash_screw")
+                raise self._wrong(
+                    name,
+                    f"a {self.kind} has one nut or wheel only",
+                    "0, or kind antibacklash_screw",
+                )
         self._check_ranges()
 
     def _check_ranges(self) -> None:
@@ -250,11 +275,16 @@ class Drive(Value):
                 raise self._wrong(field, "unknown parameter", ", ".join(RANGED), name)
             if self.friction is None:
                 raise self._wrong(
-                    field, "a range of a friction that is still to be identified", "no range", (low, high)
+                    field,
+                    "a range of a friction that is still to be identified",
+                    "no range",
+                    (low, high),
                 )
             value = getattr(self.friction, name)
             if low < 0:
-                raise self._wrong(field, "friction is not negative", "[lower, upper], from 0", (low, high))
+                raise self._wrong(
+                    field, "friction is not negative", "[lower, upper], from 0", (low, high)
+                )
             if not low <= value <= high:
                 reason = f"does not hold the value of {name} itself, {value:g} in SI"
                 raise self._wrong(field, reason, "a range around it", (low, high))

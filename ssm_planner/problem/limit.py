@@ -195,7 +195,9 @@ def outwards(value: float, bound: float) -> float:
         return nearest
     exact = Decimal(value)
     rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
-    return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), rounding=rounding))
+    return float(
+        exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), rounding=rounding)
+    )
 
 
 def in_words(value: float, unit: str) -> str:

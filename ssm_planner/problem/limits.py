@@ -7,7 +7,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.limit import TIGHTENING, Between, P, Symmetric, in_words, outwards, replaced
+from ssm_planner.problem.limit import (
+    TIGHTENING,
+    Between,
+    P,
+    Symmetric,
+    in_words,
+    outwards,
+    replaced,
+)
 from ssm_planner.problem.limit import Limit as Limit
 from ssm_planner.problem.value import Positive, unchecked
 from ssm_planner.typing import Range
@@ -198,7 +206,10 @@ class SelfLocking(Limit):
             raise ProblemError(f"joint {self.of} has no drive with friction")
         friction, lowest = drive.friction, self.friction
         raised = replace(
-            friction, mu=max(friction.mu, lowest), mu_static=max(friction.mu_static, lowest), mu_lowest=lowest
+            friction,
+            mu=max(friction.mu, lowest),
+            mu_static=max(friction.mu_static, lowest),
+            mu_lowest=lowest,
         )
         return _with_joint(problem, self.of, drive=replace(drive, friction=raised))
 
@@ -412,20 +423,25 @@ class LensClearance(Limit):
         return self.low
 
     def tightened(self, worst: float, bound: float) -> LensClearance:
-        return replace(self, shaft_radius=self.shaft_radius + TIGHTENING * max(bound - worst, 0.0) * self.thickness)
+        return replace(
+            self,
+            shaft_radius=self.shaft_radius + TIGHTENING * max(bound - worst, 0.0) * self.thickness,
+        )
 
     def relaxed(self, value: float) -> LensClearance | None:
         # an axis that passes through the lens does so however thin the shaft
-        return None if value <= 1 else replace(self, shaft_radius=min(self.shaft_radius, self._radius(value)))
+        return (
+            None
+            if value <= 1
+            else replace(self, shaft_radius=min(self.shaft_radius, self._radius(value)))
+        )
 
     def rounded(self, value: float) -> float:
         scale = shown("m")[1] * self.thickness
         return 1 + outwards(scale * (value - 1), scale * (self.low - 1)) / scale
 
     def described(self, value: float) -> str:
-        return (
-            f"radius of the shaft of {in_words(self._radius(value), 'm')} instead of {in_words(self.shaft_radius, 'm')}"
-        )
+        return f"radius of the shaft of {in_words(self._radius(value), 'm')} instead of {in_words(self.shaft_radius, 'm')}"
 
     def on(self, problem: P) -> P:
         return _with_eye(problem, shaft_radius=self.shaft_radius)
@@ -471,12 +487,17 @@ class Duration(Limit):
     def on(self, problem: P) -> P:
         whole: Any = problem
         asked = self.asked or self.largest
-        short = [m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion]
+        short = [
+            m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion
+        ]
         if not any(short):  # a motion without one of its own has a share of that of all
             if self.motion is not None and whole.duration is None:
                 raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
             return replaced(problem, duration=self.largest)
-        timed = (replace(m, duration=self.largest) if k else m for m, k in zip(whole.motion, short, strict=True))
+        timed = (
+            replace(m, duration=self.largest) if k else m
+            for m, k in zip(whole.motion, short, strict=True)
+        )
         return replaced(problem, motion=tuple(timed))
 
 
@@ -524,7 +545,10 @@ class ConstantSpeed(OfPath):
 PROMISES = tuple(str(kind.name) for kind in OfPath.__subclasses__())
 """Names of what a problem promises of the tip's way."""
 ENDS = ("start velocity", "end velocity")
-JUMPS = (*(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)), *ENDS)
+JUMPS = (
+    *(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)),
+    *ENDS,
+)
 """Names of the limits on jumps, also from and to rest, which tables leave out while they are kept."""
 
 
@@ -597,12 +621,18 @@ class Limited:
     @property
     def ranges(self) -> dict[str, Range]:
         """Ranges of task coordinates, by name in TASK; rad or m."""
-        return {limit.coordinate: (limit.low, limit.high) for limit in self.limits if isinstance(limit, TaskRange)}
+        return {
+            limit.coordinate: (limit.low, limit.high)
+            for limit in self.limits
+            if isinstance(limit, TaskRange)
+        }
 
     @property
     def rates(self) -> dict[str, float]:
         """Largest |rate| of task coordinates, by name in TASK; rad/s or m/s."""
-        return {limit.coordinate: limit.largest for limit in self.limits if isinstance(limit, TaskRate)}
+        return {
+            limit.coordinate: limit.largest for limit in self.limits if isinstance(limit, TaskRate)
+        }
 
     @property
     def of_tool(self) -> tuple[ToolLimit, ...]:
@@ -631,17 +661,25 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
     for limit in found:
         if not isinstance(limit, (TaskRange, TaskRate, ToolLimit)):
             raise ProblemError(
-                "not a limit of the task", key=where, value=limit, allowed="TaskRange, TaskRate, TipSpeed, StopTravel"
+                "not a limit of the task",
+                key=where,
+                value=limit,
+                allowed="TaskRange, TaskRate, TipSpeed, StopTravel",
             )
         if [other.key for other in found].count(limit.key) > 1:
-            raise ProblemError("given twice", key=where, value=limit.name, allowed="each limit once")
+            raise ProblemError(
+                "given twice", key=where, value=limit.name, allowed="each limit once"
+            )
     return found
 
 
 def _coordinate(limit: Limit, name: str) -> None:
     if name not in TASK:
         raise ProblemError(
-            "unknown task coordinate", key=f"{type(limit).__name__}.coordinate", value=name, allowed=", ".join(TASK)
+            "unknown task coordinate",
+            key=f"{type(limit).__name__}.coordinate",
+            value=name,
+            allowed=", ".join(TASK),
         )
 
 
@@ -650,7 +688,10 @@ def _joint(problem: Any, name: str) -> Any:
         if joint.name == name:
             return joint
     raise ProblemError(
-        "unknown joint", key="joint", value=name, allowed=", ".join(joint.name for joint in problem.robot.joints)
+        "unknown joint",
+        key="joint",
+        value=name,
+        allowed=", ".join(joint.name for joint in problem.robot.joints),
     )
 
 
@@ -665,7 +706,9 @@ def _with_own(problem: P, limit: Limit) -> P:
     whole: Any = problem
     if all(other.key != limit.key for other in whole.limits):
         return replaced(problem, limits=(*whole.limits, limit))
-    return replaced(problem, limits=tuple(limit if other.key == limit.key else other for other in whole.limits))
+    return replaced(
+        problem, limits=tuple(limit if other.key == limit.key else other for other in whole.limits)
+    )
 
 
 def _with_eye(problem: P, **changes: Any) -> P:

@@ -7,7 +7,15 @@ from typing import Annotated, ClassVar, Literal
 
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.problem.value import Bound, Count, NotNegative, Positive, Quantity, Value, check_name
+from ssm_planner.problem.value import (
+    Bound,
+    Count,
+    NotNegative,
+    Positive,
+    Quantity,
+    Value,
+    check_name,
+)
 
 LARGEST_GRID = 50
 """Rows or columns of a scan."""
@@ -60,7 +68,9 @@ class Tip(Value):
     def _check(self) -> None:
         if sum(x * x for x in self.position) < 1e-12:
             reason = "the tip at the remote centre leaves roll and tilt open"
-            raise self._wrong("position", reason, "a point away from [0, 0, 0]; or roll, tilt, spin and depth")
+            raise self._wrong(
+                "position", reason, "a point away from [0, 0, 0]; or roll, tilt, spin and depth"
+            )
 
 
 Point = Task | Joints | Tip
@@ -116,7 +126,9 @@ class Free(Value):
     def _check(self) -> None:
         _check_given(self)
         if self.spin_free and isinstance(self.to, Joints):
-            raise self._wrong("spin_free", "joints fix the spin", "a target in task coordinates, or a tip", "True")
+            raise self._wrong(
+                "spin_free", "joints fix the spin", "a target in task coordinates, or a tip", "True"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +161,9 @@ class Follow(Value):
         if self.constant_speed is not None:
             self._check_constant()
         if (self.distance is None) == (self.curve == "retina"):
-            raise self._wrong("distance", "of a curve along the retina, and of none but that", "a length, or none")
+            raise self._wrong(
+                "distance", "of a curve along the retina, and of none but that", "a length, or none"
+            )
         if self.distance is not None and not (isinstance(self.to, Task) and self.to.depth is None):
             reason = "how deep the tip goes is what distance says"
             raise self._wrong("to", reason, "roll, tilt, spin", type(self.to).__name__)
@@ -160,7 +174,9 @@ class Follow(Value):
         counts = {"line": 0, "arc": 1, "retina": 0}
         wanted = counts.get(self.curve, len(self.through))
         if len(self.through) != wanted:
-            raise self._wrong("through", f"not for a curve of this kind ({self.curve})", f"{wanted} points")
+            raise self._wrong(
+                "through", f"not for a curve of this kind ({self.curve})", f"{wanted} points"
+            )
         _check_given(self)
 
     def _check_constant(self) -> None:
@@ -170,7 +186,9 @@ class Follow(Value):
             raise self._wrong("constant_speed", reason, "a line or an arc", speed)
         if self.duration is not None or self.blend is not None:
             reason = "a duration or a rounded corner leaves no constant speed"
-            raise self._wrong("constant_speed", reason, "none of these, or no constant_speed", speed)
+            raise self._wrong(
+                "constant_speed", reason, "none of these, or no constant_speed", speed
+            )
 
     @property
     def blends(self) -> bool:
@@ -182,7 +200,10 @@ def _check_blend(motion: Straight | Follow) -> None:
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "so near to its corner the robot all but stops"
         raise motion._wrong(
-            "blend", reason, f"at least {1e3 * SMALLEST_BLEND:g} mm, or no blend", f"{1e3 * motion.blend:g} mm"
+            "blend",
+            reason,
+            f"at least {1e3 * SMALLEST_BLEND:g} mm, or no blend",
+            f"{1e3 * motion.blend:g} mm",
         )
 
 
@@ -191,7 +212,9 @@ def _check_given(motion: Free | Follow) -> None:
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.given:
             place = "to" if i == len(motion.through) else f"through[{i}]"
-            raise motion._wrong(place, "no point is given", "roll, tilt, spin or depth; joints; or a tip", "Task()")
+            raise motion._wrong(
+                place, "no point is given", "roll, tilt, spin or depth; joints; or a tip", "Task()"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,18 +255,26 @@ class Scan(Value):
 
     def _check(self) -> None:
         if self.at.tilt is None:
-            raise self._wrong("at", "missing: no pattern is there without a tilt", "roll, tilt, spin")
+            raise self._wrong(
+                "at", "missing: no pattern is there without a tilt", "roll, tilt, spin"
+            )
         if self.at.depth is not None:
-            raise self._wrong("at", "how deep the tip goes is what distance says", "roll, tilt, spin")
+            raise self._wrong(
+                "at", "how deep the tip goes is what distance says", "roll, tilt, spin"
+            )
         if list(self.diameters) != sorted(set(self.diameters)):
             raise self._wrong("diameters", "not rings one around the other", "growing lengths")
         for name in ("rows", "columns"):
             count = getattr(self, name)
             if self.diameters and count:
-                raise self._wrong(name, "of a raster, but there are rings as well", "0, or no diameters")
+                raise self._wrong(
+                    name, "of a raster, but there are rings as well", "0, or no diameters"
+                )
             if not self.diameters and not 1 <= count <= LARGEST_GRID:
                 raise self._wrong(
-                    name, "not a count", f"a whole number from 1 to {LARGEST_GRID}; or diameters of rings"
+                    name,
+                    "not a count",
+                    f"a whole number from 1 to {LARGEST_GRID}; or diameters of rings",
                 )
 
 
@@ -294,4 +325,6 @@ class Motorisation(Value):
                 reason = "this joint has no drive, so there is no motor to size"
                 raise self._wrong(field, reason, "a driven joint", stroke.joint)
             if any(other.joint == stroke.joint for other in self.strokes[:i]):
-                raise self._wrong(field, "a second run of this joint", "one run per joint", stroke.joint)
+                raise self._wrong(
+                    field, "a second run of this joint", "one run per joint", stroke.joint
+                )

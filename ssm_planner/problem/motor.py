@@ -67,11 +67,15 @@ class Motor(Value):
 
     def _check(self) -> None:
         if self.max_torque < self.nominal_torque:
-            raise self._wrong("max_torque", "smaller than nominal_torque", f"at least {self.nominal_torque:g} N*m")
+            raise self._wrong(
+                "max_torque", "smaller than nominal_torque", f"at least {self.nominal_torque:g} N*m"
+            )
         drift = self.torque_constant_per_kelvin
         if drift is not None and not LARGEST_DRIFT <= drift <= 0:
             reason = "magnets weaken as they warm" if drift > 0 else "too small"
-            raise self._wrong("torque_constant_per_kelvin", reason, f"{LARGEST_DRIFT:g} to 0, such as -0.0011")
+            raise self._wrong(
+                "torque_constant_per_kelvin", reason, f"{LARGEST_DRIFT:g} to 0, such as -0.0011"
+            )
         winding, motor = self.time_constant_winding, self.time_constant_motor
         if winding is not None and motor is not None and winding >= motor:
             raise self._wrong(

@@ -20,7 +20,17 @@ LOAD_OFFSET = "load_offset"
 LAW = "law"
 """Column of the sets' friction laws, by their number in LAWS, where the recordings leave several possible."""
 LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
-FRICTION_NAMES = ("mu", "mu_static", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov", "preload")
+FRICTION_NAMES = (
+    "mu",
+    "mu_static",
+    "mu_stribeck",
+    "stribeck_speed",
+    "b_c",
+    "b_v",
+    "b_oc",
+    "b_ov",
+    "preload",
+)
 """Parameters of a drive that may be uncertain, by their names in Friction (and preload)."""
 
 
@@ -46,7 +56,11 @@ class Ripple(Value):
     def _check(self) -> None:
         for name in ("ripple", "noise", "peak"):
             if not 0 < len(getattr(self, name)) == len(self.torque):
-                raise self._wrong(name, "not one figure for each recording", f"{len(self.torque)} figures, at least 1")
+                raise self._wrong(
+                    name,
+                    "not one figure for each recording",
+                    f"{len(self.torque)} figures, at least 1",
+                )
 
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
         """(count,) departures of single samples, N·m: a harmonic of unknown phase, and noise.
@@ -83,7 +97,9 @@ class Harmonics(Value):
     def _check(self) -> None:
         for name in ("cosine", "sine"):
             if len(getattr(self, name)) != len(self.orders):
-                raise self._wrong(name, "not one figure for each order", f"{len(self.orders)} figures")
+                raise self._wrong(
+                    name, "not one figure for each order", f"{len(self.orders)} figures"
+                )
 
     @property
     def amplitudes(self) -> Array:
@@ -93,12 +109,18 @@ class Harmonics(Value):
     def torque(self, angle: Array) -> Array:
         """(samples,) N·m at motor angles (samples,), rad."""
         waves = np.outer(angle, self.orders)
-        return np.asarray(np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine))
+        return np.asarray(
+            np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
+        )
 
     def turned(self, start: float) -> Harmonics:
         """The same with the angle counted from `start`, rad."""
-        turned = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(1j * start * np.array(self.orders))
-        return Harmonics(self.orders, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()), self.phased)
+        turned = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(
+            1j * start * np.array(self.orders)
+        )
+        return Harmonics(
+            self.orders, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()), self.phased
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The object that `identify --json` prints of one direction."""
@@ -142,18 +164,25 @@ class Posterior(Value):
             if name not in known:
                 raise self._wrong("names", "unknown parameter", ", ".join(known), name)
         if len(self.speeds) != len(self.departures) or 0.0 in self.speeds:
-            raise self._wrong("departures", "not one for each moving recording", f"{len(self.speeds)} figures")
+            raise self._wrong(
+                "departures", "not one for each moving recording", f"{len(self.speeds)} figures"
+            )
         if self.common >= 1:
             raise self._wrong("common", "all of the scatter and more", "a share from 0, below 1")
         if len(set(self.names)) != len(self.names):
             raise self._wrong("names", "a parameter is named twice", "each once")
         if self.draws.shape[1] != len(self.names) or len(self.draws) < 2:
             raise self._wrong(
-                "draws", "not one column for each name", "two sets of parameters or more", f"shape {self.draws.shape}"
+                "draws",
+                "not one column for each name",
+                "two sets of parameters or more",
+                f"shape {self.draws.shape}",
             )
         for name, column in zip(self.names, self.draws.T, strict=True):
             if name != LOAD_OFFSET and column.min() < 0:
-                raise self._wrong("draws", f"friction is not negative: {name}", "0 or more", float(column.min()))
+                raise self._wrong(
+                    "draws", f"friction is not negative: {name}", "0 or more", float(column.min())
+                )
         if LAW in self.names and not np.isin(self.column(LAW), range(len(LAWS))).all():
             allowed = ", ".join(f"{k} ({law})" for k, law in enumerate(LAWS))
             raise self._wrong("draws", "not the number of a law", allowed)
@@ -161,7 +190,9 @@ class Posterior(Value):
     @property
     def recordings(self) -> int:
         """How many stand behind it, as far as it tells."""
-        return sum(len(ripple.torque) for ripple in (self.forwards, self.backwards) if ripple is not None)
+        return sum(
+            len(ripple.torque) for ripple in (self.forwards, self.backwards) if ripple is not None
+        )
 
     def column(self, name: str) -> Array:
         """(sets,) of one parameter."""
@@ -176,7 +207,11 @@ class Posterior(Value):
         if LAW not in self.names:
             return {law: 1.0}
         shares = {name: float(np.mean(self.column(LAW) == k)) for k, name in enumerate(LAWS)}
-        return {name: share for name, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share}
+        return {
+            name: share
+            for name, share in sorted(shares.items(), key=lambda pair: -pair[1])
+            if share
+        }
 
     def ripple(self, direction: int) -> Ripple | None:
         """In motion of a direction (±1)."""

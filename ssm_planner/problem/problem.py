@@ -10,8 +10,28 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from ssm_planner.problem.limits import TASK, LensClearance, Limit, Limited, RetinaClearance, TaskRange, task_limits
-from ssm_planner.problem.motion import OF_TIP, Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.limits import (
+    TASK,
+    LensClearance,
+    Limit,
+    Limited,
+    RetinaClearance,
+    TaskRange,
+    task_limits,
+)
+from ssm_planner.problem.motion import (
+    OF_TIP,
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    Point,
+    Scan,
+    Straight,
+    Task,
+    Tip,
+)
 from ssm_planner.problem.robot import Robot, check_rotation
 from ssm_planner.problem.value import (
     Interval,
@@ -78,7 +98,11 @@ class Eye(Value):
 
     def _check(self) -> None:
         if not self.clearance < self.radius:
-            raise self._wrong("clearance", "nothing is left of the eye", f"less than the radius, {_mm(self.radius)}")
+            raise self._wrong(
+                "clearance",
+                "nothing is left of the eye",
+                f"less than the radius, {_mm(self.radius)}",
+            )
         if self.lens is not None:
             self._check_lens(self.lens)
         self._check_port()
@@ -184,7 +208,11 @@ class TaskLimits(Limited):
     @property
     def promising(self) -> str:
         """Names of the motions along given lines."""
-        lines = (each for each in self.motion if isinstance(each, Straight) or getattr(each, "curve", "") in OF_TIP)
+        lines = (
+            each
+            for each in self.motion
+            if isinstance(each, Straight) or getattr(each, "curve", "") in OF_TIP
+        )
         return ", ".join(dict.fromkeys(each.name for each in lines))
 
     @property
@@ -235,7 +263,9 @@ class Problem(Value, Limited):
     payload: Interval | None = None
     """Least and largest point mass at the tip, kg, with all of which motor torques hold; None: none."""
     name: str = "problem"
-    wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(default_factory=dict, compare=False)
+    wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(
+        default_factory=dict, compare=False
+    )
     """Ranges asked for that reach beyond the robot's, by name in TASK; filled in where `limits` are narrowed."""
     file: str | None = field(default=None, compare=False)
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
@@ -276,7 +306,9 @@ class Problem(Value, Limited):
         if not self.motion:
             raise self._wrong("motion", "no entries", "at least one motion", "()")
         for i, entry in enumerate(self.motion):
-            if isinstance(entry, Scan) or (isinstance(entry, Follow) and entry.distance is not None):
+            if isinstance(entry, Scan) or (
+                isinstance(entry, Follow) and entry.distance is not None
+            ):
                 self._check_over_retina(entry, f"motion[{i}]")
         for place, point in self._points():
             self._check_point(place, point)
@@ -293,8 +325,13 @@ class Problem(Value, Limited):
             low, high = left.get(name, (-math.inf, math.inf))
             asked, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
             if not lower < upper:
-                reason, allowed = "nothing is left of the range that the robot allows", _range(name, (low, high))
-                raise self._wrong(f"limits.{name}", reason, allowed, _range(name, self.ranges[name]))
+                reason, allowed = (
+                    "nothing is left of the range that the robot allows",
+                    _range(name, (low, high)),
+                )
+                raise self._wrong(
+                    f"limits.{name}", reason, allowed, _range(name, self.ranges[name])
+                )
             left[name] = lower, upper
             if name in self.ranges and (asked[0] < lower - SLACK or asked[1] > upper + SLACK):
                 object.__setattr__(self, "wider", {**self.wider, name: self.ranges[name]})
@@ -310,7 +347,9 @@ class Problem(Value, Limited):
                 yield f"motion[{i}].at", entry.at
             elif isinstance(entry, (Free, Follow)):
                 yield f"motion[{i}].to", entry.to
-                yield from ((f"motion[{i}].through[{k}]", point) for k, point in enumerate(entry.through))
+                yield from (
+                    (f"motion[{i}].through[{k}]", point) for k, point in enumerate(entry.through)
+                )
 
     def _check_point(self, place: str, point: Point) -> None:
         """What is given of a point is within its limits; what follows from it the planner looks at (feasibility)."""
@@ -320,24 +359,38 @@ class Problem(Value, Limited):
         elif isinstance(point, Tip):
             distance, (low, high) = math.hypot(*point.position), self.ranges["depth"]
             if distance > max(abs(low), abs(high)) + SLACK:
-                reason = f"{distance * 1e3:.4g} mm from the remote centre, outside the limits of depth"
-                raise self._wrong(f"{place}.position", reason, _range("depth", (low, high)), list(point.position))
+                reason = (
+                    f"{distance * 1e3:.4g} mm from the remote centre, outside the limits of depth"
+                )
+                raise self._wrong(
+                    f"{place}.position", reason, _range("depth", (low, high)), list(point.position)
+                )
             self._check_within(f"{place}.spin", "spin", point.spin)
         else:
             for i, (value, joint) in enumerate(zip(point.values, self.robot.joints, strict=True)):
                 reason = f"outside the position limits of joint {i + 1} ({joint.name})"
-                self._check_within(f"{place}.values[{i}]", joint.name, value, joint.position, reason)
+                self._check_within(
+                    f"{place}.values[{i}]", joint.name, value, joint.position, reason
+                )
             depth = self.robot.geometry.insertion_sign * point.values[3]
             reason = f"gives a depth of {depth * 1e3:g} mm, outside the limits"
             self._check_within(f"{place}.values[3]", "depth", depth, None, reason)
 
     def _check_within(
-        self, place: str, name: str, value: float, ends: Range | None = None, reason: str | None = None
+        self,
+        place: str,
+        name: str,
+        value: float,
+        ends: Range | None = None,
+        reason: str | None = None,
     ) -> None:
         low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
         if not low - SLACK <= value <= high + SLACK:
             raise self._wrong(
-                place, reason or f"outside the limits of {name}", _range(name, (low, high)), _text(name, value)
+                place,
+                reason or f"outside the limits of {name}",
+                _range(name, (low, high)),
+                _text(name, value),
             )
 
     def _check_over_retina(self, scan: Scan | Follow, place: str) -> None:
@@ -349,14 +402,23 @@ class Problem(Value, Limited):
             raise self._wrong(place, reason, "a problem with an eye", scan.name)
         if scan.distance is not None and scan.distance < eye.clearance:
             allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
-            raise self._wrong(f"{place}.distance", "nearer to the retina than the clearance", allowed, scan.distance)
+            raise self._wrong(
+                f"{place}.distance",
+                "nearer to the retina than the clearance",
+                allowed,
+                scan.distance,
+            )
         if scan.distance is not None and scan.distance >= eye.radius:
             reason = "farther from the retina than the middle of the eye"
-            raise self._wrong(f"{place}.distance", reason, f"below {_mm(eye.radius)}", scan.distance)
+            raise self._wrong(
+                f"{place}.distance", reason, f"below {_mm(eye.radius)}", scan.distance
+            )
         for diameter in scan.diameters if isinstance(scan, Scan) else ():
             if diameter >= eye.radius:
                 reason = "larger than the eye's radius"
-                raise self._wrong(f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
+                raise self._wrong(
+                    f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter
+                )
 
     def _check_blends(self) -> None:
         """Corners are rounded between motions along given lines and arcs alone, of which none has a duration of its own."""
@@ -366,8 +428,12 @@ class Problem(Value, Limited):
             behind = self.motion[i + 1] if i + 1 < len(self.motion) else None
             allowed = "straight motions, lines and arcs one after the other; or no blend"
             if behind is None:
-                raise self._wrong(f"motion[{i}].blend", "no motion follows, so the robot stops", allowed)
-            if not isinstance(behind, Straight) and not (isinstance(behind, Follow) and behind.blends):
+                raise self._wrong(
+                    f"motion[{i}].blend", "no motion follows, so the robot stops", allowed
+                )
+            if not isinstance(behind, Straight) and not (
+                isinstance(behind, Follow) and behind.blends
+            ):
                 reason = f"the robot stops before the next motion, a {behind.kind} ({behind.name})"
                 raise self._wrong(f"motion[{i}].blend", reason, allowed, _mm(entry.blend))
             for k, each in ((i, entry), (i + 1, behind)):
@@ -396,11 +462,18 @@ class Problem(Value, Limited):
             raise self._wrong("friction", "not a share of what is known", "50 % to 99.9 %")
         for joint in self.robot.joints:
             drive = joint.drive
-            if drive is None or joint.motor is None or drive.friction is None or drive.friction_ranges:
+            if (
+                drive is None
+                or joint.motor is None
+                or drive.friction is None
+                or drive.friction_ranges
+            ):
                 continue
             if drive.friction.posterior is None and not drive.friction.covariance:
                 reason = f"nothing is known of how far the friction of {drive.name} (joint {joint.name}) may be off"
-                allowed = "drives with posterior, covariance or friction_ranges, or no range of friction"
+                allowed = (
+                    "drives with posterior, covariance or friction_ranges, or no range of friction"
+                )
                 raise self._wrong("friction", reason, allowed)
 
     def _check_stops(self) -> None:
@@ -409,11 +482,18 @@ class Problem(Value, Limited):
             return
         if any(self.end_rate.values()):
             reason = "a motion that ends while it moves leaves no path to stop on"
-            raise self._wrong("end_rate", reason, "a motion that ends at rest, or no stop_travel", dict(self.end_rate))
+            raise self._wrong(
+                "end_rate",
+                reason,
+                "a motion that ends at rest, or no stop_travel",
+                dict(self.end_rate),
+            )
         jerk = next((joint.name for joint in self.robot.joints if joint.jerk is not None), None)
         if jerk is not None:
             reason = f"the jerk of joint {jerk} is limited, and the quickest stop begins at once"
-            raise self._wrong("limits", reason, "a robot without jerk limits, or no stop_travel", "stop_travel")
+            raise self._wrong(
+                "limits", reason, "a robot without jerk limits, or no stop_travel", "stop_travel"
+            )
 
     def check_total(self) -> None:
         """Raises ProblemError where the duration of the whole contradicts those of its motions; the planner says so too."""
@@ -422,13 +502,23 @@ class Problem(Value, Limited):
         timed = [entry.duration is not None for entry in self.motion]
         fixed = sum(entry.duration or 0.0 for entry in self.motion)
         if all(timed):
-            raise self._wrong("duration", "every motion has a duration of its own already", "no duration of the whole")
+            raise self._wrong(
+                "duration",
+                "every motion has a duration of its own already",
+                "no duration of the whole",
+            )
         if fixed >= self.duration:
-            raise self._wrong("duration", f"dwells and timed motions alone take {fixed:g} s", "more than that")
+            raise self._wrong(
+                "duration", f"dwells and timed motions alone take {fixed:g} s", "more than that"
+            )
 
     def _check_for_toppra(self) -> None:
         """TOPP-RA is asked for nothing but the fastest motion along a path, without jerk limits."""
-        asks = [f"a jerk limit of joint {joint.name}" for joint in self.robot.joints if joint.jerk is not None]
+        asks = [
+            f"a jerk limit of joint {joint.name}"
+            for joint in self.robot.joints
+            if joint.jerk is not None
+        ]
         if self.duration is not None or self.objective == "effort":
             asks.append("a duration or effort as the objective")
         if self.planner == "toppra":
@@ -449,14 +539,14 @@ class Problem(Value, Limited):
                 raise self._wrong(f"motion[{i}].constant_speed", reason, allowed)
             points = len(entry.through) + 1
             if entry.curve == "samples" or (entry.curve == "spline" and points > MOST_OF_SPLINE):
-                allowed = (
-                    f"a spline through {MOST_OF_SPLINE} points at most; or as fast as possible, without jerk limits"
-                )
+                allowed = f"a spline through {MOST_OF_SPLINE} points at most; or as fast as possible, without jerk limits"
                 raise self._wrong(f"motion[{i}]", reason, allowed, f"{points} points")
 
     def by_optimal_control(self, motion: Motion) -> bool:
         """A spline that TOPP-RA does not time: where jerk is limited, or a duration or the least effort asked for."""
         if not isinstance(motion, Follow) or motion.curve != "spline":
             return False
-        slower = self.duration is not None or motion.duration is not None or self.objective == "effort"
+        slower = (
+            self.duration is not None or motion.duration is not None or self.objective == "effort"
+        )
         return slower or any(joint.jerk is not None for joint in self.robot.joints)

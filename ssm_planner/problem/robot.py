@@ -27,7 +27,17 @@ from ssm_planner.problem.limits import (
     task_limits,
 )
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.value import Interval, Matrix, NotNegative, Positive, Quantity, Sign, Value, Vector, check_name
+from ssm_planner.problem.value import (
+    Interval,
+    Matrix,
+    NotNegative,
+    Positive,
+    Quantity,
+    Sign,
+    Value,
+    Vector,
+    check_name,
+)
 from ssm_planner.problem.value import frozen as frozen
 from ssm_planner.typing import Array, Range
 
@@ -64,10 +74,15 @@ class Geometry(Value):
             pair = getattr(self, f"omega{first}"), getattr(self, f"omega{second}")
             if np.linalg.norm(np.cross(*pair)) < math.sin(SMALLEST_ANGLE):
                 reason = f"the axes of joints {first} and {second} are parallel"
-                raise self._wrong(f"omega{second}", reason, "at least 0.1 deg between neighbouring axes")
+                raise self._wrong(
+                    f"omega{second}", reason, "at least 0.1 deg between neighbouring axes"
+                )
         check_rotation(self, "tool_home")
         if np.linalg.norm(self.tool_home[:, 2] - self.omega3) > UNIT_TOLERANCE:
-            found, wanted = (np.array2string(vector, precision=5) for vector in (self.tool_home[:, 2], self.omega3))
+            found, wanted = (
+                np.array2string(vector, precision=5)
+                for vector in (self.tool_home[:, 2], self.omega3)
+            )
             raise self._wrong(
                 "tool_home",
                 f"the z axis of the tool is the tool axis, {wanted}, but this frame has its z along {found}",
@@ -94,16 +109,18 @@ class Body(Value):
         check_rotation(self, "frame")
         if self.mass == 0:
             if np.any(self.inertia):
-                raise self._wrong("inertia", "a body without mass has no inertia", "zeros, or a mass")
+                raise self._wrong(
+                    "inertia", "a body without mass has no inertia", "zeros, or a mass"
+                )
             return
-        if not np.allclose(self.inertia, self.inertia.T, rtol=0, atol=1e-9 * float(np.abs(self.inertia).max())):
+        if not np.allclose(
+            self.inertia, self.inertia.T, rtol=0, atol=1e-9 * float(np.abs(self.inertia).max())
+        ):
             raise self._wrong("inertia", "not symmetric", "a symmetric tensor, kg·m²")
         moments = principal_moments(self.mass, self.com, self.inertia)
         if not possible(moments):
             listed = ", ".join(f"{moment:.4g}" for moment in moments)
-            reason = (
-                f"no body can have this inertia: its principal moments about the centre of mass are ({listed}) kg*m^2"
-            )
+            reason = f"no body can have this inertia: its principal moments about the centre of mass are ({listed}) kg*m^2"
             raise self._wrong("inertia", reason, POSSIBLE)
 
 
@@ -146,12 +163,21 @@ class Joint(Value):
                 f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia than the whole input "
                 f"side of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it"
             )
-            raise self._wrong("motor", reason, "a drive whose input_inertia counts the rotor in", motor.name)
+            raise self._wrong(
+                "motor", reason, "a drive whose input_inertia counts the rotor in", motor.name
+            )
         if self.alternatives and motor is None:
-            raise self._wrong("alternatives", "instead of which motor?", "none, or a motor beside them")
+            raise self._wrong(
+                "alternatives", "instead of which motor?", "none, or a motor beside them"
+            )
         revolute = self.kind == "revolute"
         if drive.friction is None:
-            raise self._wrong("drive", "the friction of this drive is still to be identified", "friction", drive.name)
+            raise self._wrong(
+                "drive",
+                "the friction of this drive is still to be identified",
+                "friction",
+                drive.name,
+            )
         if revolute == drive.slides:
             kinds = [kind for kind in get_args(DriveKind) if (kind in TURNING) == revolute]
             reason = f"a {drive.kind} drive, but this joint {'turns' if revolute else 'slides'}"
@@ -221,12 +247,16 @@ class Robot(Value, Limited):
                 raise self._wrong(f"joints[{i}].name", "not in this place", name, joint.name)
             kind = "prismatic" if name == "insertion" else "revolute"
             if joint.kind != kind:
-                raise self._wrong(f"joints[{i}].kind", f"not the kind of joint {name}", kind, joint.kind)
+                raise self._wrong(
+                    f"joints[{i}].kind", f"not the kind of joint {name}", kind, joint.kind
+                )
         low, high = self.travel
         for name, (lower, upper) in self.ranges.items():
             if name == "depth" and not max(low, lower) < min(high, upper):
                 allowed = f"within {low * 1e3:g} mm to {high * 1e3:g} mm"
-                raise self._wrong("limits.depth", "outside the travel of joint 4", allowed, (lower, upper))
+                raise self._wrong(
+                    "limits.depth", "outside the travel of joint 4", allowed, (lower, upper)
+                )
 
     @property
     def loads(self) -> tuple[Robot, ...]:
@@ -267,7 +297,9 @@ class Robot(Value, Limited):
     @property
     def travel(self) -> Range:
         """Range of depth that joint 4 allows, m."""
-        low, high = sorted(self.geometry.insertion_sign * position + 0.0 for position in self.joints[3].position)
+        low, high = sorted(
+            self.geometry.insertion_sign * position + 0.0 for position in self.joints[3].position
+        )
         return low, high
 
 
@@ -276,7 +308,9 @@ def unit_vector(vector: Array, where: str) -> Array:
     length = float(np.linalg.norm(vector))
     if not abs(length - 1) <= UNIT_TOLERANCE:
         reason = f"the vector has length {length:.7g}"
-        raise ProblemError(reason, key=where, value=vector.tolist(), allowed="a unit vector, within 1e-6")
+        raise ProblemError(
+            reason, key=where, value=vector.tolist(), allowed="a unit vector, within 1e-6"
+        )
     return vector / length
 
 
@@ -295,7 +329,10 @@ def possible(moments: Array) -> bool:
 def check_rotation(value: Value, name: str) -> None:
     """Raises ProblemError where the field holds no rotation."""
     matrix = getattr(value, name)
-    if not np.allclose(matrix.T @ matrix, np.eye(3), rtol=0, atol=UNIT_TOLERANCE) or np.linalg.det(matrix) < 0:
+    if (
+        not np.allclose(matrix.T @ matrix, np.eye(3), rtol=0, atol=UNIT_TOLERANCE)
+        or np.linalg.det(matrix) < 0
+    ):
         raise ProblemError(
             "not a rotation",
             key=f"{type(value).__name__}.{name}",

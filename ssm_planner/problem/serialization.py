@@ -14,10 +14,29 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limits import TASK, Limit, TaskRange, TaskRate, ToolLimit
-from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Point, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import (
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    Point,
+    Scan,
+    Straight,
+    Task,
+    Tip,
+)
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import Interval, Names, Positive, built, check_mapping, converted, wrong
+from ssm_planner.problem.value import (
+    Interval,
+    Names,
+    Positive,
+    built,
+    check_mapping,
+    converted,
+    wrong,
+)
 
 PRIMITIVE = {type(None), bool, int, float, str}
 """What most fields hold, and JSON as it is."""
@@ -69,12 +88,20 @@ def _without_files(data: Any) -> Any:
 @cache
 def _names(cls: Any) -> tuple[str, ...]:
     """Of the fields of a dataclass; none of another class."""
-    return tuple(field.name for field in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else ()
+    return (
+        tuple(field.name for field in dataclasses.fields(cls))
+        if dataclasses.is_dataclass(cls)
+        else ()
+    )
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
     # corners and lightest are of a planner's making
-    own = {name: plain(getattr(robot, name)) for name in _names(Robot) if name not in ("corners", "lightest")}
+    own = {
+        name: plain(getattr(robot, name))
+        for name in _names(Robot)
+        if name not in ("corners", "lightest")
+    }
     return own | {"limits": plain(robot.ranges)}
 
 
@@ -110,7 +137,9 @@ def _motion(motion: Motion) -> dict[str, Any]:
         "target": None if target is None else _point(target),
         "duration": motion.duration,
         "line": motion.line,
-        "through": [_point(point) for point in motion.through] if isinstance(motion, (Free, Follow)) else [],
+        "through": [_point(point) for point in motion.through]
+        if isinstance(motion, (Free, Follow))
+        else [],
         "scan": scan,
     }
     if isinstance(motion, Free) and motion.spin_free:
@@ -120,7 +149,12 @@ def _motion(motion: Motion) -> dict[str, Any]:
     if not isinstance(motion, Follow):
         return entry
     more = {"constant_speed": motion.constant_speed, "distance": motion.distance}
-    return {**entry, "curve": motion.curve, "file": motion.file, **{k: v for k, v in more.items() if v is not None}}
+    return {
+        **entry,
+        "curve": motion.curve,
+        "file": motion.file,
+        **{k: v for k, v in more.items() if v is not None},
+    }
 
 
 _SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
@@ -148,11 +182,17 @@ def _motion_from(data: Any, where: str) -> Motion:
         Straight.kind: ("blend",),
     }
     of_kind = more.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
-    check_mapping(data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where)
+    check_mapping(
+        data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where
+    )
     cls: Any = _KINDS.get(data.get("kind"))
     if cls is None:
         raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
-    values = {"name": data.get("name", ""), "line": data.get("line"), "duration": data.get("duration")}
+    values = {
+        "name": data.get("name", ""),
+        "line": data.get("line"),
+        "duration": data.get("duration"),
+    }
     if cls is Scan:
         del values["duration"]
     if cls is Scan:
@@ -167,7 +207,9 @@ def _motion_from(data: Any, where: str) -> Motion:
     values |= {name: data[name] for name in of_kind if name in data}
     if cls in (Free, Follow):
         through = data.get("through") or ()
-        values["through"] = tuple(_point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through))
+        values["through"] = tuple(
+            _point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through)
+        )
     motion: Motion = built(cls, values, where)
     return motion
 
@@ -175,7 +217,12 @@ def _motion_from(data: Any, where: str) -> Motion:
 def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     """Limits of the task as plan.json states them: ranges and rates by coordinate, the tool's by field, the eye."""
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
-    stated = {"limits": plain(value.ranges), **speeds, "rates": plain(value.rates), "eye": plain(value.eye)}
+    stated = {
+        "limits": plain(value.ranges),
+        **speeds,
+        "rates": plain(value.rates),
+        "eye": plain(value.eye),
+    }
     return stated | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
 
 
@@ -205,15 +252,22 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
     """
     task = task_limits_from_plain(data, file)
-    given: dict[str, Any] = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
+    given: dict[str, Any] = {
+        "robot": robot_from_plain(data.get("robot", {}), file),
+        "limits": task.limits,
+    }
     with _named(file):
         given |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
         given |= {"start": _point_from(data.get("start"), "problem.start")}
         entries = data.get("motion")
         if not isinstance(entries, (list, tuple)):
             raise wrong("problem.motion", entries, "a list")
-        given["motion"] = tuple(_motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries))
-        rest = {key: item for key, item in data.items() if key not in {*given, *limits_to_plain(task)}}
+        given["motion"] = tuple(
+            _motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries)
+        )
+        rest = {
+            key: item for key, item in data.items() if key not in {*given, *limits_to_plain(task)}
+        }
         problem: Problem = built(Problem, rest, "problem", given)
     return problem
 
@@ -224,7 +278,9 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
     file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
     """
     with _named(file):
-        robot: Robot = built(Robot, {**data, "limits": _ranges(data.get("limits"), "robot.limits")}, "robot")
+        robot: Robot = built(
+            Robot, {**data, "limits": _ranges(data.get("limits"), "robot.limits")}, "robot"
+        )
     return robot
 
 
@@ -241,16 +297,24 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
             largest = converted(Positive | None, problem.get(kind.field), f"problem.{kind.field}")
             limits += [] if largest is None else [kind(largest)]
         eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
-        friction: float | None = converted(Positive | None, problem.get("friction"), "problem.friction")
-        payload: tuple[float, float] | None = converted(Interval | None, problem.get("payload"), "problem.payload")
+        friction: float | None = converted(
+            Positive | None, problem.get("friction"), "problem.friction"
+        )
+        payload: tuple[float, float] | None = converted(
+            Interval | None, problem.get("payload"), "problem.payload"
+        )
     return TaskLimits(tuple(limits), eye, friction=friction, payload=payload)
 
 
 def _ranges(data: Any, where: str) -> list[Limit]:
-    return [TaskRange(name, low, high) for name, (low, high) in _by_task(Interval, data, where).items()]
+    return [
+        TaskRange(name, low, high) for name, (low, high) in _by_task(Interval, data, where).items()
+    ]
 
 
 def _by_task(hint: Any, data: Any, where: str) -> dict[str, Any]:
     """A mapping from task coordinates; none is an empty one."""
-    found: dict[str, Any] = converted(Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, where)
+    found: dict[str, Any] = converted(
+        Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, where
+    )
     return found

@@ -42,7 +42,9 @@ class Bound:
         words = {"above": self.above, "at least": self.at_least, "at most": self.at_most}
         if math.isfinite(self.at_least) and math.isfinite(self.at_most):
             return f"from {self.at_least:g} to {self.at_most:g}"
-        return " and ".join(f"{word} {bound:g}" for word, bound in words.items() if math.isfinite(bound))
+        return " and ".join(
+            f"{word} {bound:g}" for word, bound in words.items() if math.isfinite(bound)
+        )
 
     def fault(self, value: float) -> str | None:
         """What is wrong with a number; None where it keeps the bound."""
@@ -108,7 +110,9 @@ class Value:
     def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
         """The error of a field (or of a part of it: `strokes[2].joint`)."""
         shown = getattr(self, field, None) if value is None else value
-        return ProblemError(reason, key=f"{type(self).__name__}.{field}", value=shown, allowed=allowed)
+        return ProblemError(
+            reason, key=f"{type(self).__name__}.{field}", value=shown, allowed=allowed
+        )
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -164,7 +168,9 @@ def descriptions(cls: type) -> dict[str, str]:
         body = tree.body if isinstance(tree, ast.ClassDef) else []
         for field, below in pairwise(body):
             if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
-                found[ast.unparse(field.target)] = " ".join(str(ast.literal_eval(below.value)).split())
+                found[ast.unparse(field.target)] = " ".join(
+                    str(ast.literal_eval(below.value)).split()
+                )
     return found
 
 
@@ -191,7 +197,9 @@ def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = 
         if name in data:
             values[name] = converted(types_of[name], data[name], f"{where}.{name}", build=True)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
-            raise ProblemError("missing", key=f"{where}.{name}", allowed=f"the keys of {cls.__name__}")
+            raise ProblemError(
+                "missing", key=f"{where}.{name}", allowed=f"the keys of {cls.__name__}"
+            )
     try:
         return cls(**values)
     except ProblemError as error:
@@ -218,7 +226,10 @@ def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise wrong(where, value, "a mapping")
-        return {str(key): converted(parts[1], item, f"{where}.{key}", build) for key, item in value.items()}
+        return {
+            str(key): converted(parts[1], item, f"{where}.{key}", build)
+            for key, item in value.items()
+        }
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         if isinstance(value, hint):
             return value
@@ -264,7 +275,10 @@ def _annotated(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> A
                 check_name(key, mark.names, f"{where}.{key}", "unknown key")
         elif isinstance(mark, Ascending) and not value[0] < value[1]:
             raise ProblemError(
-                "the lower bound is not below the upper one", key=where, value=value, allowed="(lower, upper)"
+                "the lower bound is not below the upper one",
+                key=where,
+                value=value,
+                allowed="(lower, upper)",
             )
     return value
 
@@ -289,7 +303,8 @@ def _tuple(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> tuple
     if len(hints) != len(value):
         raise wrong(where, value, f"a list of {len(hints)}")
     return tuple(
-        converted(hint, item, f"{where}[{i}]", build) for i, (hint, item) in enumerate(zip(hints, value, strict=True))
+        converted(hint, item, f"{where}[{i}]", build)
+        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
     )
 
 
@@ -297,7 +312,9 @@ _SCALARS = {float: "a finite number", int: "a whole number", str: "a text", bool
 
 
 def _scalar(hint: Any, value: Any, where: str) -> Any:
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
+        value, bool
+    )
     if hint is float and number and math.isfinite(value):
         return float(value)
     if hint is int and isinstance(value, (int, np.integer)) and not isinstance(value, bool):
@@ -313,7 +330,9 @@ def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
         array = np.array(value)
     except (TypeError, ValueError) as error:
         raise wrong(where, value, allowed) from error
-    fits = array.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
+    fits = array.ndim == len(shape) and all(
+        n in (-1, m) for n, m in zip(shape, array.shape, strict=True)
+    )
     if array.dtype.kind not in "iuf" or not fits or not np.isfinite(array).all():
         raise wrong(where, value, allowed)
     return frozen(array, array.shape)

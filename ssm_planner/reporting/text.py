@@ -51,7 +51,9 @@ class Table:
         """
         most = columns() if width is None else width
         widths = self._widths(most)
-        fit = sum(end <= most for end in accumulate(width + 2 for width in [widths[0] - 2, *widths[1:]]))
+        fit = sum(
+            end <= most for end in accumulate(width + 2 for width in [widths[0] - 2, *widths[1:]])
+        )
         label = next((i for i in range(len(widths)) if i in self.numbers), 1)
         if label < fit < len(widths):
             return [
@@ -60,7 +62,11 @@ class Table:
                 *self._of([*range(label), *range(fit, len(widths))]).lines(most),
             ]
         rows = [self.header, ["-" * width for width in widths], *self.rows]
-        return ["  ".join(self._aligned(line, widths)).rstrip() for row in rows for line in _wrapped(row, widths)]
+        return [
+            "  ".join(self._aligned(line, widths)).rstrip()
+            for row in rows
+            for line in _wrapped(row, widths)
+        ]
 
     def _of(self, places: Sequence[int]) -> Table:
         """Some of the columns."""
@@ -72,14 +78,18 @@ class Table:
         """Of the columns; the widest become narrower, as far as words go, until all of them fit."""
         cells = [*zip(self.header, *self.rows, strict=True)]
         widths = [max(map(len, column)) for column in cells]
-        least = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells]
+        least = [
+            max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells
+        ]
         for i in self.numbers:  # numbers stay on one line, their heading does not
             least[i] = max([least[i], *map(len, cells[i][1:])])
         while sum(widths) + 2 * (len(widths) - 1) > most:
             spare = [width - smallest for width, smallest in zip(widths, least, strict=True)]
             if not any(spare):
                 break
-            widths[max(range(len(widths)), key=lambda i: (spare[i] > 0, i in self.numbers, widths[i]))] -= 1
+            widths[
+                max(range(len(widths)), key=lambda i: (spare[i] > 0, i in self.numbers, widths[i]))
+            ] -= 1
         return widths
 
     def _aligned(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
@@ -89,7 +99,10 @@ class Table:
 
 def _wrapped(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
     """The lines of a row, each cell wrapped to its column."""
-    parts = [wrap(cell, max(width, 1), break_on_hyphens=False) or [""] for cell, width in zip(row, widths, strict=True)]
+    parts = [
+        wrap(cell, max(width, 1), break_on_hyphens=False) or [""]
+        for cell, width in zip(row, widths, strict=True)
+    ]
     return zip_longest(*parts, fillvalue="")
 
 
@@ -124,14 +137,22 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
         for limit in sorted(limits, key=lambda limit: limit.margin)
         if limit.name not in JUMPS or not limit.passed
     ]
-    return Table(("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows, (2, 3, 5, 6))
+    return Table(
+        ("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows, (2, 3, 5, 6)
+    )
 
 
 def phases_table(plan: Plan) -> Table:
     """Duration of every phase beside TOPP-RA's and the bound."""
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     rows = [
-        (name, *(fixed(value, 4) for value in (entry.duration, entry.toppra_duration, entry.lower_bound)))
+        (
+            name,
+            *(
+                fixed(value, 4)
+                for value in (entry.duration, entry.toppra_duration, entry.lower_bound)
+            ),
+        )
         for name, entry in [*entries, ("total", plan)]
     ]
     return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
@@ -154,7 +175,11 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     rows = []
     for r in requirements:
         motor = r.motor
-        need = number(1e3 * r.peak_torque, 4), number(1e3 * r.rms_torque, 4), fixed(RPM * r.peak_speed, 0)
+        need = (
+            number(1e3 * r.peak_torque, 4),
+            number(1e3 * r.rms_torque, 4),
+            fixed(RPM * r.peak_speed, 0),
+        )
         have = (NOTHING,) * 3
         if motor is not None:
             torques = number(1e3 * motor.max_torque, 4), number(1e3 * motor.nominal_torque, 4)
@@ -162,7 +187,14 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
         pairs = (f"{a} of {b}" for a, b in zip(need, have, strict=True))
         placeholders = NOTHING if motor is None else str(len(motor.placeholders) or "none")
         rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
-    header = ("joint", "motor", "peak torque mN·m", "RMS torque mN·m", "peak speed rpm", "placeholder figures")
+    header = (
+        "joint",
+        "motor",
+        "peak torque mN·m",
+        "RMS torque mN·m",
+        "peak speed rpm",
+        "placeholder figures",
+    )
     return Table(header, rows, (2, 3, 4, 5))
 
 
@@ -180,7 +212,12 @@ def summary_lines(plan: Plan) -> list[str]:
         if plan.reason.relaxation:
             lines.append(f"relaxation: {plan.reason.relaxation}")
     limits = () if plan.certificate is None else plan.certificate.limits
-    for table in (phases_table(plan), joints_table(plan), motors_table(plan.requirements), limits_table(limits)):
+    for table in (
+        phases_table(plan),
+        joints_table(plan),
+        motors_table(plan.requirements),
+        limits_table(limits),
+    ):
         lines += ["", *table.lines()] if table.rows else []
     if plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
@@ -191,7 +228,9 @@ def rate_words(rates: Mapping[str, float]) -> str:
     """Rates of task coordinates, such as tilt -10 deg/s."""
     units = {name: shown("m" if name == "depth" else "rad") for name in rates}
     return ", ".join(
-        f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s" for name, rate in rates.items() if rate
+        f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s"
+        for name, rate in rates.items()
+        if rate
     )
 
 
@@ -200,7 +239,11 @@ def solvers(plan: Plan) -> str:
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
         return "structured"
-    return "Ipopt" if len(by_ipopt) == len(plan.phases) else f"structured; Ipopt in {', '.join(by_ipopt)}"
+    return (
+        "Ipopt"
+        if len(by_ipopt) == len(plan.phases)
+        else f"structured; Ipopt in {', '.join(by_ipopt)}"
+    )
 
 
 def confirmation(plan: Plan) -> tuple[str, str]:
@@ -212,7 +255,11 @@ def confirmation(plan: Plan) -> tuple[str, str]:
     agreement = f"durations agree within {apart}"
     if abs(difference) > AGREES_IPOPT:
         agreement = f"durations differ by up to {apart}: the shorter motion is taken"
-    alone = [phase.name for phase in plan.phases if phase.solver == "Ipopt" and phase.confirmation_iterations is None]
+    alone = [
+        phase.name
+        for phase in plan.phases
+        if phase.solver == "Ipopt" and phase.confirmation_iterations is None
+    ]
     agreement += f"; Ipopt alone in {', '.join(alone)}" if alone else ""
     return f"{iterations} iteration{'' if iterations == 1 else 's'}", agreement
 
@@ -259,13 +306,17 @@ def verdicts(plan: Plan) -> list[str]:
     lines = []
     if plan.duration is not None and plan.toppra_duration:
         more = percent(plan.duration / plan.toppra_duration - 1, 3)
-        lines.append(f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path")
+        lines.append(
+            f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path"
+        )
     lines += path_lines(plan)
     if plan.problem.planner == "fast" and plan.phases:
         lines.append(f"solver       {solvers(plan)}")
     iterations, agreement = confirmation(plan)
     if iterations:
-        lines.append(f"cross-check  Ipopt confirms the structured solver's motion in {iterations}: {agreement}")
+        lines.append(
+            f"cross-check  Ipopt confirms the structured solver's motion in {iterations}: {agreement}"
+        )
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
         lines += [f"{verb:<12} at {rate_words(rates)}, as declared"] if any(rates.values()) else []
     lines += range_lines(plan)
@@ -287,12 +338,19 @@ def verdicts(plan: Plan) -> list[str]:
     for requirement in plan.requirements:
         motor = requirement.motor
         if motor is None:
-            lines.append(f"motor        joint {requirement.joint}: not checked, needs a motor in the robot file")
+            lines.append(
+                f"motor        joint {requirement.joint}: not checked, needs a motor in the robot file"
+            )
             continue
-        within = requirement.peak_torque <= motor.max_torque and requirement.rms_torque <= motor.nominal_torque
+        within = (
+            requirement.peak_torque <= motor.max_torque
+            and requirement.rms_torque <= motor.nominal_torque
+        )
         within = within and requirement.peak_speed <= motor.max_speed
         mark = " (placeholder figures: no verdict on the real motor)" if motor.placeholder else ""
-        lines.append(f"motor        joint {requirement.joint}: {'within' if within else 'BEYOND'} {motor.name}{mark}")
+        lines.append(
+            f"motor        joint {requirement.joint}: {'within' if within else 'BEYOND'} {motor.name}{mark}"
+        )
     if plan.sizing is not None:
         _, word, reason = motors_verdict(plan.sizing.to_dict())
         lines.append(f"sizing       {word}: {reason}")
@@ -303,7 +361,9 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     """("good", "bad" or "open", the verdict, its reason)."""
     motors, gears = sizing["motors"], sizing["gears"]
     placeholders = ", ".join(motor["joint"] for motor in motors if motor["placeholder"])
-    without = ", ".join(sorted({gear["joint"] for gear in gears} - {motor["joint"] for motor in motors}))
+    without = ", ".join(
+        sorted({gear["joint"] for gear in gears} - {motor["joint"] for motor in motors})
+    )
     if sizing["adequate"] is False:
         return "bad", "Motors or gears do not suffice", "; ".join(_failures(sizing))
     if not gears:
@@ -319,15 +379,25 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
         reasons.append(f"placeholder figures: {placeholders}" if placeholders else "")
         return "open", "Motors suffice: not known", "; ".join(filter(None, reasons))
     if placeholders:
-        return "open", "Motors suffice by placeholder figures", f"no verdict on the real ones of {placeholders}"
-    return "good", "Motors and gears suffice", f"with at least {100 * sizing['confidence']:g} % each"
+        return (
+            "open",
+            "Motors suffice by placeholder figures",
+            f"no verdict on the real ones of {placeholders}",
+        )
+    return (
+        "good",
+        "Motors and gears suffice",
+        f"with at least {100 * sizing['confidence']:g} % each",
+    )
 
 
 def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
     """(joint, motor or gear, checks not made, figures they need) for every part of which something is not known."""
     of_gears = _gear_checks(sizing)
     for motor in sizing["motors"]:
-        lacking = {name: needs for name, needs in motor["not_checked"].items() if name not in of_gears}
+        lacking = {
+            name: needs for name, needs in motor["not_checked"].items() if name not in of_gears
+        }
         if lacking:
             yield (motor["joint"], motor["motor"], *_lacking(lacking))
     for gear in sizing["gears"]:
@@ -349,7 +419,9 @@ def _by_outcome(sizing: SizingObject) -> tuple[list[str], list[str]]:
         for name in dict.fromkeys((*part["margins"], *part["not_checked"])):
             word = "gear" if name in of_gears else words(name)
             every[word] = every.get(word, True) and name not in part["not_checked"]
-    return [word for word, made in every.items() if made], [word for word, made in every.items() if not made]
+    return [word for word, made in every.items() if made], [
+        word for word, made in every.items() if not made
+    ]
 
 
 def _failures(sizing: SizingObject) -> list[str]:
@@ -378,9 +450,17 @@ def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
 def sizing_lines(sizing: Sizing) -> list[str]:
     """The verdict, then requirement, split, candidates, gears and what could not be checked."""
     known = all(joint.band.known for joint in sizing.joints)
-    sure = f"at {100 * sizing.conditions.confidence:g} % confidence" if known else "at the stated friction"
+    sure = (
+        f"at {100 * sizing.conditions.confidence:g} % confidence"
+        if known
+        else "at the stated friction"
+    )
     lines = [*_verdict(sizing), "", "Required of the motors", *_requirements(sizing).lines(), ""]
-    lines += ["Parts of the peak torque, mN·m (+ adds to it, − relieves it)", *_split(sizing).lines(), ""]
+    lines += [
+        "Parts of the peak torque, mN·m (+ adds to it, − relieves it)",
+        *_split(sizing).lines(),
+        "",
+    ]
     lines += [f"Margins {sure}", *_candidates(sizing), "", "Gears", *_gears(sizing).lines()]
     unknown = [*_not_checked(sizing), *_notes(sizing)]
     if unknown:
@@ -393,7 +473,10 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     mass = "" if payload.value is None else f"{payload.value:.4g} kg"
     times = "" if duration.value is None else f"{duration.value:.4f} times the present one"
     lines = []
-    for question, answer, value in (("largest payload", payload, mass), ("shortest duration", duration, times)):
+    for question, answer, value in (
+        ("largest payload", payload, mass),
+        ("shortest duration", duration, times),
+    ):
         text = {
             "found": f"{value} (then joint {answer.joint}: {answer.binds})",
             "never": f"none: joint {answer.joint}: {answer.binds} is exceeded whatever it is",
@@ -405,13 +488,28 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
 
 def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
     """Of `selection` in what `size --json` prints: the best pairs of each joint, and what rules out the others."""
-    head = ("motor", "gear", "adequate", "binds", "margin", "g", "mm", "load/rotor inertia", "to bus mJ")
+    head = (
+        "motor",
+        "gear",
+        "adequate",
+        "binds",
+        "margin",
+        "g",
+        "mm",
+        "load/rotor inertia",
+        "to bus mJ",
+    )
     lines = []
     for joint in selection:
         answers = [answer for row in joint["adequate"] for answer in row]
         counts = [sum(each is word for each in answers) for word in (True, None, False)]
-        lines += ["", f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears"]
-        lines[-1] += f": {counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by {joint['rank']}"
+        lines += [
+            "",
+            f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears",
+        ]
+        lines[-1] += (
+            f": {counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by {joint['rank']}"
+        )
         rows = []
         for pair in joint["best"]:
             margin = None if pair["binds"] is None else pair["margins"].get(pair["binds"])
@@ -421,19 +519,35 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
                 (pair["inertia_ratio"], 1.0),
                 (pair["energy_to_bus"], 1e3),
             )
-            cells = (NOTHING if value is None else number(scale * value) for value, scale in figures)
+            cells = (
+                NOTHING if value is None else number(scale * value) for value, scale in figures
+            )
             says = (LOUD[pair["adequate"]], words(pair["binds"] or NOTHING), percent(margin))
             rows.append((pair["motor"], pair["gear"], *says, *cells))
         lines += Table(head, rows, range(4, len(head))).lines() if rows else ["nothing is left"]
         reasons = [f"{words(name)} {count}" for name, count in joint["reasons"].items()]
-        missing = {f"{words(name)}: {needs}" for pair in joint["best"] for name, needs in pair["not_checked"].items()}
+        missing = {
+            f"{words(name)}: {needs}"
+            for pair in joint["best"]
+            for name, needs in pair["not_checked"].items()
+        }
         lines += [f"ruled out by: {', '.join(reasons)}"] if reasons else []
         lines += [f"not known: {each}" for each in sorted(missing)]
     return lines
 
 
 def _requirements(sizing: Sizing) -> Table:
-    head = ("joint", "peak mN·m", "RMS mN·m", "mean mN·m", "peak rpm", "peak rad/s²", "peak W", "mean W", "Joule W")
+    head = (
+        "joint",
+        "peak mN·m",
+        "RMS mN·m",
+        "mean mN·m",
+        "peak rpm",
+        "peak rad/s²",
+        "peak W",
+        "mean W",
+        "Joule W",
+    )
     rows = []
     for joint in sizing.joints:
         r, confidence = joint.requirement, sizing.conditions.confidence
@@ -441,8 +555,16 @@ def _requirements(sizing: Sizing) -> Table:
         if joint.band.known:
             peak += f" (≤ {number(1e3 * joint.band.high('peak_torque', confidence), 4)})"
             rms += f" (≤ {number(1e3 * joint.band.high('rms_torque', confidence), 4)})"
-        figures = (r.mean_torque * 1e3, RPM * r.peak_speed, r.peak_acceleration, r.peak_power, r.mean_power)
-        rows.append((r.joint, peak, rms, *(number(value, 4) for value in figures), number(r.joule_power)))
+        figures = (
+            r.mean_torque * 1e3,
+            RPM * r.peak_speed,
+            r.peak_acceleration,
+            r.peak_power,
+            r.mean_power,
+        )
+        rows.append(
+            (r.joint, peak, rms, *(number(value, 4) for value in figures), number(r.joule_power))
+        )
     return Table(head, rows, range(1, len(head)))
 
 
@@ -460,12 +582,16 @@ def _candidates(sizing: Sizing) -> list[str]:
     rows = []
     for verdict in (*sizing.verdicts, *sizing.alternatives):
         margins = {check.name: check.margin for check in verdict.checks}
-        gear = min((check.margin for check in verdict.gear if check.margin is not None), default=None)
+        gear = min(
+            (check.margin for check in verdict.gear if check.margin is not None), default=None
+        )
         name = ("or " if verdict in sizing.alternatives else "") + verdict.motor.name
         name += " *" if verdict.motor.placeholder else ""
         shares = (percent(margin) for margin in (*(margins[key] for key in MOTOR_MARGINS), gear))
         binds = words(verdict.binds or NOTHING)
-        rows.append((verdict.joint, name, LOUD[verdict.adequate], binds, *shares, _winding(verdict)))
+        rows.append(
+            (verdict.joint, name, LOUD[verdict.adequate], binds, *shares, _winding(verdict))
+        )
     lines = Table(head, rows, range(2, len(head))).lines()
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
         lines.append("* placeholder figures: no verdict on the real motor")
@@ -482,8 +608,14 @@ def _winding(verdict: MotorVerdict) -> str:
 def _gears(sizing: Sizing) -> Table:
     rows = []
     for joint in sizing.joints:
-        made = [f"{words(check.name)} {percent(check.margin)}" for check in joint.gear if check.margin is not None]
-        rows.append((joint.load.joint, joint.load.drive.name, ", ".join(made) or "nothing could be checked"))
+        made = [
+            f"{words(check.name)} {percent(check.margin)}"
+            for check in joint.gear
+            if check.margin is not None
+        ]
+        rows.append(
+            (joint.load.joint, joint.load.drive.name, ", ".join(made) or "nothing could be checked")
+        )
     return Table(("joint", "drive", "margins"), rows)
 
 
@@ -527,9 +659,16 @@ def _notes(sizing: Sizing) -> list[str]:
 def _verdict(sizing: Sizing) -> list[str]:
     lines = ["Verdicts"]
     for joint in sizing.joints:
-        lines.append(f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}")
-        lines += [f"  {'':10} if it is {each.motor.name}: {LOUD[each.adequate]}" for each in joint.alternatives]
-    of_what = "motors and gears" if sizing.joints else "no joint has a drive: there is nothing to judge"
+        lines.append(
+            f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}"
+        )
+        lines += [
+            f"  {'':10} if it is {each.motor.name}: {LOUD[each.adequate]}"
+            for each in joint.alternatives
+        ]
+    of_what = (
+        "motors and gears" if sizing.joints else "no joint has a drive: there is nothing to judge"
+    )
     return [*lines, f"  all        {LOUD[sizing.adequate]} ({of_what})"]
 
 
@@ -539,8 +678,14 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
         mark = " (placeholder figures)" if best.motor.placeholder else ""
         return f"{best.motor.name} suffices with at least {100 * confidence:g} %: the smallest that does{mark}"
     if joint.adequate is None:
-        return "not known: what would decide it stands below" if joint.candidates else "no motor given"
-    return "no motor of the list suffices" if len(joint.candidates) > 1 else "the motor does NOT suffice"
+        return (
+            "not known: what would decide it stands below" if joint.candidates else "no motor given"
+        )
+    return (
+        "no motor of the list suffices"
+        if len(joint.candidates) > 1
+        else "the motor does NOT suffice"
+    )
 
 
 def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
@@ -548,7 +693,9 @@ def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
     errors = []
     for each in result.tracking:
         unit = "mm" if each.joint == JOINTS[3] else "mrad"
-        errors.append((each.joint, *(number(1e3 * value, 4) for value in (each.worst, each.rms)), unit))
+        errors.append(
+            (each.joint, *(number(1e3 * value, 4) for value in (each.worst, each.rms)), unit)
+        )
     motors = [
         (
             motor.joint,
@@ -560,5 +707,15 @@ def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
         )
         for motor in result.motors
     ]
-    header = ("motor", "peak mN·m", "largest mN·m", "saturated", "following error inc", "window inc", "tripped")
-    return Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)), Table(header, motors, (1, 2, 4, 5))
+    header = (
+        "motor",
+        "peak mN·m",
+        "largest mN·m",
+        "saturated",
+        "following error inc",
+        "window inc",
+        "tripped",
+    )
+    return Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)), Table(
+        header, motors, (1, 2, 4, 5)
+    )

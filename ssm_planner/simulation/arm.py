@@ -12,7 +12,17 @@ import numpy as np
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation.drive import Servo, servo_for, servo_step
-from ssm_planner.simulation.plant import ENERGY, INTEGRAL, MOTOR, REST, STATE, ArmMotion, ArmPlant, Compliance, W
+from ssm_planner.simulation.plant import (
+    ENERGY,
+    INTEGRAL,
+    MOTOR,
+    REST,
+    STATE,
+    ArmMotion,
+    ArmPlant,
+    Compliance,
+    W,
+)
 from ssm_planner.typing import Array
 
 PERIOD = 1e-3
@@ -50,12 +60,15 @@ class ArmSimulation(ArmPlant):
         speeds of qd, linear in between.
         """
         columns = [
-            np.asarray(c, dtype=float) for c in (q, qd, np.zeros_like(q) if feedforward is None else feedforward)
+            np.asarray(c, dtype=float)
+            for c in (q, qd, np.zeros_like(q) if feedforward is None else feedforward)
         ]
         shapes = [c.shape for c in columns]
         if len(set(shapes)) > 1 or len(shapes[0]) != 2 or shapes[0][1] != 4 or not shapes[0][0]:
             raise GeometryError(f"references must be (n, 4) arrays of one length, not {shapes}")
-        reference = np.hstack([*columns, np.diff(columns[1], axis=0, append=columns[1][-1:]) / self.period])
+        reference = np.hstack(
+            [*columns, np.diff(columns[1], axis=0, append=columns[1][-1:]) / self.period]
+        )
         states, torques = [self.at_rest(q[0])[:, None]], []
         padded = np.vstack([reference, np.repeat(reference[-1:], -len(reference) % _CHUNK, axis=0)])
         for first in range(0, len(padded), _CHUNK):
@@ -90,7 +103,9 @@ class ArmSimulation(ArmPlant):
                 continue
             wanted = drive.ratio * qd[k] + self.position_gain * (drive.ratio * q[k] - x[MOTOR][k])
             error = wanted - x[W][k]
-            torques[k], integrals[k] = servo_step(servo, error, x[INTEGRAL][k], self.period, feedforward[k])
+            torques[k], integrals[k] = servo_step(
+                servo, error, x[INTEGRAL][k], self.period, feedforward[k]
+            )
         return ca.vertcat(*torques), ca.vertcat(*integrals)
 
 

@@ -83,7 +83,8 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
         torque_constant=motor.torque_constant,
         resistance=motor.terminal_resistance or 0.0,
         voltage=math.inf if supply is None else controller.output_share * supply,
-        max_current=controller.axis(joint.name).max_current or motor.max_torque / motor.torque_constant,
+        max_current=controller.axis(joint.name).max_current
+        or motor.max_torque / motor.torque_constant,
         lag=controller.current_lag,
     )
 
@@ -107,7 +108,12 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     omega = 2.0 * math.pi * bandwidth
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
     derivative = 2.0 * DAMPING * omega * s / (1.0 + 2.0 * DAMPING / (FILTER * omega) * s)
-    loop = (omega**2 + derivative + INTEGRAL_SHARE * omega**3 / s) / s**2 / (1.0 + lag * s) * np.exp(-s * period / 2.0)
+    loop = (
+        (omega**2 + derivative + INTEGRAL_SHARE * omega**3 / s)
+        / s**2
+        / (1.0 + lag * s)
+        * np.exp(-s * period / 2.0)
+    )
     crossing = int(np.flatnonzero(np.abs(loop) > 1.0).max(initial=0))
     phase = np.degrees(np.unwrap(np.angle(loop)))
     # the integral and both poles at 0 begin at −270 degrees
@@ -123,7 +129,11 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
     drive, axis = joint.drive, controller.axis(joint.name)
     if drive is None:
         raise ProblemError("has no drive", key=f"joints.{joint.name}")
-    omega = 2.0 * math.pi * (axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag))
+    omega = (
+        2.0
+        * math.pi
+        * (axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag))
+    )
     inertia = drive.input_inertia / electrics.torque_constant
     if inertia == 0.0 and (axis.p is None or axis.d is None):
         raise ProblemError(
@@ -141,7 +151,9 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         ff_acceleration=without * inertia,
     )
     given = {name: getattr(axis, name) for name in vars(tuned)}
-    return Gains(**{name: getattr(tuned, name) if value is None else value for name, value in given.items()})
+    return Gains(
+        **{name: getattr(tuned, name) if value is None else value for name, value in given.items()}
+    )
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -151,13 +163,24 @@ def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
         return low, high
     back = electrics.torque_constant * w
     if electrics.resistance == 0.0:
-        return ca.if_else(back <= -electrics.voltage, 0, low), ca.if_else(back >= electrics.voltage, 0, high)
-    below, above = ((sign * electrics.voltage - back) / electrics.resistance for sign in (-1.0, 1.0))
+        return ca.if_else(back <= -electrics.voltage, 0, low), ca.if_else(
+            back >= electrics.voltage, 0, high
+        )
+    below, above = (
+        (sign * electrics.voltage - back) / electrics.resistance for sign in (-1.0, 1.0)
+    )
     return ca.fmax(low, ca.fmin(below, high)), ca.fmin(high, ca.fmax(above, low))
 
 
 def loop_step(
-    gains: Gains, electrics: Electrics, period: float, *, error: ca.SX, before: ca.SX, w: ca.SX, feedforward: ca.SX
+    gains: Gains,
+    electrics: Electrics,
+    period: float,
+    *,
+    error: ca.SX,
+    before: ca.SX,
+    w: ca.SX,
+    feedforward: ca.SX,
 ) -> LoopStep:
     """One period of the position loop and the current after it.
 

@@ -62,7 +62,9 @@ class Draws:
         }
 
 
-def drawn_frictions(robot: Robot, count: int, spread: float | None = None) -> tuple[Array, tuple[str, ...]]:
+def drawn_frictions(
+    robot: Robot, count: int, spread: float | None = None
+) -> tuple[Array, tuple[str, ...]]:
     """(count, 28) friction of every joint as `ArmPlant.friction` has it, and notes on what is not known.
 
     From the posterior or covariance of each drive file, uniform within its stated ranges; spread: range, as a share, of what
@@ -75,12 +77,20 @@ def drawn_frictions(robot: Robot, count: int, spread: float | None = None) -> tu
             continue
         known = spread_of(joint.drive, spread)
         if not known.known:
-            notes.append(f"joint {joint.name}: its drive file says nothing of how uncertain its friction is: as stated")
+            notes.append(
+                f"joint {joint.name}: its drive file says nothing of how uncertain its friction is: as stated"
+            )
         deviations = known.deviations(count)
         values: dict[str, Any] = known.values(deviations[np.arange(count) % len(deviations)])
-        values |= {name: rng.uniform(low, high, count) for name, (low, high) in known.ranges.items()}
-        friction = drawn(joint.drive, {name: value for name, value in values.items() if name in _TAKEN}).friction
-        table[:, k] = np.stack([np.broadcast_to(getattr(friction, name), count) for name in FRICTION], axis=1)
+        values |= {
+            name: rng.uniform(low, high, count) for name, (low, high) in known.ranges.items()
+        }
+        friction = drawn(
+            joint.drive, {name: value for name, value in values.items() if name in _TAKEN}
+        ).friction
+        table[:, k] = np.stack(
+            [np.broadcast_to(getattr(friction, name), count) for name in FRICTION], axis=1
+        )
     return table.reshape(count, -1), tuple(notes)
 
 
@@ -107,9 +117,14 @@ def play_draws(
     halved, table = arm.halved(told), told.table()
     x = np.tile(start, (count, 1))
     inputs = np.empty((count, table.shape[1] + len(offsets) + friction.shape[1]), order="F")
-    inputs[:, table.shape[1] : table.shape[1] + 4], inputs[:, table.shape[1] + 4 :] = offsets, friction
+    inputs[:, table.shape[1] : table.shape[1] + 4], inputs[:, table.shape[1] + 4 :] = (
+        offsets,
+        friction,
+    )
     mechanism = Mechanism.from_geometry(arm.robot.geometry)
-    constants = np.array([arm.electrics[k].torque_constant if k in arm.electrics else 0.0 for k in range(4)])
+    constants = np.array(
+        [arm.electrics[k].torque_constant if k in arm.electrics else 0.0 for k in range(4)]
+    )
     tip, peak, error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))
     saturated = np.zeros((count, 4), dtype=bool)
     for m, row in enumerate(table):

@@ -10,7 +10,9 @@ from ssm_planner.dynamics.friction import friction_coefficient, friction_of, sta
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_acceleration, moving_torque
 from ssm_planner.problem.drive import Drive
 
-NOT_UNIQUE = "the effective inertia with the load driving is negative: a rigid drive has no unique motion"
+NOT_UNIQUE = (
+    "the effective inertia with the load driving is negative: a rigid drive has no unique motion"
+)
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,14 @@ class DriveStep:
 
 
 def drive_step(
-    drive: Drive, w: ca.SX, rest: ca.SX, tau: ca.SX, load: ca.SX, *, h: float, middle: ca.SX | None = None
+    drive: Drive,
+    w: ca.SX,
+    rest: ca.SX,
+    tau: ca.SX,
+    load: ca.SX,
+    *,
+    h: float,
+    middle: ca.SX | None = None,
 ) -> DriveStep:
     """Advance a drive by h (s) under a torque and an effort on its output that are constant over the step.
 
@@ -47,7 +56,9 @@ def drive_step(
     share = ca.if_else(stops, ca.fmin(ca.fmax(-w / ca.if_else(wd == 0, 1, h * wd), 0), 1), 1)
     mean = 0.5 * (w + after) * share
     qd, qdd = mean / drive.ratio, wd / drive.ratio
-    sliding = moving_torque(drive, effort, felt, wd, direction=sign, mu=mu) - drive.input_inertia * wd
+    sliding = (
+        moving_torque(drive, effort, felt, wd, direction=sign, mu=mu) - drive.input_inertia * wd
+    )
     # what leaves the drive, and what speeds the output and the second nut up, is not lost
     transmitted = load + (drive.output_inertia + drive.second_nut_mass) * qdd
     slid = h * (sliding * mean - transmitted * qd)
@@ -56,7 +67,9 @@ def drive_step(
     return DriveStep(after, mean, ca.if_else(after == 0, rest + h, 0), loss)
 
 
-def stalled(drive: Drive, moved: DriveStep, held: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float) -> DriveStep:
+def stalled(
+    drive: Drive, moved: DriveStep, held: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float
+) -> DriveStep:
     """The step where `held` is 0; where it is 1 something holds the motor fast, and takes its energy."""
     mean = 0.5 * w
     loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * moving_inertia(drive) * w**2

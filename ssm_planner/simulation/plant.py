@@ -52,7 +52,11 @@ class Compliance:
         """
         inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
         omega = 2.0 * math.pi * np.asarray(frequency)
-        return cls(inertia * omega**2, 2.0 * damping_ratio * inertia * omega, np.asarray(backlash, dtype=float))
+        return cls(
+            inertia * omega**2,
+            2.0 * damping_ratio * inertia * omega,
+            np.asarray(backlash, dtype=float),
+        )
 
     def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
         """How far the spring of joint k (from 0) is bent while drive and joint differ by `twist`; shape of twist."""
@@ -134,7 +138,9 @@ class ArmPlant:
         state = np.zeros(STATE)
         state[Q] = q
         for k in self.driven:
-            twist = weight[k] / self.compliance.stiffness[k] + 0.5 * self.compliance.backlash[k] * np.sign(weight[k])
+            twist = weight[k] / self.compliance.stiffness[k] + 0.5 * self.compliance.backlash[
+                k
+            ] * np.sign(weight[k])
             state[MOTOR][k] = self.drive(k).ratio * (q[k] + twist)
         state[REST] = 1e6
         return state
@@ -195,26 +201,40 @@ class ArmPlant:
         qdd = self.accelerations(middle_q, middle_qd, found.load, locked)
         for _ in range(CORRECTIONS):
             mean_qd, mean_w = qd + 0.5 * h * qdd, found.mean
-            found = self._forces(inputs, q + 0.5 * h * mean_qd, motor + 0.5 * h * mean_w, mean_qd, mean_w)
+            found = self._forces(
+                inputs, q + 0.5 * h * mean_qd, motor + 0.5 * h * mean_w, mean_qd, mean_w
+            )
             qdd = self.accelerations(middle_q, middle_qd, found.load, locked)
         qd_after = qd + h * qdd
         mean_qd, mean_w = 0.5 * (qd + qd_after), found.mean
         effort = self.body.symbolic(middle_q, middle_qd, qdd)
         work = h * ca.dot(tau, mean_w)
-        locked_work = h * sum((effort[k] * mean_qd[k] for k in range(4) if k not in self.driven), ca.SX(0))
-        bent = [found.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k]) for k in self.driven]
+        locked_work = h * sum(
+            (effort[k] * mean_qd[k] for k in range(4) if k not in self.driven), ca.SX(0)
+        )
+        bent = [
+            found.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k]) for k in self.driven
+        ]
         energy = x[ENERGY] + ca.vertcat(work, locked_work, found.loss, h * sum(bent, ca.SX(0)))
-        y = ca.vertcat(q + h * mean_qd, qd_after, motor + h * mean_w, found.w, x[INTEGRAL], found.rest, energy)
+        y = ca.vertcat(
+            q + h * mean_qd, qd_after, motor + h * mean_w, found.w, x[INTEGRAL], found.rest, energy
+        )
         return ca.Function("step", list(inputs), [y], {"cse": True})
 
-    def _forces(self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX) -> _Forces:
+    def _forces(
+        self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
+    ) -> _Forces:
         """Forces at q, motor angle and speeds (4,) of the middle, and the drives' motion under them over a whole step."""
         x, tau, _, held, friction = inputs
         load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
         loss = ca.SX(0)
         for k in self.driven:
-            drive = _with_friction(self.drive(k), friction[k * len(FRICTION) : (k + 1) * len(FRICTION)])
-            stretch, contact = self._mean_stretch(k, x[MOTOR][k] / drive.ratio - x[Q][k], motor[k] / drive.ratio - q[k])
+            drive = _with_friction(
+                self.drive(k), friction[k * len(FRICTION) : (k + 1) * len(FRICTION)]
+            )
+            stretch, contact = self._mean_stretch(
+                k, x[MOTOR][k] / drive.ratio - x[Q][k], motor[k] / drive.ratio - q[k]
+            )
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k]) * contact
             load[k] = self.compliance.stiffness[k] * stretch + damper[k]
             begin, still = x[W][k], x[REST][k]

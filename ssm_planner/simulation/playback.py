@@ -14,7 +14,16 @@ from ssm_planner.formats.epos4_setup import Axis
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
-from ssm_planner.simulation.plant import FRICTION, INTEGRAL, MOTOR, QD, STATE, ArmPlant, Compliance, W
+from ssm_planner.simulation.plant import (
+    FRICTION,
+    INTEGRAL,
+    MOTOR,
+    QD,
+    STATE,
+    ArmPlant,
+    Compliance,
+    W,
+)
 from ssm_planner.typing import Array, Mask
 from ssm_planner.units import rpm
 
@@ -71,7 +80,11 @@ class Played:
 
 
 def commands(
-    streams: dict[str, Stream], axes: dict[str, Axis], controller: Controller, given: tuple[Array, Array], period: float
+    streams: dict[str, Stream],
+    axes: dict[str, Axis],
+    controller: Controller,
+    given: tuple[Array, Array],
+    period: float,
 ) -> Commands:
     """Set points every `period` (s) as the drives take them up at their loop period.
 
@@ -80,7 +93,9 @@ def commands(
     accelerations (n, 4) of what has no drive.
     """
     t, accelerations = given
-    columns = {name: np.zeros((len(t), 4)) for name in ("demand", "speed", "acceleration", "torque")}
+    columns = {
+        name: np.zeros((len(t), 4)) for name in ("demand", "speed", "acceleration", "torque")
+    }
     for name, stream in streams.items():
         axis, k = axes[name], JOINTS.index(name)
         sent = period * np.arange(len(stream["target_position_inc"]))
@@ -89,11 +104,16 @@ def commands(
         columns["demand"][:, k] = increment * np.interp(t, sent, stream["target_position_inc"])
         speed = axis.direction * stream["velocity_offset_mrpm"] * rpm / 1000.0
         bend = np.append(np.diff(speed), 0.0) / period
-        columns["speed"][:, k], columns["acceleration"][:, k] = speed[coming], bend[np.maximum(coming - 1, 0)]
+        columns["speed"][:, k], columns["acceleration"][:, k] = (
+            speed[coming],
+            bend[np.maximum(coming - 1, 0)],
+        )
         if controller.torque_offset:
             offset = axis.direction * stream["torque_offset_permille"] * axis.rated_torque / 1000.0
             columns["torque"][:, k] = offset[coming]
-    return Commands(**columns, given=accelerations, power=np.ones(len(t)), stalled=np.zeros((len(t), 4)))
+    return Commands(
+        **columns, given=accelerations, power=np.ones(len(t)), stalled=np.zeros((len(t), 4))
+    )
 
 
 def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
@@ -106,7 +126,9 @@ def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0
             frequency[k] = part.frequency or frequency[k]
             backlash[k] = backlash[k] if part.backlash is None else part.backlash
             ratios[k] = part.damping_ratio
-    found = Compliance.of_frequency(body, np.zeros(4), (frequency[0], frequency[1], frequency[2], frequency[3]))
+    found = Compliance.of_frequency(
+        body, np.zeros(4), (frequency[0], frequency[1], frequency[2], frequency[3])
+    )
     damping = found.damping * np.asarray(ratios) / 0.3
     return Compliance(found.stiffness * scale, damping * scale, np.asarray(backlash))
 
@@ -128,7 +150,9 @@ class ControlledArm(ArmPlant):
         self.period, self.steps = controller.loop_period, steps
         super().__init__(robot, compliance or compliance_of(robot, controller), self.period / steps)
         self.controller, self.axes, self.windows = controller, axes, windows
-        self.electrics: dict[int, Electrics] = {k: electrics_of(robot.joints[k], controller) for k in self.driven}
+        self.electrics: dict[int, Electrics] = {
+            k: electrics_of(robot.joints[k], controller) for k in self.driven
+        }
         self.one = self._period_function()
         self._many = self.one.mapaccum("arm", _CHUNK)
 
@@ -153,7 +177,11 @@ class ControlledArm(ArmPlant):
         for k in range(whole + (rest > 0)):
             part = table[k * _CHUNK : (k + 1) * _CHUNK]
             used = len(part)
-            part = np.vstack([part, np.repeat(part[-1:], _CHUNK - used, axis=0)]) if used < _CHUNK else part
+            part = (
+                np.vstack([part, np.repeat(part[-1:], _CHUNK - used, axis=0)])
+                if used < _CHUNK
+                else part
+            )
             play = self._many_halves if halved[k * _CHUNK] else self._many
             after, error, cut = play(states[-1][:, -1], part.T)
             states.append(after.full()[:, :used])
@@ -166,7 +194,9 @@ class ControlledArm(ArmPlant):
         turns = told.speed != 0
         starts = (turns & ~np.vstack([np.zeros((1, 4), dtype=bool), turns[:-1]])).any(axis=1)
         chunks = range(0, len(starts), _CHUNK)
-        return np.repeat([starts[max(0, k - _BREAKAWAY) : k + _CHUNK].any() for k in chunks], _CHUNK)[: len(starts)]
+        return np.repeat(
+            [starts[max(0, k - _BREAKAWAY) : k + _CHUNK].any() for k in chunks], _CHUNK
+        )[: len(starts)]
 
     @cached_property
     def one_in_halves(self) -> ca.Function:
@@ -184,10 +214,15 @@ class ControlledArm(ArmPlant):
     def _period_function(self) -> ca.Function:
         """(state, commands of one period) → (state after it, following errors, saturation)."""
         x, u = ca.SX.sym("x", WHOLE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
-        demand, speed, acceleration, torque, given, stalled = (u[4 * k : 4 * k + 4] for k in range(6))
+        demand, speed, acceleration, torque, given, stalled = (
+            u[4 * k : 4 * k + 4] for k in range(6)
+        )
         offsets, friction = u[25:29], u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
-        tau, loops = [ca.SX(0)] * 4, {name: [ca.SX(0)] * 4 for name in ("current", "i", "d", "e", "trip", "cut")}
+        tau, loops = (
+            [ca.SX(0)] * 4,
+            {name: [ca.SX(0)] * 4 for name in ("current", "i", "d", "e", "trip", "cut")},
+        )
         for k in self.driven:
             joint, electrics = self.robot.joints[k], self.electrics[k]
             gains, axis = gains_of(joint, self.controller, electrics), self.axes[joint.name]

@@ -92,25 +92,46 @@ class Scenario:
         """Raises ProblemError for what cannot happen to this robot within the duration (s) of the playback."""
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
         if not 0 < self.speed <= 1:
-            raise ProblemError("no playback", key="speed", value=self.speed, allowed="above 0 and up to 1 (100 %)")
+            raise ProblemError(
+                "no playback", key="speed", value=self.speed, allowed="above 0 and up to 1 (100 %)"
+            )
         if not 0 <= self.draws <= 100_000:
-            raise ProblemError("no such number", key="draws", value=self.draws, allowed="0 to 100 000")
+            raise ProblemError(
+                "no such number", key="draws", value=self.draws, allowed="0 to 100 000"
+            )
         if self.spread is not None and not 0 <= self.spread < 1:
             raise ProblemError(
-                "no range of friction", key="spread", value=self.spread, allowed="0 up to, not including, 1"
+                "no range of friction",
+                key="spread",
+                value=self.spread,
+                allowed="0 up to, not including, 1",
             )
         if self.draws and self.payload and self.payload_time > 0:
-            raise ProblemError("not with draws", key="payload_time", value=self.payload_time, allowed="0")
+            raise ProblemError(
+                "not with draws", key="payload_time", value=self.payload_time, allowed="0"
+            )
         if not 0 < self.friction <= 10:
-            raise ProblemError("no such friction", key="friction", value=self.friction, allowed="above 0 and up to 10")
-        for key, joint in (("stall", self.stall and self.stall[0]), ("wrong_direction", self.wrong_direction)):
+            raise ProblemError(
+                "no such friction",
+                key="friction",
+                value=self.friction,
+                allowed="above 0 and up to 10",
+            )
+        for key, joint in (
+            ("stall", self.stall and self.stall[0]),
+            ("wrong_direction", self.wrong_direction),
+        ):
             if joint is not None and joint not in driven:
-                raise ProblemError("no driven joint", key=key, value=joint, allowed=", ".join(driven))
+                raise ProblemError(
+                    "no driven joint", key=key, value=joint, allowed=", ".join(driven)
+                )
         loss = None if self.power_loss == EVERYWHERE else self.power_loss
         times = {"power_loss": loss, "stall": self.stall and self.stall[1], "dropped": self.dropped}
         for key, time in {**times, "payload_time": self.payload_time}.items():
             if time is not None and not 0 <= time <= duration:
-                raise ProblemError("not during the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s")
+                raise ProblemError(
+                    "not during the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s"
+                )
 
 
 @dataclass(frozen=True)
@@ -257,7 +278,11 @@ def simulate(
     scenario.check(plan.robot, duration)
     if scenario.supply is not None:
         controller = replace(controller, supply=scenario.supply)
-    played_plan = plan if scenario.speed == 1.0 else replace(plan, trajectory=plan.motion.slower(scenario.speed))
+    played_plan = (
+        plan
+        if scenario.speed == 1.0
+        else replace(plan, trajectory=plan.motion.slower(scenario.speed))
+    )
     stage = _Stage(played_plan, scenario, controller)
     progress("playing the set points")
     played = stage.play()
@@ -291,8 +316,13 @@ class _Stage:
         if payload not in self.arms:
             springs = compliance_of(self.plan.robot, self.controller, self.scenario.compliance)
             robot = with_payload(self.plan.robot, payload)
-            windows = {name: 2 * np.pi / self.axes[name].counts_per_turn * self.windows[name] for name in self.axes}
-            self.arms[payload] = ControlledArm(robot, self.controller, self.axes, windows, compliance=springs)
+            windows = {
+                name: 2 * np.pi / self.axes[name].counts_per_turn * self.windows[name]
+                for name in self.axes
+            }
+            self.arms[payload] = ControlledArm(
+                robot, self.controller, self.axes, windows, compliance=springs
+            )
         return self.arms[payload]
 
     def play(self) -> Played:
@@ -305,9 +335,13 @@ class _Stage:
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
             return first.play(state, self.told, self.offsets, self.friction)
-        before = first.play(state, part_of(self.told, slice(0, change)), self.offsets, self.friction)
+        before = first.play(
+            state, part_of(self.told, slice(0, change)), self.offsets, self.friction
+        )
         second = self.arm(scenario.payload)
-        after = second.play(before.states[-1], part_of(self.told, slice(change, None)), self.offsets, self.friction)
+        after = second.play(
+            before.states[-1], part_of(self.told, slice(change, None)), self.offsets, self.friction
+        )
         return Played(
             np.vstack([before.states, after.states[1:]]),
             np.vstack([before.error, after.error]),
@@ -336,7 +370,9 @@ class _Stage:
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
         states, part, still = [state[None, :]], 250, round(STILL / self.period)
         for k in range(0, len(off.power), part):
-            found = arm.play(states[-1][-1], part_of(off, slice(k, k + part)), self.offsets, self.friction)
+            found = arm.play(
+                states[-1][-1], part_of(off, slice(k, k + part)), self.offsets, self.friction
+            )
             states.append(found.states[1:])
             if np.all(self._standing(found.states)[-still:]):
                 break
@@ -370,19 +406,28 @@ class _Stage:
             progress=progress,
         )
 
-    def result(self, played: Played, losses: PowerLosses, draws: Draws | None = None) -> SimulationResult:
+    def result(
+        self, played: Played, losses: PowerLosses, draws: Draws | None = None
+    ) -> SimulationResult:
         """Everything found, and the verdict."""
         states, robot = played.states[:-1], self.plan.robot
         mechanism = Mechanism.from_geometry(robot.geometry)
-        tip = np.linalg.norm(tip_position(mechanism, states[:, Q]) - tip_position(mechanism, self.planned), axis=1)
-        constants = [electrics_of(j, self.controller).torque_constant if j.drive else 0.0 for j in robot.joints]
+        tip = np.linalg.norm(
+            tip_position(mechanism, states[:, Q]) - tip_position(mechanism, self.planned), axis=1
+        )
+        constants = [
+            electrics_of(j, self.controller).torque_constant if j.drive else 0.0
+            for j in robot.joints
+        ]
         torque = played.states[1:, CURRENT] * np.array(constants)
         on = (self.told.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
         powered = slice(0, max(int(np.sum(on)), 1))
         tripped = played.states[-1, TRIP] > 0
         error = (states[:, Q] - self.planned)[powered]
         tracking = tuple(
-            Tracking(joint, float(np.abs(error[:, k]).max()), float(np.sqrt(np.mean(error[:, k] ** 2))))
+            Tracking(
+                joint, float(np.abs(error[:, k]).max()), float(np.sqrt(np.mean(error[:, k] ** 2)))
+            )
             for k, joint in enumerate(JOINTS)
         )
         motors = tuple(
@@ -421,7 +466,9 @@ class _Stage:
             limit=np.inf if motor is None else motor.max_torque,
             saturated=bool(played.saturated[:, k].any()),
             tripped=tripped,
-            following_error=float(np.abs(played.error[: len(torque), k]).max()) * counts / (2 * np.pi),
+            following_error=float(np.abs(played.error[: len(torque), k]).max())
+            * counts
+            / (2 * np.pi),
             window=self.windows[joint.name],
             placeholder=motor is not None and motor.placeholder,
         )
@@ -464,9 +511,13 @@ class _Stage:
                     f"joint {joint.name}: its motor file gives no encoder; {COUNTS} increments per turn assumed"
                 )
             elif motor.encoder_counts is not None and not motor.encoder_known:
-                notes.append(f"joint {joint.name}: its encoder, {motor.encoder_counts} counts, is a placeholder figure")
+                notes.append(
+                    f"joint {joint.name}: its encoder, {motor.encoder_counts} counts, is a placeholder figure"
+                )
             if motor.terminal_resistance is None:
-                notes.append(f"joint {joint.name}: terminal_resistance unknown; the winding's voltage drop is left out")
+                notes.append(
+                    f"joint {joint.name}: terminal_resistance unknown; the winding's voltage drop is left out"
+                )
             if motor.placeholder:
                 notes.append(f"joint {joint.name}: figures of motor {motor.name} are placeholders")
         return tuple(notes)
@@ -482,7 +533,9 @@ def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
     counts = {}
     for joint in robot.joints:
         encoder = None if joint.motor is None else joint.motor.encoder_counts
-        counts[joint.name] = QUADRATURE * encoder if encoder else controller.counts_per_turn or COUNTS
+        counts[joint.name] = (
+            QUADRATURE * encoder if encoder else controller.counts_per_turn or COUNTS
+        )
     return counts
 
 
@@ -519,7 +572,9 @@ def _reasons(result: SimulationResult) -> list[str]:
     losses = result.losses
     if not losses.holds:
         first = float(losses.time[np.argmax(~np.isfinite(losses.standing))])
-        reasons.append(f"without power at {first:.4f} s the arm does not stand within {HORIZON:g} s")
+        reasons.append(
+            f"without power at {first:.4f} s the arm does not stand within {HORIZON:g} s"
+        )
     if scenario.travel is not None and result.travel > scenario.travel:
         reasons.append(
             f"without power at {float(losses.time[losses.worst]):.4f} s the tip travels {1e3 * result.travel:.3g} mm "

@@ -12,8 +12,24 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import FrictionSpread, spread_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
-from ssm_planner.sizing.checks import TOLERANCE, Case, Check, all_of, below, binding, gear_checks, unchecked
-from ssm_planner.sizing.demand import ELECTRICAL, Band, DemandName, Demands, linear_band, monte_carlo
+from ssm_planner.sizing.checks import (
+    TOLERANCE,
+    Case,
+    Check,
+    all_of,
+    below,
+    binding,
+    gear_checks,
+    unchecked,
+)
+from ssm_planner.sizing.demand import (
+    ELECTRICAL,
+    Band,
+    DemandName,
+    Demands,
+    linear_band,
+    monte_carlo,
+)
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
@@ -67,7 +83,9 @@ class MotorVerdict:
     def binds(self) -> str | None:
         """The limit with the smallest margin, of motor or gear."""
         first = binding(check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE)
-        failed = [check.name for check in self.checks if check.margin is not None and not check.passed]
+        failed = [
+            check.name for check in self.checks if check.margin is not None and not check.passed
+        ]
         if failed == [CONFIDENCE]:
             return CONFIDENCE
         return None if first is None else first.name
@@ -99,7 +117,9 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     spread = replace(spread_of(drive, conditions.spread), inertia=inertia, rotors=rotors)
     case = Case(load, band_of(load, motor, spread, conditions), spread, conditions)
     share = math.sqrt(load.duration / (load.duration + conditions.pause))
-    heat = heat_of(load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence))
+    heat = heat_of(
+        load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence)
+    )
     limits = limits_of(motor, conditions, share, heat)
     made = [_check(case, name, limit) for name, limit in limits.items()]
     made.insert(1, below("speed", float(np.abs(load.speed()).max()), motor.max_speed, "rad/s"))
@@ -120,12 +140,16 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         gear=gear_checks(case),
         probability=confidence.worst,
         heat=heat,
-        regions=operating_shares(motor, conditions, requirement.speed, requirement.torque, load.weight),
+        regions=operating_shares(
+            motor, conditions, requirement.speed, requirement.torque, load.weight
+        ),
         notes=notes,
     )
 
 
-def band_of(load: JointLoad, motor: Motor | None, spread: FrictionSpread, conditions: Conditions) -> Band:
+def band_of(
+    load: JointLoad, motor: Motor | None, spread: FrictionSpread, conditions: Conditions
+) -> Band:
     """Monte Carlo where the conditions ask for draws, else linearised."""
     if conditions.draws:
         return monte_carlo(load, load.drive, spread, conditions.draws, motor)
@@ -142,7 +166,9 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     original, drive = load.motor, load.drive
     if original is not None and _same_rotor(original, motor):
         return drive, None, ()
-    missing_from = [each for each in (original, motor) if each is not None and each.rotor_inertia is None]
+    missing_from = [
+        each for each in (original, motor) if each is not None and each.rotor_inertia is None
+    ]
     rotors = [f"rotor_inertia of {each.name}" for each in missing_from]
     if original is None:
         rotors.insert(0, "the motor whose rotor input_inertia includes")
@@ -168,7 +194,9 @@ Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
 """Demand, factor on it, what it must not exceed (None: not known), unit, and what is missing."""
 
 
-def limits_of(motor: Motor, conditions: Conditions, share: float, heat: Heat | None) -> dict[str, Limit]:
+def limits_of(
+    motor: Motor, conditions: Conditions, share: float, heat: Heat | None
+) -> dict[str, Limit]:
     """The limits of a motor by the names of their checks; share: of the RMS over motion and pause by that of the motion."""
     torque, torque_needs = _peak_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
@@ -180,7 +208,13 @@ def limits_of(motor: Motor, conditions: Conditions, share: float, heat: Heat | N
         "torque": ("peak_torque", 1.0, torque, "N·m", torque_needs),
         "continuous_torque": ("rms_torque", share, continuous, "N·m", ("max_winding_temperature",)),
         "voltage": ("peak_voltage", 1.0, None if voltage_needs else voltage, "V", voltage_needs),
-        "heat": ("rms_torque", share, None if heat is None else heat.capacity, "N·m", missing(motor, *FIGURES)),
+        "heat": (
+            "rms_torque",
+            share,
+            None if heat is None else heat.capacity,
+            "N·m",
+            missing(motor, *FIGURES),
+        ),
     }
 
 
@@ -197,7 +231,11 @@ def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tup
 
 def _check(case: Case, name: str, limit: Limit) -> Check:
     demand, factor, largest, unit, needs = limit
-    return unchecked(name, *needs) if largest is None else case.below(name, demand, largest, unit, factor)
+    return (
+        unchecked(name, *needs)
+        if largest is None
+        else case.below(name, demand, largest, unit, factor)
+    )
 
 
 def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
@@ -206,12 +244,23 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
     if not case.spread.known:
         needs = "posterior, covariance or friction_ranges in the drive file, or a stated spread of the friction"
         return unchecked(CONFIDENCE, needs)
-    probability, at_best = (_together(demands, limits) for demands in (case.band.worst, case.band.best))
+    probability, at_best = (
+        _together(demands, limits) for demands in (case.band.worst, case.band.best)
+    )
     margin, best = (probability - least) / least, (at_best - (1 - least)) / least
     check = Check(
-        CONFIDENCE, margin, worst=probability, limit=least, nominal=probability, best_margin=max(margin, best)
+        CONFIDENCE,
+        margin,
+        worst=probability,
+        limit=least,
+        nominal=probability,
+        best_margin=max(margin, best),
     )
-    return check if check.passed is not None else replace(check, needs="what decides the limits that are open")
+    return (
+        check
+        if check.passed is not None
+        else replace(check, needs="what decides the limits that are open")
+    )
 
 
 def _together(demands: Demands, limits: dict[str, Limit]) -> float:
@@ -231,7 +280,9 @@ def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
     known = friction_of(load.drive).identified_speed
     peak = float(np.abs(load.speed()).max())
     if known is None:
-        notes.append(f"joint {load.joint}: the drive file does not say up to which speed friction was identified")
+        notes.append(
+            f"joint {load.joint}: the drive file does not say up to which speed friction was identified"
+        )
     elif peak > known:
         notes.append(
             f"joint {load.joint}: friction extrapolated {peak / known:.1f}× beyond the identified speeds "

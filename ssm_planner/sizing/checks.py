@@ -78,7 +78,9 @@ def unchecked(name: str, *needs: str) -> Check:
 
 def below(name: str, worst: float, limit: float, unit: str) -> Check:
     """A check of an upper limit against a figure of the motion alone, which is certain."""
-    return Check(name, _margin(worst, limit), worst, limit=limit, unit=unit, nominal=worst, probability=1.0)
+    return Check(
+        name, _margin(worst, limit), worst, limit=limit, unit=unit, nominal=worst, probability=1.0
+    )
 
 
 def _margin(worst: float, limit: float) -> float:
@@ -95,7 +97,9 @@ class Case:
     spread: FrictionSpread
     conditions: Conditions
 
-    def below(self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0) -> Check:
+    def below(
+        self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0
+    ) -> Check:
         """A check of an upper limit against a demand, times a factor, that is uncertain."""
         band, confidence = self.band, self.conditions.confidence
         worst, nominal = factor * band.high(demand, confidence), factor * band.at(demand)
@@ -135,14 +139,22 @@ class Case:
         count = 0 if posterior is None else posterior.recordings
         if count and share**2 * 100 > 1:
             more = math.ceil(count * (1 / share**2 - 1))
-            return " and ".join([*needs, f"about {more} more recordings {speed} beside the {count} used"])
-        return " and ".join([*needs, f"recordings {speed} that leave {share:.2g} of the spread of now"])
+            return " and ".join(
+                [*needs, f"about {more} more recordings {speed} beside the {count} used"]
+            )
+        return " and ".join(
+            [*needs, f"recordings {speed} that leave {share:.2g} of the spread of now"]
+        )
 
 
 def binding(checks: Iterable[Check]) -> Check | None:
     """Of the failing checks, else of all, the one with the smallest margin; None where none was made."""
     made = [check for check in checks if check.margin is not None]
-    return min(made, key=lambda check: (check.passed is not False, check.margin or 0.0)) if made else None
+    return (
+        min(made, key=lambda check: (check.passed is not False, check.margin or 0.0))
+        if made
+        else None
+    )
 
 
 def all_of(answers: Iterable[bool | None]) -> bool | None:
@@ -211,7 +223,11 @@ def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
     )
     for name, demand, key in pairs:
         limit = getattr(ratings, key)
-        yield unchecked(name, f"ratings.{key}") if limit is None else case.below(name, demand, limit, unit)
+        yield (
+            unchecked(name, f"ratings.{key}")
+            if limit is None
+            else case.below(name, demand, limit, unit)
+        )
 
 
 def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
@@ -239,14 +255,20 @@ def _locking(case: Case) -> Check:
         return check
     needs = f"mu, which is known to lie between {lowest:.3g} and {highest:.3g}: a test of holding (friction.mu_lowest)"
     if "mu" in spread.names:
-        needs += f", recordings with another payload, or {case.deciding(spread.draws('mu'), needed)}"
+        needs += (
+            f", recordings with another payload, or {case.deciding(spread.draws('mu'), needed)}"
+        )
     return replace(check, needs=needs)
 
 
 def _screw(case: Case, ratings: Ratings) -> list[Check]:
     length, diameter, ends = ratings.free_length, ratings.root_diameter, ratings.ends
     if length is None or diameter is None or ends is None:
-        needs = [f"ratings.{k}" for k in ("free_length", "root_diameter", "ends") if getattr(ratings, k) is None]
+        needs = [
+            f"ratings.{k}"
+            for k in ("free_length", "root_diameter", "ends")
+            if getattr(ratings, k) is None
+        ]
         return [unchecked("critical_speed", *needs), unchecked("buckling", *needs)]
     whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
     column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)

@@ -23,8 +23,16 @@ from ssm_planner.sizing.motor_limits import (
 )
 from ssm_planner.typing import Array, Indices
 
-DemandName = Literal["peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"]
-DEMANDS: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")
+DemandName = Literal[
+    "peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"
+]
+DEMANDS: tuple[DemandName, ...] = (
+    "peak_torque",
+    "rms_torque",
+    "peak_voltage",
+    "peak_effort",
+    "continuous_effort",
+)
 ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
 """What the voltage check needs of a motor file."""
 SHARE = 500
@@ -91,7 +99,9 @@ def demands(load: JointLoad, drive: Drive, motor: Motor | None = None) -> Demand
         rms_torque=load.rms(torque),
         peak_voltage=_voltage(torque, load, drive, motor),
         peak_effort=np.broadcast_to(effort.max(axis=1), (len(torque),)),
-        continuous_effort=np.broadcast_to(np.cbrt((effort * effort * effort) @ in_motion / share), (len(torque),)),
+        continuous_effort=np.broadcast_to(
+            np.cbrt((effort * effort * effort) @ in_motion / share), (len(torque),)
+        ),
     )
 
 
@@ -101,11 +111,16 @@ def _voltage(torque: Array, load: JointLoad, drive: Drive, motor: Motor | None) 
         return np.full(len(torque), np.nan)
     hottest = figure(motor, "max_winding_temperature")
     speed = load.speed(drive)
-    cold, hot = (required_voltage(torque, speed, motor, at).max(axis=1) for at in (REFERENCE_TEMPERATURE, hottest))
+    cold, hot = (
+        required_voltage(torque, speed, motor, at).max(axis=1)
+        for at in (REFERENCE_TEMPERATURE, hottest)
+    )
     return np.maximum(cold, hot)
 
 
-def linear_band(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None = None) -> Band:
+def linear_band(
+    load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None = None
+) -> Band:
     """The band by secants over ±1 σ of every uncertain parameter, about the corners of the stated ranges.
 
     The sets of a posterior are few enough for the exact law: they are taken as they are.
@@ -118,12 +133,18 @@ def linear_band(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Mo
     return Band(nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known)
 
 
-def _at_corners(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Array:
+def _at_corners(
+    load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None
+) -> Array:
     """(corners, 5)"""
-    return np.concatenate([demands(load, drawn(drive, corner), motor).array() for corner in spread.corners()])
+    return np.concatenate(
+        [demands(load, drawn(drive, corner), motor).array() for corner in spread.corners()]
+    )
 
 
-def _lowest(best: Array, load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Demands:
+def _lowest(
+    best: Array, load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None
+) -> Demands:
     """Demands (draws, 5) of the best corner, lowered to what no inertia within its range falls below.
 
     Peaks and RMS are convex in the inertia J: between its ends they are at least their mean less (J₂ − J₁)/2 · |ẇ|.
@@ -145,33 +166,55 @@ def volts_per_torque(motor: Motor | None) -> float:
 def _secants(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Array:
     """d(demands)/d(parameters), (k, 5)."""
     slopes = np.zeros((len(spread.names), len(DEMANDS)))
-    for i, (name, mean, sigma) in enumerate(zip(spread.names, spread.mean, spread.sigma, strict=True)):
+    for i, (name, mean, sigma) in enumerate(
+        zip(spread.names, spread.mean, spread.sigma, strict=True)
+    ):
         if sigma == 0:
             continue
         low = max(mean - sigma, 0.0)
-        above, below = (demands(load, drawn(drive, {name: at}), motor).array()[0] for at in (mean + sigma, low))
+        above, below = (
+            demands(load, drawn(drive, {name: at}), motor).array()[0] for at in (mean + sigma, low)
+        )
         slopes[i] = (above - below) / (mean + sigma - low)
     return slopes
 
 
-def monte_carlo(load: JointLoad, drive: Drive, spread: FrictionSpread, count: int, motor: Motor | None = None) -> Band:
+def monte_carlo(
+    load: JointLoad, drive: Drive, spread: FrictionSpread, count: int, motor: Motor | None = None
+) -> Band:
     """The band by `count` draws of the identified parameters, each evaluated by the exact law."""
     nominal, at_corners = demands(load, drive, motor), _at_corners(load, drive, spread, motor)
     if not spread.names:
         worst, best = at_corners.max(axis=0, keepdims=True), at_corners.min(axis=0, keepdims=True)
-        return Band(nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known)
+        return Band(
+            nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known
+        )
     corners = spread.corners()
     few = thinned(load, drive)
     deviations = spread.deviations(count)
-    ends = [{int(extreme(np.nan_to_num(column))) for column in at_corners.T} for extreme in (np.argmax, np.argmin)]
+    ends = [
+        {int(extreme(np.nan_to_num(column))) for column in at_corners.T}
+        for extreme in (np.argmax, np.argmin)
+    ]
     tables = {
-        i: _drawn_demands(few, drive, spread=spread, deviations=deviations, corner=corners[i], motor=motor)
+        i: _drawn_demands(
+            few, drive, spread=spread, deviations=deviations, corner=corners[i], motor=motor
+        )
         for i in sorted(ends[0] | ends[1])
     }
-    high, low = (reduce(take, (tables[i] for i in of)) for take, of in zip((np.maximum, np.minimum), ends, strict=True))
+    high, low = (
+        reduce(take, (tables[i] for i in of))
+        for take, of in zip((np.maximum, np.minimum), ends, strict=True)
+    )
     smooth = Demands.of(high)
     ripple = _with_ripple(smooth, load, drive, motor)
-    return Band(nominal, ripple, _lowest(low, load, drive, spread, motor), True, None if ripple is smooth else smooth)
+    return Band(
+        nominal,
+        ripple,
+        _lowest(low, load, drive, spread, motor),
+        True,
+        None if ripple is smooth else smooth,
+    )
 
 
 def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive, motor: Motor | None) -> Demands:
@@ -181,7 +224,11 @@ def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive, motor: Motor | 
     """
     posterior = friction_of(drive).posterior
     torque = load.torque(drive)
-    ripple = None if posterior is None else posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
+    ripple = (
+        None
+        if posterior is None
+        else posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
+    )
     if ripple is None:
         return smooth
     beyond = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
@@ -227,6 +274,9 @@ def thinned(load: JointLoad, drive: Drive) -> JointLoad:
     peaks = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
     peaks = peaks[np.argsort(size[peaks])[-20:]]
     every = np.arange(0, len(torque), max(len(torque) // SHARE, 1))
-    most = np.array([np.argmax(np.abs(each)) for each in (torque, load.effort(drive), load.qd)] + [len(torque) - 1])
+    most = np.array(
+        [np.argmax(np.abs(each)) for each in (torque, load.effort(drive), load.qd)]
+        + [len(torque) - 1]
+    )
     keep: Indices = np.unique(np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, most]))
     return load.at(keep)

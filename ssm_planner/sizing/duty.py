@@ -26,7 +26,10 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     Each way is a trapezoid of speed, or a triangle where the distance is too short to reach full speed.
     """
     joint = JOINTS.index(stroke.joint)
-    times, distance = _timing(2 * stroke.reach, stroke.velocity, stroke.acceleration), 2 * stroke.reach
+    times, distance = (
+        _timing(2 * stroke.reach, stroke.velocity, stroke.acceleration),
+        2 * stroke.reach,
+    )
     home = np.array(stroke.home, dtype=float)
     home[joint] = stroke.centre - stroke.reach
     forth = _way(home, joint, times, stroke.acceleration)

@@ -12,7 +12,13 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.sizing.demand import thinned
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions, figure, missing
-from ssm_planner.sizing.thermal_network import FIGURES, Cycle, ThermalModel, steady_state, time_until
+from ssm_planner.sizing.thermal_network import (
+    FIGURES,
+    Cycle,
+    ThermalModel,
+    steady_state,
+    time_until,
+)
 
 STEPS = 60
 CLOSE = 1e-3
@@ -65,7 +71,12 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
     rms = float(np.sqrt(cycle.mean(cycle.square)))
     if rms == 0.0:
         return Heat(
-            np.inf, limit, nominal_winding=conditions.ambient, winding=conditions.ambient, model=model, cycle=cycle
+            np.inf,
+            limit,
+            nominal_winding=conditions.ambient,
+            winding=conditions.ambient,
+            model=model,
+            cycle=cycle,
         )
     nominal, hot = steady_state(model, cycle), cycle.scaled(worst_rms / rms)
     worst = steady_state(model, hot)

@@ -72,13 +72,17 @@ class JointLoad:
 
     def effort(self, drive: Drive | None = None) -> Array:
         """Output effort F that the mesh carries, N·m or N; (draws, n) for a drive whose friction holds columns."""
-        return np.asarray(output_effort(drive or self.drive, self.tau_rigid, self.qd, self.qdd, self.direction))
+        return np.asarray(
+            output_effort(drive or self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
+        )
 
     def torque(self, drive: Drive | None = None) -> Array:
         """Motor torque by the exact law, N·m; (draws, n) for a drive whose friction holds columns."""
         drive = drive or self.drive
         w, wd = self.speed(drive), self.acceleration(drive)
-        return motor_torque(drive, self.effort(drive), w, wd, direction=self.direction, mu=self.coefficient(drive))
+        return motor_torque(
+            drive, self.effort(drive), w, wd, direction=self.direction, mu=self.coefficient(drive)
+        )
 
     def coefficient(self, drive: Drive) -> Array:
         """μ at every instant, (n,) or (draws, n): kinetic, and at a start at least the static one."""
@@ -109,7 +113,11 @@ class JointLoad:
         """The same motion with `share` times the load by which `other` exceeds this one (loads are linear in masses)."""
         names = ("inertia", "velocity", "gravity")
         return replace(
-            self, **{name: getattr(self, name) + share * (getattr(other, name) - getattr(self, name)) for name in names}
+            self,
+            **{
+                name: getattr(self, name) + share * (getattr(other, name) - getattr(self, name))
+                for name in names
+            },
         )
 
     def at(self, keep: Indices) -> JointLoad:
@@ -123,7 +131,9 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     """Loads of all driven joints over a motion, at least at `rate` (Hz) and wherever a joint starts, turns or arrives."""
     piece, local, first, last = _instants(trajectory, robot, rate)
     samples = trajectory.sample_pieces(piece, local)
-    inertia, velocity, gravity = RigidBody.from_robot(robot).parts(samples.q, samples.qd, samples.qdd)
+    inertia, velocity, gravity = RigidBody.from_robot(robot).parts(
+        samples.q, samples.qd, samples.qdd
+    )
     after, starting = directions(robot, samples, 1)
     before, _ = directions(robot, samples, -1)
     direction = np.where(last[:, None], before, after)
@@ -152,7 +162,9 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     )
 
 
-def _instants(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Flags, Flags]:
+def _instants(
+    trajectory: Trajectory, robot: Robot, rate: float
+) -> tuple[Indices, Array, Flags, Flags]:
     """Piece, local time, and whether an instant is the first or the last of a stretch in which no joint turns."""
     piece, start, end = _stretches(trajectory, robot, rate)
     counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _most(trajectory)) + 2
@@ -177,23 +189,32 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
     k = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
     local = k / (counts[piece] - 1) * lengths[piece]
     qd = trajectory.sample_pieces(piece, local).qd
-    way = np.where(np.abs(qd) > STILL * np.array([joint.velocity for joint in robot.joints]), np.sign(qd), 0.0)
+    way = np.where(
+        np.abs(qd) > STILL * np.array([joint.velocity for joint in robot.joints]), np.sign(qd), 0.0
+    )
     # the last instant before each one at which the joint moved
     last = np.maximum.accumulate(np.where(way != 0, np.arange(len(way))[:, None], 0), axis=0)[:-1]
     joints = np.arange(way.shape[1])
     turned, joint = np.nonzero((piece[last] == piece[1:, None]) & (way[last, joints] * way[1:] < 0))
     found = last[turned, joint]
     cuts = _turns(trajectory, piece[found], local[found], local[turned + 1], joint)
-    pieces, starts = np.append(np.arange(len(lengths)), piece[found]), np.append(np.zeros(len(lengths)), cuts)
+    pieces, starts = (
+        np.append(np.arange(len(lengths)), piece[found]),
+        np.append(np.zeros(len(lengths)), cuts),
+    )
     order = np.lexsort((starts, pieces))
     pieces, starts = pieces[order], starts[order]
     final = np.append(np.diff(pieces), 1) > 0
     return pieces, starts, np.where(final, lengths[pieces], np.append(starts[1:], 0.0))
 
 
-def _turns(trajectory: Trajectory, piece: Indices, low: Array, high: Array, joint: Indices) -> Array:
+def _turns(
+    trajectory: Trajectory, piece: Indices, low: Array, high: Array, joint: Indices
+) -> Array:
     """Local times between low and high at which joints turn back, to the last digit (bisection)."""
-    coefficients = trajectory.pieces(piece)[np.arange(len(piece)), 1:, joint] * np.arange(1, DEGREE + 1)
+    coefficients = trajectory.pieces(piece)[np.arange(len(piece)), 1:, joint] * np.arange(
+        1, DEGREE + 1
+    )
 
     def ahead(t: Array) -> Array:
         value = np.zeros_like(t)

@@ -44,17 +44,31 @@ class Conditions:
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.confidence <= 0.999:
-            raise ProblemError("not a confidence", key="confidence", value=self.confidence, allowed="0.5 to 0.999")
+            raise ProblemError(
+                "not a confidence", key="confidence", value=self.confidence, allowed="0.5 to 0.999"
+            )
         if self.spread is not None and not 0 <= self.spread < 1:
-            raise ProblemError("not a relative range", key="spread", value=self.spread, allowed="0 up to below 1")
+            raise ProblemError(
+                "not a relative range", key="spread", value=self.spread, allowed="0 up to below 1"
+            )
         if self.draws and not 1000 <= self.draws <= 1_000_000:
-            raise ProblemError("too few or too many", key="draws", value=self.draws, allowed="1000 to 1000000, or 0")
+            raise ProblemError(
+                "too few or too many",
+                key="draws",
+                value=self.draws,
+                allowed="1000 to 1000000, or 0",
+            )
         if not 200.0 <= self.ambient <= 400.0:
             raise ProblemError(
-                "not a surrounding of a motor", key="ambient", value=self.ambient, allowed="200 K to 400 K"
+                "not a surrounding of a motor",
+                key="ambient",
+                value=self.ambient,
+                allowed="200 K to 400 K",
             )
         if not (math.isfinite(self.pause) and self.pause >= 0):
-            raise ProblemError("not a pause", key="pause", value=self.pause, allowed="0 s or longer")
+            raise ProblemError(
+                "not a pause", key="pause", value=self.pause, allowed="0 s or longer"
+            )
         for name in ("supply_voltage", "current_limit"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -86,12 +100,16 @@ def rotor_range(motor: Motor) -> Range:
 
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
     """Terminal resistance with the winding at a temperature (K), ohm."""
-    return figure(motor, "terminal_resistance") * (1 + COPPER * (temperature - REFERENCE_TEMPERATURE))
+    return figure(motor, "terminal_resistance") * (
+        1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
+    )
 
 
 def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
     """Torque constant with the magnets at a temperature (K), N·m/A."""
-    return figure(motor, "torque_constant") * (1 + magnet_drift(motor) * (temperature - REFERENCE_TEMPERATURE))
+    return figure(motor, "torque_constant") * (
+        1 + magnet_drift(motor) * (temperature - REFERENCE_TEMPERATURE)
+    )
 
 
 def magnet_drift(motor: Motor) -> float:
@@ -99,7 +117,9 @@ def magnet_drift(motor: Motor) -> float:
     return MAGNET if motor.torque_constant_per_kelvin is None else motor.torque_constant_per_kelvin
 
 
-def available_torque(motor: Motor, conditions: Conditions, speed: Array, temperature: float | None = None) -> Array:
+def available_torque(
+    motor: Motor, conditions: Conditions, speed: Array, temperature: float | None = None
+) -> Array:
     """Largest motor torque in the direction of motion at speeds ≥ 0 (rad/s, shape kept), N·m.
 
     The least of the file's largest torque, the current limit, and the speed–torque line at the supply voltage, as far as
@@ -128,7 +148,9 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
     if motor.max_winding_temperature is None:
         return None
     spare = motor.max_winding_temperature - ambient
-    return motor.nominal_torque * math.sqrt(max(spare, 0.0) / (motor.max_winding_temperature - REFERENCE_TEMPERATURE))
+    return motor.nominal_torque * math.sqrt(
+        max(spare, 0.0) / (motor.max_winding_temperature - REFERENCE_TEMPERATURE)
+    )
 
 
 def operating_shares(
@@ -142,7 +164,9 @@ def operating_shares(
     if steady is None:
         return None
     size = np.abs(torque)
-    within = size <= available_torque(motor, conditions, np.abs(speed), motor.max_winding_temperature)
+    within = size <= available_torque(
+        motor, conditions, np.abs(speed), motor.max_winding_temperature
+    )
     return {
         "continuous": float(weight @ (within & (size <= steady))),
         "short_term": float(weight @ (within & (size > steady))),

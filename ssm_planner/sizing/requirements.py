@@ -78,7 +78,9 @@ class MotorRequirement:
         }
 
 
-def motor_requirements(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tuple[MotorRequirement, ...]:
+def motor_requirements(
+    trajectory: Trajectory, robot: Robot, rate: float = RATE
+) -> tuple[MotorRequirement, ...]:
     """Requirements of every driven joint, by the exact friction law, static friction at starts included.
 
     Sampled at `rate` (Hz) and at both sides of every break and turn, so that jumps of torque count where they are.
@@ -168,7 +170,9 @@ def torque_split(load: JointLoad, drive: Drive | None = None) -> TorqueBreakdown
     bearing = np.where(moving, motor_torque(rough, rubbing, w, zero, direction=way), 0.0)
     total = load.torque(drive)
     effort = load.effort(drive)
-    without = np.where(moving, motor_torque(rough, effort, w, wd, direction=way), _mesh(lossless, effort, way))
+    without = np.where(
+        moving, motor_torque(rough, effort, w, wd, direction=way), _mesh(lossless, effort, way)
+    )
     parts = {
         "input_inertia": input_inertia,
         "output_inertia": output_inertia,
@@ -196,4 +200,6 @@ def _without_friction(drive: Drive) -> Drive:
 def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
     """Without losses in the mesh; of a drive with efficiencies γ is 1/ratio then."""
     friction = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings)
-    return unchecked(drive, friction=friction, gamma=drive.gamma if drive.threaded else 1.0 / drive.ratio)
+    return unchecked(
+        drive, friction=friction, gamma=drive.gamma if drive.threaded else 1.0 / drive.ratio
+    )

@@ -20,7 +20,15 @@ from ssm_planner.dynamics.spread import drawn, spread_of
 from ssm_planner.loading.catalogues import Part
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
-from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of, limits_of, shaft_inertia, with_rotor
+from ssm_planner.sizing.assess import (
+    CONFIDENCE,
+    MotorVerdict,
+    assess,
+    band_of,
+    limits_of,
+    shaft_inertia,
+    with_rotor,
+)
 from ssm_planner.sizing.checks import TOLERANCE, Case, Check, gear_checks
 from ssm_planner.sizing.demand import ELECTRICAL, volts_per_torque
 from ssm_planner.sizing.duty import DutyCycle
@@ -70,7 +78,9 @@ class JointSelection:
     def adequate(self) -> Answers:
         """As `MotorVerdict.adequate` says of each pair."""
         worst = np.min(list(self.answers.values()), axis=0)
-        fails = np.array([any(check.passed is False for check in checks) for checks in self.of_gear])
+        fails = np.array(
+            [any(check.passed is False for check in checks) for checks in self.of_gear]
+        )
         return np.where(fails[:, None], np.int8(-1), worst)
 
     def ruled_out_by(self, g: int, m: int) -> list[str]:
@@ -93,13 +103,17 @@ class JointSelection:
             return -np.nan_to_num(np.nanmin(list(self.margins.values()), axis=0), nan=-1.0)
         if by == "torque":
             return np.broadcast_to([part.of.nominal_torque for part in self.motors], shape)
-        motor = np.array([np.inf if (x := getattr(part, by)) is None else x for part in self.motors])
+        motor = np.array(
+            [np.inf if (x := getattr(part, by)) is None else x for part in self.motors]
+        )
         gear = np.array([getattr(part, by) or 0.0 for part in self.gears])
         return motor + gear[:, None]
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
         """The pair as `assess` judges it, with every margin and the temperatures."""
-        return assess(replace(self.load, drive=self.gears[g].of), self.motors[m].of, self.conditions)
+        return assess(
+            replace(self.load, drive=self.gears[g].of), self.motors[m].of, self.conditions
+        )
 
     def reasons(self) -> dict[str, int]:
         """How many pairs each check rules out, the commonest first; a pair may count for several."""
@@ -109,7 +123,9 @@ class JointSelection:
             for check in checks:
                 if check.passed is False:
                     counts[check.name] = counts.get(check.name, 0) + shape[1]
-        return dict(sorted(((k, n) for k, n in counts.items() if n), key=lambda each: (-each[1], each[0])))
+        return dict(
+            sorted(((k, n) for k, n in counts.items() if n), key=lambda each: (-each[1], each[0]))
+        )
 
     def inertia_ratio(self, g: int, m: int) -> float | None:
         """Inertia of load and gear seen by the motor over its rotor's; None where the rotor's is not stated."""
@@ -117,7 +133,9 @@ class JointSelection:
         if motor.rotor_inertia is None:
             return None
         shaft = shaft_inertia(replace(self.load, drive=drive), motor)[1] - motor.rotor_inertia
-        return (shaft + (self.load_inertia + drive.output_inertia) / drive.ratio**2) / motor.rotor_inertia
+        return (
+            shaft + (self.load_inertia + drive.output_inertia) / drive.ratio**2
+        ) / motor.rotor_inertia
 
     def to_dict(self, rank: Rank, shown: int) -> dict[str, Any]:
         """An entry of `selection` in what `size --json` prints; `best` holds the first `shown` in full, SI."""
@@ -129,7 +147,8 @@ class JointSelection:
             "gears": [part.label for part in self.gears],
             "adequate": [[words[int(each)] for each in row] for row in adequate],
             "ruled_out_by": [
-                [self.ruled_out_by(g, m) for m in range(len(self.motors))] for g in range(len(self.gears))
+                [self.ruled_out_by(g, m) for m in range(len(self.motors))]
+                for g in range(len(self.gears))
             ],
             "reasons": self.reasons(),
             "rank": rank,
@@ -175,7 +194,9 @@ def select(
 def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
     """Largest diagonal entry of the mass matrix over the motions, by joint; kg·m², kg."""
     body = RigidBody.from_robot(with_payload(duty.robot, payload))
-    q = np.concatenate([run.sample(np.linspace(0, run.duration, INSTANTS)).q for run, _ in duty.runs])
+    q = np.concatenate(
+        [run.sample(np.linspace(0, run.duration, INSTANTS)).q for run, _ in duty.runs]
+    )
     largest = np.max([np.diag(matrix) for matrix in body.mass_matrix(q)], axis=0)
     return dict(zip((joint.name for joint in duty.robot.joints), map(float, largest), strict=True))
 
@@ -211,7 +232,14 @@ def select_joint(
     margins = {name: np.stack([margin[name] for _, margin, _ in rows]) for name in MARGINS}
     of_gear = [checks for _, _, checks in rows]
     return JointSelection(
-        load, conditions, motors, gears, answers=answers, margins=margins, of_gear=of_gear, load_inertia=inertia
+        load,
+        conditions,
+        motors,
+        gears,
+        answers=answers,
+        margins=margins,
+        of_gear=of_gear,
+        load_inertia=inertia,
     )
 
 
@@ -225,7 +253,8 @@ class _Fleet:
         electrical = [motor for motor in motors if not missing(motor, *ELECTRICAL)]
         self.electrical = np.array([not missing(motor, *ELECTRICAL) for motor in motors])
         self.balance = [
-            np.array([_balance(motor, hot) for motor in electrical]).reshape(-1, 2, 1) for hot in (False, True)
+            np.array([_balance(motor, hot) for motor in electrical]).reshape(-1, 2, 1)
+            for hot in (False, True)
         ]
         """R/k and k of a cold and of a hot motor, (electrical, 2, 1) each."""
         self.volts = np.array([volts_per_torque(motor) for motor in motors])
@@ -246,14 +275,22 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     """
     if missing(motor, *FIGURES):
         return np.nan, np.nan
-    model, limit = ThermalModel.from_motor(motor, conditions.ambient), figure(motor, "max_winding_temperature")
+    model, limit = (
+        ThermalModel.from_motor(motor, conditions.ambient),
+        figure(motor, "max_winding_temperature"),
+    )
     allowed = limit - model.ambient
     if allowed <= 2 * NEAR:
         return -1.0, np.inf
-    modes = Modes.of(model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing)
+    modes = Modes.of(
+        model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing
+    )
     shares, x = modes.input * modes.shape[0] / -modes.rates, -modes.rates * period
     # beyond 700 e^x overflows, and what is left of a period's heat is nothing
-    most, least = float(shares @ (x / -np.expm1(-x))), float(shares @ (x / np.expm1(np.minimum(x, 700.0))))
+    most, least = (
+        float(shares @ (x / -np.expm1(-x))),
+        float(shares @ (x / np.expm1(np.minimum(x, 700.0)))),
+    )
     # the mean square at which the coldest instant would have each temperature up to the one whose mean is the limit
     rise = (allowed + NEAR) * least / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
     one = np.ones(RISES)
@@ -288,16 +325,26 @@ def _judged(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     fails = np.min(list(answers.values()), axis=0) < 0
     if any(check.passed is False for check in gear):
         fails[:] = True
-    answers["heat"] = _heat(load, fleet, conditions, band=(share * worst["rms"], share * best["rms"]), fails=fails)
-    limited = np.array([answers[name] for name in ("torque", "continuous_torque", "voltage", "heat")])
-    known = np.array([np.isfinite(fleet.limit(name)) for name in ("torque", "continuous_torque", "voltage")])
+    answers["heat"] = _heat(
+        load, fleet, conditions, band=(share * worst["rms"], share * best["rms"]), fails=fails
+    )
+    limited = np.array(
+        [answers[name] for name in ("torque", "continuous_torque", "voltage", "heat")]
+    )
+    known = np.array(
+        [np.isfinite(fleet.limit(name)) for name in ("torque", "continuous_torque", "voltage")]
+    )
     known = np.vstack([known, np.isfinite(fleet.cool)])
     together = np.where(known, limited, 1).min(axis=0)
-    answers[CONFIDENCE] = together.astype(np.int8) if spread.known else np.zeros(len(fails), np.int8)
+    answers[CONFIDENCE] = (
+        together.astype(np.int8) if spread.known else np.zeros(len(fails), np.int8)
+    )
     return answers, margins, gear
 
 
-def _drawn(load: JointLoad, fleet: _Fleet, conditions: Conditions, gear: tuple[Check, ...], speed: Array) -> Row:
+def _drawn(
+    load: JointLoad, fleet: _Fleet, conditions: Conditions, gear: tuple[Check, ...], speed: Array
+) -> Row:
     """Pair by pair, for a friction that is known by draws; a motor too slow, or with a gear that fails, needs none."""
     count = len(fleet.motors)
     names = ("torque", "continuous_torque", "voltage", "heat", CONFIDENCE)
@@ -324,7 +371,10 @@ def _bands(
     found = []
     for corner in corners:
         bare = load.torque(drawn(load.drive, {**corner, "input_inertia": 0.0}))
-        sums = [float(load.weight @ (a * b)) for a, b in ((bare, bare), (bare, turning), (turning, turning))]
+        sums = [
+            float(load.weight @ (a * b))
+            for a, b in ((bare, bare), (bare, turning), (turning, turning))
+        ]
         for inertia in ends.T if np.any(ends[:, 0] != ends[:, 1]) else ends.T[:1]:
             rms = np.sqrt(np.maximum(sums[0] + 2 * inertia * sums[1] + inertia**2 * sums[2], 0.0))
             found.append([*_peaks(bare, turning, load.speed(), inertia, fleet), rms])
@@ -335,10 +385,14 @@ def _bands(
     low_peak, low_rms = low_peak - fall * wd.max(), low_rms - fall * float(load.rms(wd))
     low_volts = low_volts - fall * wd.max() * fleet.volts
     best = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
-    return {"peak": peak, "volts": volts, "rms": rms}, {name: np.maximum(low, 0.0) for name, low in best.items()}
+    return {"peak": peak, "volts": volts, "rms": rms}, {
+        name: np.maximum(low, 0.0) for name, low in best.items()
+    }
 
 
-def _peaks(bare: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fleet) -> tuple[Array, Array]:
+def _peaks(
+    bare: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fleet
+) -> tuple[Array, Array]:
     """Peak torque and voltage (m,) of motors whose shafts have an inertia (m,)."""
     peak, volts = np.empty(len(inertia)), np.full(len(inertia), np.nan)
     place = np.cumsum(fleet.electrical) - 1
@@ -346,18 +400,29 @@ def _peaks(bare: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fl
         torque = bare + shaft * turning
         peak[m] = max(torque.max(), -torque.min())
         if fleet.electrical[m]:
-            needs = [each[place[m]][0] * torque + each[place[m]][1] * speed for each in fleet.balance]
+            needs = [
+                each[place[m]][0] * torque + each[place[m]][1] * speed for each in fleet.balance
+            ]
             volts[m] = max(max(need.max(), -need.min()) for need in needs)
     return peak, volts
 
 
 def _heat(
-    load: JointLoad, fleet: _Fleet, conditions: Conditions, band: tuple[Array, Array], fails: NDArray[np.bool_]
+    load: JointLoad,
+    fleet: _Fleet,
+    conditions: Conditions,
+    band: tuple[Array, Array],
+    fails: NDArray[np.bool_],
 ) -> NDArray[np.int8]:
     """Answers (m,) to the worst and best RMS torque over motion and pause; 0 where the bounds say nothing and `fails`."""
     worst, best = band
     answers = np.where(worst <= fleet.cool, 1, np.where(best > fleet.hot, -1, 0)).astype(np.int8)
-    open_ = (answers == 0) & ~fails & np.isfinite(fleet.cool) & ~((worst > fleet.hot) & (best <= fleet.cool))
+    open_ = (
+        (answers == 0)
+        & ~fails
+        & np.isfinite(fleet.cool)
+        & ~((worst > fleet.hot) & (best <= fleet.cool))
+    )
     for m in np.flatnonzero(open_).tolist():
         motor = fleet.motors[m]
         turned = replace(load, drive=with_rotor(load, motor)[0], motor=motor)

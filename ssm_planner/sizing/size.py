@@ -68,11 +68,15 @@ class JointSizing:
         """An entry of `requirements` in what `size --json` prints; bands at a confidence."""
         names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
         bands: dict[str, Any] = {
-            name: [self.band.low(name, confidence), self.band.high(name, confidence)] if self.band.known else None
+            name: [self.band.low(name, confidence), self.band.high(name, confidence)]
+            if self.band.known
+            else None
             for name in names
         }
         if self.band.smooth is not None:
-            smooth = float(np.quantile(self.band.smooth.peak_torque, confidence, method="inverted_cdf"))
+            smooth = float(
+                np.quantile(self.band.smooth.peak_torque, confidence, method="inverted_cdf")
+            )
             bands["peak_torque_without_ripple"] = [self.band.low("peak_torque", confidence), smooth]
         return {**self.requirement.to_dict(), "band": bands}
 
@@ -111,8 +115,12 @@ class Sizing:
             "motors": [verdict.to_dict() for verdict in self.verdicts],
             "alternatives": [verdict.to_dict() for verdict in self.alternatives],
             "gears": [joint.gear_dict() for joint in self.joints],
-            "smallest": {name: None if best is None else best.motor.name for name, best in smallest.items()},
-            "requirements": [joint.requirement_dict(self.conditions.confidence) for joint in self.joints],
+            "smallest": {
+                name: None if best is None else best.motor.name for name, best in smallest.items()
+            },
+            "requirements": [
+                joint.requirement_dict(self.conditions.confidence) for joint in self.joints
+            ],
         }
 
 
@@ -138,27 +146,42 @@ def size(
         if joint not in driven:
             raise no_drive(joint, duty.robot.file)
         if joint not in moved:
-            raise ProblemError(f"{duty.name} does not move this joint", key=joint, allowed=", ".join(sorted(moved)))
-    return Sizing(tuple(_joint(load, given.get(load.joint), conditions) for load in loads), conditions)
+            raise ProblemError(
+                f"{duty.name} does not move this joint", key=joint, allowed=", ".join(sorted(moved))
+            )
+    return Sizing(
+        tuple(_joint(load, given.get(load.joint), conditions) for load in loads), conditions
+    )
 
 
 def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Sizing:
     """Judge the robot's own motors by a motion repeated after a pause (s) at 25 °C; joints without a drive are left out."""
     conditions = Conditions(pause=pause)
-    return Sizing(tuple(_joint(load, None, conditions) for load in joint_loads(trajectory, robot)), conditions)
+    return Sizing(
+        tuple(_joint(load, None, conditions) for load in joint_loads(trajectory, robot)), conditions
+    )
 
 
-def _joint(load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions) -> JointSizing:
+def _joint(
+    load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions
+) -> JointSizing:
     others = load.alternatives if candidates is None else ()
     if candidates is None:
         candidates = [] if load.motor is None else [load.motor]
-    verdicts, alternatives = ([assess(load, motor, conditions) for motor in each] for each in (candidates, others))
+    verdicts, alternatives = (
+        [assess(load, motor, conditions) for motor in each] for each in (candidates, others)
+    )
     verdicts.sort(key=lambda verdict: (verdict.motor.nominal_torque, verdict.motor.max_torque))
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(load, None, spread, conditions)
     gear = gear_checks(Case(load, band, spread, conditions))
     return JointSizing(
-        load, motor_requirement(load), band, gear, candidates=tuple(verdicts), alternatives=tuple(alternatives)
+        load,
+        motor_requirement(load),
+        band,
+        gear,
+        candidates=tuple(verdicts),
+        alternatives=tuple(alternatives),
     )
 
 
@@ -199,7 +222,9 @@ def largest_payload(
     empty, loaded = duty.loads(payload), duty.loads(payload + 1.0)
 
     def judge(mass: float) -> _Judgement:
-        return _judge([a.plus(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions)
+        return _judge(
+            [a.plus(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
+        )
 
     return _largest(judge, start=1e-3, most=HEAVIEST, least=0.0)
 
@@ -229,7 +254,9 @@ class _Judgement:
     not_checked: tuple[str, ...]
 
 
-def _judge(loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions) -> _Judgement:
+def _judge(
+    loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions
+) -> _Judgement:
     """The smallest margin of all checks that can be made."""
     worst: tuple[float, str | None, str | None] = (float("inf"), None, None)
     missing = []
@@ -247,7 +274,9 @@ def _judge(loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: 
     return _Judgement(*worst, tuple(missing))
 
 
-def _largest(judge: Callable[[float], _Judgement], start: float, most: float, least: float) -> WhatIf:
+def _largest(
+    judge: Callable[[float], _Judgement], start: float, most: float, least: float
+) -> WhatIf:
     """Largest value up to which no margin is negative: doubled or halved from `start`, then bisected."""
     at = judge(start)
     low, high = start, start

@@ -44,7 +44,9 @@ class Modes:
     inverse: Array
 
     @classmethod
-    def of(cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0) -> Modes:
+    def of(
+        cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0
+    ) -> Modes:
         """Thermal resistances (K/W) and capacities (J/K); gain: power that each kelvin of the inner body adds, W/K."""
         exchange = 1.0 / (r_inner * math.sqrt(c_inner * c_outer))
         symmetric = np.array(
@@ -145,7 +147,9 @@ class ThermalModel:
     @classmethod
     def from_motor(cls, motor: Motor, ambient: float) -> ThermalModel:
         """Raises ProblemError where one of FIGURES but the temperature limit is missing."""
-        inner, outer = (figure(motor, f"resistance_{name}") for name in ("winding_housing", "housing_ambient"))
+        inner, outer = (
+            figure(motor, f"resistance_{name}") for name in ("winding_housing", "housing_ambient")
+        )
         return cls(
             inner,
             outer,
@@ -187,7 +191,10 @@ class Cycle:
         if pause > 0:
             # dense where the winding cools fastest
             share = np.expm1(np.linspace(0.0, np.log1p(PAUSE_RANGE), PAUSE_INSTANTS)) / PAUSE_RANGE
-            t, square = np.append(t, t[-1] + pause * share), np.append(square, np.zeros(PAUSE_INSTANTS))
+            t, square = (
+                np.append(t, t[-1] + pause * share),
+                np.append(square, np.zeros(PAUSE_INSTANTS)),
+            )
         return cls(t, square)
 
     @property
@@ -228,7 +235,9 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
     the mean feedback of the temperature on the loss is part of the bodies, until they change by less than 1e-6 K.
     """
     mean = _mean_temperature(model, cycle)
-    none = Temperatures(np.full(len(cycle.t), np.inf), np.full(len(cycle.t), np.inf), "no steady state")
+    none = Temperatures(
+        np.full(len(cycle.t), np.inf), np.full(len(cycle.t), np.inf), "no steady state"
+    )
     if mean is None:
         return none
     winding = np.full(len(cycle.t), mean)
@@ -252,7 +261,9 @@ def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Mode
     """The bodies with the mean slope of the loss counted in, and the power that is left to drive them."""
     power, slope = model.power(cycle.square, winding), model.slope(cycle.square, winding)
     mean = cycle.mean(slope)
-    modes = Modes.of(model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing, mean)
+    modes = Modes.of(
+        model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing, mean
+    )
     return modes, power - mean * (winding - model.ambient)
 
 
@@ -265,7 +276,9 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
         slope = 1.0 - total * model.slope(square, temperature)[0]
         if slope <= 0 or temperature[0] > HOTTEST:
             return None
-        step = (model.ambient + total * model.power(square, temperature)[0] - temperature[0]) / slope
+        step = (
+            model.ambient + total * model.power(square, temperature)[0] - temperature[0]
+        ) / slope
         temperature = temperature + step
         if abs(step) < SETTLED:
             return float(temperature[0])
@@ -280,7 +293,10 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
         modes, power = _linearised(model, cycle, winding)
         states = follow(modes, cycle.t, power) + modes.decay(cycle.t) * modes.states(rise)[:, None]
         warmer, housing = modes.temperatures(states)
-        change, winding = float(np.abs(model.ambient + warmer - winding).max()), model.ambient + warmer
+        change, winding = (
+            float(np.abs(model.ambient + warmer - winding).max()),
+            model.ambient + warmer,
+        )
         if change < SETTLED or winding.max() > HOTTEST:
             break
     return Temperatures(winding, model.ambient + housing, "warming up")
@@ -294,7 +310,11 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:
         return None
-    longest = 60.0 * (model.r_winding_housing + model.r_housing_ambient) * (model.c_winding + model.c_housing)
+    longest = (
+        60.0
+        * (model.r_winding_housing + model.r_housing_ambient)
+        * (model.c_winding + model.c_housing)
+    )
     here = back = _Start(0, model.ambient, model.ambient)
     most = 1 << 40
     while here.cycles * cycle.period <= longest:
@@ -302,7 +322,9 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
         hot = np.flatnonzero(reached.winding >= limit)
         taken = here.cycles - back.cycles
         if len(hot) and taken <= 1:
-            return here.cycles * cycle.period + _crossing(cycle.t, reached.winding, int(hot[0]), limit)
+            return here.cycles * cycle.period + _crossing(
+                cycle.t, reached.winding, int(hot[0]), limit
+            )
         if len(hot):
             here, most = back, taken // 2
             reached = warm_up(model, cycle, (here.winding, here.housing))
@@ -319,9 +341,13 @@ class _Start:
     housing: float
 
 
-def _later(model: ThermalModel, cycle: Cycle, reached: Temperatures, start: _Start, most: int) -> _Start:
+def _later(
+    model: ThermalModel, cycle: Cycle, reached: Temperatures, start: _Start, most: int
+) -> _Start:
     """The start of a later repetition, at most `most` on: the loss linearised about the temperatures `reached`."""
-    change = max(abs(reached.winding[-1] - start.winding), abs(reached.housing[-1] - start.housing), 1e-12)
+    change = max(
+        abs(reached.winding[-1] - start.winding), abs(reached.housing[-1] - start.housing), 1e-12
+    )
     stride = int(max(min(most, STEP / change), 1))
     if stride == 1:
         return _Start(start.cycles + 1, float(reached.winding[-1]), float(reached.housing[-1]))

@@ -37,7 +37,9 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
     sampler: Any = (
         optuna.samplers.TPESampler(seed=search.seed, multivariate=True, constraints_func=_violation)
         if search.method == "tpe"
-        else optuna.samplers.NSGAIISampler(seed=search.seed, population_size=POPULATION, constraints_func=_violation)
+        else optuna.samplers.NSGAIISampler(
+            seed=search.seed, population_size=POPULATION, constraints_func=_violation
+        )
     )
     signs = [-1.0 if name.endswith("margin") else 1.0 for name in study.minimise]
     engine = optuna.create_study(directions=["minimize"] * len(signs), sampler=sampler)
@@ -51,7 +53,11 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
                 good = row.state == "done" and None not in values
                 trial.set_user_attr("falls_out", not good)
                 # a candidate that falls out violates the constraint: its values only need to be finite
-                told = [s * v for s, v in zip(signs, values, strict=True)] if good else [1e6] * len(signs)
+                told = (
+                    [s * v for s, v in zip(signs, values, strict=True)]
+                    if good
+                    else [1e6] * len(signs)
+                )
                 engine.tell(trial, told)
 
         yield designs, tell
@@ -65,7 +71,9 @@ def _design(study: Study, trial: Any) -> Design:
     chosen: dict[str, str] = {}
     for variable in study.vary:
         if isinstance(variable, Choice):
-            chosen[variable.path] = trial.suggest_categorical(variable.path, list(variable.contents))
+            chosen[variable.path] = trial.suggest_categorical(
+                variable.path, list(variable.contents)
+            )
         else:
             chosen[variable.path] = variable.at(trial.suggest_float(variable.path, 0.0, 1.0))
     return chosen

@@ -77,7 +77,9 @@ class Evaluation:
         fastest: Motions = {}
         if study.selected:
             originals = dict(problems_of(study, design))
-            planned = _planned({name: _undriven(study, problem) for name, problem in originals.items()}, {})
+            planned = _planned(
+                {name: _undriven(study, problem) for name, problem in originals.items()}, {}
+            )
             if isinstance(planned, Fallen):
                 return Candidate(number, "infeasible", design, planned.stage, planned.reason)
             fastest, found = planned, selected(study, originals, planned, pace)
@@ -88,14 +90,23 @@ class Evaluation:
         within = {name: sparing(problem, margin) for name, problem in problems.items()}
         motions = _planned(within, fastest)
         if isinstance(motions, Fallen):
-            return Candidate(number, "infeasible", design, motions.stage, motions.reason, figures=chosen)
-        figures = {**chosen, **_figures(problems, motions), **_of_geometry(next(iter(problems.values())))}
+            return Candidate(
+                number, "infeasible", design, motions.stage, motions.reason, figures=chosen
+            )
+        figures = {
+            **chosen,
+            **_figures(problems, motions),
+            **_of_geometry(next(iter(problems.values()))),
+        }
         for speed in np.geomspace(1.0, 1.0 / pace, PACES)[1:] if pace > 1 else ():
             if _holds(figures, margin):
                 break
             # heat and voltage are no limits of the planner: the fastest motion, slower, as the motors were selected for
             slower = {name: trajectory.slower(float(speed)) for name, trajectory in fastest.items()}
-            if all(check(slower[name], each.robot, each.task_limits).passed for name, each in within.items()):
+            if all(
+                check(slower[name], each.robot, each.task_limits).passed
+                for name, each in within.items()
+            ):
                 figures |= _figures(problems, slower)
         if not _holds(figures, margin):
             reason = f"a motor margin of {100 * figures['motor_margin']:.4g} %, required are {100 * margin:.4g} %"
@@ -103,7 +114,9 @@ class Evaluation:
         return Candidate(number, "done", design, figures=figures)
 
 
-def evaluated(pickled: bytes, candidates: Sequence[tuple[int, Design]]) -> tuple[list[Candidate], float]:
+def evaluated(
+    pickled: bytes, candidates: Sequence[tuple[int, Design]]
+) -> tuple[list[Candidate], float]:
     """What a worker is asked for: the rows of candidates (number, design), and the seconds that they took.
 
     pickled: the Evaluation, which a worker reads once.
@@ -171,7 +184,10 @@ def _planned(problems: Mapping[str, Problem], known: Motions) -> Motions | Falle
             continue
         made = plan(quickly(problem), relaxations=False)
         if not made.passed or made.trajectory is None:
-            return Fallen("plan", f"{name}: {'no motion found' if made.reason is None else made.reason.message}")
+            return Fallen(
+                "plan",
+                f"{name}: {'no motion found' if made.reason is None else made.reason.message}",
+            )
         found[name] = made.trajectory
     return found
 
@@ -184,7 +200,11 @@ def sparing(problem: Problem, margin: float) -> Problem:
     less = 1 - margin - SPARE
 
     def spared(motor: Motor | None) -> Motor | None:
-        return None if motor is None else unchecked(motor, **{name: less * getattr(motor, name) for name in names})
+        return (
+            None
+            if motor is None
+            else unchecked(motor, **{name: less * getattr(motor, name) for name in names})
+        )
 
     joints = tuple(unchecked(joint, motor=spared(joint.motor)) for joint in problem.robot.joints)
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
@@ -193,11 +213,15 @@ def sparing(problem: Problem, margin: float) -> Problem:
 def _undriven(study: Study, problem: Problem) -> Problem:
     """The problem without the motors that are to be selected, or that drive a gear that is."""
     free = {choice.path.split(".")[1] for choice in study.selected}
-    joints = tuple(replace(each, motor=None) if each.name in free else each for each in problem.robot.joints)
+    joints = tuple(
+        replace(each, motor=None) if each.name in free else each for each in problem.robot.joints
+    )
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
-def selected(study: Study, problems: Mapping[str, Problem], motions: Motions, pace: float) -> dict[str, str] | Fallen:
+def selected(
+    study: Study, problems: Mapping[str, Problem], motions: Motions, pace: float
+) -> dict[str, str] | Fallen:
     """The names of the motors and gears, by path: of each joint the first pair by rank that holds every motion at a pace.
 
     The whole catalogue is judged in one pass over arrays; heat and what else takes a closer look is asked of the first
@@ -209,7 +233,11 @@ def selected(study: Study, problems: Mapping[str, Problem], motions: Motions, pa
         loads_of = joint_loads(motions[name].slower(1 / pace), problem.robot)
         loads[name] = Conditions(pause=pause_of(problem)), {load.joint: load for load in loads_of}
     for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
-        own = {choice.path.split(".")[-1]: choice for choice in study.selected if choice.path.split(".")[1] == joint}
+        own = {
+            choice.path.split(".")[-1]: choice
+            for choice in study.selected
+            if choice.path.split(".")[1] == joint
+        }
         motor_choice = own.pop("motor", None)
         gear_choice = next(iter(own.values()), None)
         motors, gears = _motors(study, joint), _gears(study, joint, gear_choice)
@@ -222,7 +250,11 @@ def selected(study: Study, problems: Mapping[str, Problem], motions: Motions, pa
         pair = next(iter(_holding(judged, rank, study.require.motor_margin)), None)
         if pair is None:
             reasons = ", ".join(f"{name} {count}" for name, count in judged[0].reasons().items())
-            pairs = f"{len(motors)} motors with {len(gears)} gears" if gear_choice else f"{len(motors)} motors"
+            pairs = (
+                f"{len(motors)} motors with {len(gears)} gears"
+                if gear_choice
+                else f"{len(motors)} motors"
+            )
             text = f"joint {joint}: none of {pairs} holds with {100 * study.require.motor_margin:.4g} % to spare"
             return Fallen("selection", f"{text} (ruled out by {reasons or 'their margins'})")
         for choice, part in ((motor_choice, motors[pair[1]]), (gear_choice, gears[pair[0]])):
@@ -231,14 +263,18 @@ def selected(study: Study, problems: Mapping[str, Problem], motions: Motions, pa
     return chosen
 
 
-def _holding(judged: Sequence[JointSelection], rank: Any, margin: float) -> Iterator[tuple[int, int]]:
+def _holding(
+    judged: Sequence[JointSelection], rank: Any, margin: float
+) -> Iterator[tuple[int, int]]:
     """The pairs (gear, motor) that hold every motion with a margin, by rank."""
     least = np.min([np.nanmin(list(each.margins.values()), axis=0) for each in judged], axis=0)
     holds = np.all([each.adequate >= 0 for each in judged], axis=0) & (least >= margin)
     for g, m in judged[0].ranked(rank):
         if not holds[g, m]:
             continue
-        checks = [check for each in judged for check in each.verdict(g, m).checks if check.name in CHECKED]
+        checks = [
+            check for each in judged for check in each.verdict(g, m).checks if check.name in CHECKED
+        ]
         if all(check.margin is None or check.margin >= margin for check in checks):
             yield g, m
 
@@ -250,7 +286,10 @@ def _motors(study: Study, joint: str) -> list[Part[Motor]]:
     own = study.robot["joints"][joint].get("motor")
     contents, beside = ({"": own}, {}) if choice is None else (choice.contents, choice.beside)
     motors = {label: motor_from(of_data(content)) for label, content in contents.items()}
-    return [Part(label, motor, motor.mass, beside.get(label, {}).get("length")) for label, motor in motors.items()]
+    return [
+        Part(label, motor, motor.mass, beside.get(label, {}).get("length"))
+        for label, motor in motors.items()
+    ]
 
 
 def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]:
@@ -258,9 +297,14 @@ def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]
     designs: dict[str, Design] = (
         {"": {}} if choice is None else {label: {choice.path: label} for label in choice.contents}
     )
-    trees = {label: study.resolved(design)["joints"][joint]["drive"] for label, design in designs.items()}
+    trees = {
+        label: study.resolved(design)["joints"][joint]["drive"] for label, design in designs.items()
+    }
     beside = {} if choice is None else choice.beside
-    return [Part(label, drive_from(of_data(tree)), **beside.get(label, {})) for label, tree in trees.items()]
+    return [
+        Part(label, drive_from(of_data(tree)), **beside.get(label, {}))
+        for label, tree in trees.items()
+    ]
 
 
 def _holds(figures: Mapping[str, Any], margin: float) -> bool:
@@ -271,7 +315,9 @@ def _holds(figures: Mapping[str, Any], margin: float) -> bool:
 def _figures(problems: Mapping[str, Problem], motions: Motions) -> dict[str, Any]:
     """Durations of the motions, and what they ask of the motors; SI."""
     durations = {f"duration.{name}": trajectory.duration for name, trajectory in motions.items()}
-    sizings = [size_motion(motions[name], each.robot, pause_of(each)) for name, each in problems.items()]
+    sizings = [
+        size_motion(motions[name], each.robot, pause_of(each)) for name, each in problems.items()
+    ]
     return {**durations, "duration": sum(durations.values()), **_of_motors(sizings)}
 
 
@@ -281,7 +327,11 @@ def _of_motors(sizings: Sequence[Sizing]) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     masses: dict[str, float | None] = {}
     for verdict in (verdict for sizing in sizings for verdict in sizing.verdicts):
-        margins += [check.margin for check in verdict.checks if check.name in CHECKED and check.margin is not None]
+        margins += [
+            check.margin
+            for check in verdict.checks
+            if check.name in CHECKED and check.margin is not None
+        ]
         for name, value in (
             ("peak_torque", verdict.requirement.peak_torque),
             ("rms_torque", verdict.requirement.rms_torque),

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.reporting.figures.style import COLOURS, FIFTH, finish, legend, new_figure, save_figures
+from ssm_planner.reporting.figures.style import (
+    COLOURS,
+    FIFTH,
+    finish,
+    legend,
+    new_figure,
+    save_figures,
+)
 from ssm_planner.studies.page import choices_at, scaled, title_of
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import Study
@@ -22,11 +29,17 @@ STAGE_COLOURS = ("0.45", *COLOURS[1:3], FIFTH, COLOURS[3])
 
 
 def write_study_figures(
-    study: Study, own: Candidate, rows: Sequence[Candidate], front: Sequence[Candidate], folder: Path
+    study: Study,
+    own: Candidate,
+    rows: Sequence[Candidate],
+    front: Sequence[Candidate],
+    folder: Path,
 ) -> dict[str, Path]:
     """Write `front` and `map` as PNG and PDF, as far as there is something to draw; paths by name. Raises ExportError."""
     figures: dict[str, Figure] = {}
-    names = [name for name in study.minimise if any(row.figures.get(name) is not None for row in front)]
+    names = [
+        name for name in study.minimise if any(row.figures.get(name) is not None for row in front)
+    ]
     if len(names) > 1:
         figures["front"] = new_figure(5.5, 4.0)
         _front(figures["front"].add_subplot(), study, rows, own=own, front=front, names=names)
@@ -37,28 +50,45 @@ def write_study_figures(
 
 
 def _front(
-    axes: Axes, study: Study, rows: Sequence[Candidate], own: Candidate, front: Sequence[Candidate], names: list[str]
+    axes: Axes,
+    study: Study,
+    rows: Sequence[Candidate],
+    own: Candidate,
+    front: Sequence[Candidate],
+    names: list[str],
 ) -> None:
     def places(some: Sequence[Candidate]) -> Any:
         return (
-            np.array([[scaled(name, row.figures) for name in names[:2]] for row in some], dtype=float).reshape(-1, 2).T
+            np.array(
+                [[scaled(name, row.figures) for name in names[:2]] for row in some], dtype=float
+            )
+            .reshape(-1, 2)
+            .T
         )
 
     done = [row for row in rows if row.state == "done"]
     axes.plot(*places(done), "o", markersize=3, color="0.6", label=f"planned, {len(done)}")
     axes.plot(*places(front), "o-", markersize=5, color=COLOURS[0], label=f"front, {len(front)}")
     if own.state == "done":
-        axes.plot(*places([own]), "*", markersize=12, color=COLOURS[1], label="the study's own robot")
+        axes.plot(
+            *places([own]), "*", markersize=12, color=COLOURS[1], label="the study's own robot"
+        )
     finish(axes, *(title_of(name) for name in names[:2]))
     legend(axes)
 
 
 def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
     across, up = (choices_at(study, path, rows) for path in study.paths[:2])
-    states = [row.state if row.state in ("done", "waiting") else row.stage or row.state for row in rows]
+    states = [
+        row.state if row.state in ("done", "waiting") else row.stage or row.state for row in rows
+    ]
     kinds = sorted(set(states), key=lambda state: (state != "done", state))
     for k, kind in enumerate(kinds):
-        places = [(x, y) for x, y, state in zip(across["at"], up["at"], states, strict=True) if state == kind]
+        places = [
+            (x, y)
+            for x, y, state in zip(across["at"], up["at"], states, strict=True)
+            if state == kind
+        ]
         colour = COLOURS[0] if kind == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
         marker, label = MARKERS[k % len(MARKERS)], f"{kind}, {len(places)}"
         axes.plot(*zip(*places, strict=True), marker, markersize=4, color=colour, label=label)

@@ -17,7 +17,13 @@ from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array
 from ssm_planner.units import shown
 
-UNITS = {"duration": "s", "motor_mass": "kg", "peak_torque": "N·m", "rms_torque": "N·m", "reach_margin": "rad"}
+UNITS = {
+    "duration": "s",
+    "motor_mass": "kg",
+    "peak_torque": "N·m",
+    "rms_torque": "N·m",
+    "reach_margin": "rad",
+}
 """SI, by the first part of a figure's name; others are without unit."""
 BINS = 12
 """In which a quantity is cut to see how much of an objective it explains."""
@@ -42,14 +48,22 @@ def write_study_page(
 
 
 def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> dict[str, Any]:
-    states = {state: sum(row.state == state for row in rows) for state in sorted({row.state for row in rows})}
+    states = {
+        state: sum(row.state == state for row in rows)
+        for state in sorted({row.state for row in rows})
+    }
     listed = ", ".join(f"{count} {state}" for state, count in states.items())
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
         if row.state not in ("done", "waiting"):
             stages.setdefault(row.stage or row.state, []).append(row)
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
-    header = ["number", *(title_of(name) for name in names), *study.paths, *(each.path for each in study.selected)]
+    header = [
+        "number",
+        *(title_of(name) for name in names),
+        *study.paths,
+        *(each.path for each in study.selected),
+    ]
     cells = [
         [
             str(row.number),
@@ -63,7 +77,11 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         "file": study.file or "FILE",
         "summary": f"{len(rows)} candidates: {listed}. Objectives: {', '.join(map(named, study.minimise))}.",
         "fallen": [
-            {"stage": stage, "count": len(each), "example": re.sub(r"(?<!\w)-(?=\d)", "−", each[0].reason or "")}
+            {
+                "stage": stage,
+                "count": len(each),
+                "example": re.sub(r"(?<!\w)-(?=\d)", "−", each[0].reason or ""),
+            }
             for stage, each in sorted(stages.items(), key=lambda item: -len(item[1]))
         ],
         "objectives": [title_of(name) for name in study.minimise],
@@ -92,7 +110,8 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
     best = {row.number for row in front}
     columns = [choices_at(study, path, rows) for path in study.paths]
     columns += [
-        {"title": title_of(name), "at": [scaled(name, row.figures) for row in rows], "labels": None} for name in figures
+        {"title": title_of(name), "at": [scaled(name, row.figures) for row in rows], "labels": None}
+        for name in figures
     ]
     return {
         "names": [*study.paths, *figures],
@@ -116,7 +135,9 @@ def _figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
                 found.setdefault(name, set()).add(value)
     names = [name for name in sorted(found) if len(found[name]) > 1 and None not in found[name]]
     others = [
-        name for name in names if name not in study.minimise and name.split(".")[0] in ("duration", "motor_margin")
+        name
+        for name in names
+        if name not in study.minimise and name.split(".")[0] in ("duration", "motor_margin")
     ]
     return [*(name for name in study.minimise if name in names), *others]
 
@@ -126,7 +147,11 @@ def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> dict[str, 
     variable = study.vary[study.paths.index(path)]
     if isinstance(variable, Varied):
         values: list[float] = [float(row.design[path].split()[0]) for row in rows]
-        return {"title": f"{path} ({variable.unit})" if variable.unit else path, "at": values, "labels": None}
+        return {
+            "title": f"{path} ({variable.unit})" if variable.unit else path,
+            "at": values,
+            "labels": None,
+        }
     labels = list(variable.contents)
     places = {label: i for i, label in enumerate(labels)}
     return {"title": path, "at": [places[row.design[path]] for row in rows], "labels": labels}
@@ -158,7 +183,9 @@ def explained(at: Array, value: Array) -> float:
     places = np.unique(at)
     edges = places if len(places) <= BINS else np.quantile(at, np.linspace(0, 1, BINS + 1)[:-1])
     group = np.searchsorted(edges, at, side="right") - 1
-    within = sum(float(np.sum((value[group == k] - value[group == k].mean()) ** 2)) for k in np.unique(group))
+    within = sum(
+        float(np.sum((value[group == k] - value[group == k].mean()) ** 2)) for k in np.unique(group)
+    )
     count, groups = len(value), len(np.unique(group))
     if count <= groups:
         return 0.0
@@ -180,7 +207,13 @@ def named(name: str) -> str:
 def unit_of(name: str) -> tuple[str, float]:
     """The unit in which a figure is shown, "" for none, and the factor from SI."""
     kind = name.split(".")[0]
-    return ("%", 100.0) if kind == "motor_margin" else shown(UNITS[kind]) if kind in UNITS else ("", 1.0)
+    return (
+        ("%", 100.0)
+        if kind == "motor_margin"
+        else shown(UNITS[kind])
+        if kind in UNITS
+        else ("", 1.0)
+    )
 
 
 def title_of(name: str) -> str:

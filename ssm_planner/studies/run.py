@@ -73,9 +73,14 @@ class StudyResult:
     @property
     def reasons(self) -> dict[str, int]:
         """How many candidates fall out at each stage, the commonest first."""
-        stages = [row.stage or row.state for row in self.rows if row.state not in ("done", "waiting")]
+        stages = [
+            row.stage or row.state for row in self.rows if row.state not in ("done", "waiting")
+        ]
         return dict(
-            sorted(((stage, stages.count(stage)) for stage in set(stages)), key=lambda each: (-each[1], each[0]))
+            sorted(
+                ((stage, stages.count(stage)) for stage in set(stages)),
+                key=lambda each: (-each[1], each[0]),
+            )
         )
 
     @property
@@ -110,7 +115,9 @@ def study(
     with ExitStack() as stack:
         store = stack.enter_context(Store(folder / STORE))
         pool = executor or stack.enter_context(_ended(Workers(count)))
-        driver = _Driver(of, store, pool, AHEAD * count if executor is None else AHEAD_ELSEWHERE, progress)
+        driver = _Driver(
+            of, store, pool, AHEAD * count if executor is None else AHEAD_ELSEWHERE, progress
+        )
         finished = True
         try:
             driver.run()
@@ -146,7 +153,13 @@ class _Driver:
         ahead: int,
         progress: StudyProgress,
     ) -> None:
-        self._study, self._store, self._pool, self._ahead, self._progress = study, store, pool, ahead, progress
+        self._study, self._store, self._pool, self._ahead, self._progress = (
+            study,
+            store,
+            pool,
+            ahead,
+            progress,
+        )
         self._context, self._screens = context_of(study), Screens(study)
         self.keys: list[str] = []
         self.own = key_of({}, self._context)
@@ -190,11 +203,15 @@ class _Driver:
         """The page as far as it goes; it may take two hundredths of the time."""
         rows = self._store.rows([self.own, *self.keys])
         page = self._store.path.with_name(PAGE)
-        write_study_page(self._study, rows, pareto(rows, self._study.minimise), page, finished=False)
+        write_study_page(
+            self._study, rows, pareto(rows, self._study.minimise), page, finished=False
+        )
         now = time.monotonic()
         self._next_page = now + max(PAGE_EVERY, 50 * (now - self._written))
 
-    def _look_at(self, designs: Sequence[Design], first: int, total: int, collect: bool = True) -> list[Candidate]:
+    def _look_at(
+        self, designs: Sequence[Design], first: int, total: int, collect: bool = True
+    ) -> list[Candidate]:
         """Screen candidates and give the rest to the workers; with collect, wait and return their rows."""
         keys = [key_of(design, self._context) for design in designs]
         self._total = total
@@ -211,10 +228,14 @@ class _Driver:
                 self._count(state)
         self._store.add(new)
         batch: list[Asked] = []
-        for asked, fallen in zip(todo, self._screens.fallen([design for _, _, design in todo]), strict=True):
+        for asked, fallen in zip(
+            todo, self._screens.fallen([design for _, _, design in todo]), strict=True
+        ):
             key, number, design = asked
             if fallen is not None:
-                self._keep(key, Candidate(number, "infeasible", design, fallen.stage, fallen.reason))
+                self._keep(
+                    key, Candidate(number, "infeasible", design, fallen.stage, fallen.reason)
+                )
                 continue
             batch.append(asked)
             if len(batch) >= min(BATCH_SECONDS * self._answered / self._taken, LARGEST_BATCH):
@@ -232,7 +253,9 @@ class _Driver:
 
     def _give(self, batch: Sequence[Asked]) -> None:
         """To the next free worker."""
-        future = self._pool.submit(evaluated, self._evaluation, [(number, design) for _, number, design in batch])
+        future = self._pool.submit(
+            evaluated, self._evaluation, [(number, design) for _, number, design in batch]
+        )
         self._flying[future] = batch
 
     def _drain(self) -> None:
@@ -247,16 +270,23 @@ class _Driver:
             try:
                 rows, seconds = future.result()
             except (CancelledError, Exception) as error:  # noqa: BLE001 an evaluation raises nothing: the engine's
-                if not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker":  # Dask's WorkerDied
+                if (
+                    not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker"
+                ):  # Dask's WorkerDied
                     lost = error
                 elif len(batch) > 1:
-                    for asked in batch:  # which of them ended the workers shows when each has its own
+                    for (
+                        asked
+                    ) in batch:  # which of them ended the workers shows when each has its own
                         self._give([asked])
                 else:
                     reason = "ended its worker process each time it was tried"
                     self._keep(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))
                 continue
-            self._taken, self._answered = 0.8 * self._taken + seconds, 0.8 * self._answered + len(batch)
+            self._taken, self._answered = (
+                0.8 * self._taken + seconds,
+                0.8 * self._answered + len(batch),
+            )
             for (key, _, _), row in zip(batch, rows, strict=True):
                 self._keep(key, row)
         if lost is not None or time.monotonic() - self._written > COMMIT_EVERY:
@@ -285,7 +315,9 @@ def context_of(study: Study) -> str:
         "robot": study.robot,
         "motions": study.motions,
         "contents": contents,
-        "require": {name: getattr(study.require, name) for name in study.require.__dataclass_fields__},
+        "require": {
+            name: getattr(study.require, name) for name in study.require.__dataclass_fields__
+        },
         "version": version("ssm_planner"),
     }
     return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()

@@ -86,7 +86,10 @@ class Screens:
             design = self.study.design([place] * len(self.study.vary))
             try:
                 tree = self.study.resolved(design)
-                found = [problem_from_dict({**motion, "robot": tree}) for motion in self.study.motions.values()]
+                found = [
+                    problem_from_dict({**motion, "robot": tree})
+                    for motion in self.study.motions.values()
+                ]
             except ProblemError:
                 continue
             self._first = design
@@ -105,7 +108,11 @@ class Screens:
         columns = []
         for name in ANGLES:
             path = f"geometry.{name}"
-            texts = [d[path] for d in designs] if path in self.study.paths else [str(geometry.get(name, "0 deg"))]
+            texts = (
+                [d[path] for d in designs]
+                if path in self.study.paths
+                else [str(geometry.get(name, "0 deg"))]
+            )
             angles = _angles(texts)
             columns.append(np.broadcast_to(angles, (len(designs),)))
         sign = -1 if geometry["insertion"] == "negative" else 1
@@ -124,7 +131,10 @@ class Screens:
                 if found[i] is None:
                     low, high = (ends[i] / DEGREE for ends in family.tilt_magnitudes)
                     ends = f"{tilts.min() / DEGREE:.5g} to {tilts.max() / DEGREE:.5g} deg"
-                    found[i] = Fallen("reach", f"{what}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1")
+                    found[i] = Fallen(
+                        "reach",
+                        f"{what}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
+                    )
 
     def _parts(self, designs: Sequence[Design], found: list[Fallen | None]) -> None:
         """Drives and motors that cannot be, or do not lock."""
@@ -151,7 +161,11 @@ class Screens:
         found: dict[str, dict[str, Joint | ProblemError]] = {}
         for variable in self.study.vary:
             parts = variable.path.split(".")
-            if not isinstance(variable, Choice) or parts[0] != "joints" or not {"drive", "motor"} & set(parts):
+            if (
+                not isinstance(variable, Choice)
+                or parts[0] != "joints"
+                or not {"drive", "motor"} & set(parts)
+            ):
                 continue
             place = JOINTS.index(parts[1])
             options: dict[str, Joint | ProblemError] = {}
@@ -179,7 +193,9 @@ class Screens:
             if home is not None and other is not None:
                 found[i] = home
 
-    def _lacking(self, family: Family, branch: int, designs: Sequence[Design]) -> list[Fallen | None]:
+    def _lacking(
+        self, family: Family, branch: int, designs: Sequence[Design]
+    ) -> list[Fallen | None]:
         assert self.robot is not None
         starts = np.array([move.start for move in self._moves])
         steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
@@ -193,10 +209,19 @@ class Screens:
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             for joint, members in self._groups(name, designs):
-                if joint.drive is None or joint.motor is None or joint.drive.friction is None or name in selected:
+                if (
+                    joint.drive is None
+                    or joint.motor is None
+                    or joint.drive.friction is None
+                    or name in selected
+                ):
                     continue
                 sign = direction[members, :, k]
-                torque = np.abs(breakaway_torque(joint.drive, load[members, :, k], np.where(sign == 0, 1.0, sign)))
+                torque = np.abs(
+                    breakaway_torque(
+                        joint.drive, load[members, :, k], np.where(sign == 0, 1.0, sign)
+                    )
+                )
                 torque = np.where((sign == 0) | ~np.isfinite(torque), 0.0, torque).max(axis=1)
                 for i in np.flatnonzero(torque > joint.motor.max_torque):
                     if found[members[i]] is None:
@@ -220,7 +245,10 @@ class Screens:
         olds = (geometry.omega1, geometry.omega2, geometry.omega3, geometry.omega3)
         news = (family.omega1, family.omega2, family.omega3, family.omega3)
         places = [body.frame @ body.com for body in self.robot.bodies]
-        return np.stack([_turned(place, old, new) for place, old, new in zip(places, olds, news, strict=True)], axis=1)
+        return np.stack(
+            [_turned(place, old, new) for place, old, new in zip(places, olds, news, strict=True)],
+            axis=1,
+        )
 
     def _groups(self, name: str, designs: Sequence[Design]) -> Iterator[tuple[Joint, Array]]:
         """Each drive with motor of a joint, and which candidates have it."""

@@ -21,12 +21,19 @@ from ssm_planner.studies.study import Study
 def candidate(folder: Path, number: int) -> Candidate:
     """A row of a study's store. Raises ProblemError."""
     if not (folder / STORE).is_file():
-        raise ProblemError("no study has been run there", file=folder / STORE, allowed="run it first, or name its -o")
+        raise ProblemError(
+            "no study has been run there",
+            file=folder / STORE,
+            allowed="run it first, or name its -o",
+        )
     with Store(folder / STORE) as store:
         rows = {row.number: row for row in store.rows()}
     if number not in rows:
         raise ProblemError(
-            "no candidate of this number", value=number, key="number", allowed=f"0 to {max(rows, default=0)}"
+            "no candidate of this number",
+            value=number,
+            key="number",
+            allowed=f"0 to {max(rows, default=0)}",
         )
     return rows[number]
 
@@ -43,7 +50,9 @@ def shown(study: Study, folder: Path, number: int) -> list[Path]:
             sort_keys=False,
             allow_unicode=True,
         )
-        temporary.write_text(f"# Candidate {number} of the study {study.name}.\n{text}", encoding="utf-8")
+        temporary.write_text(
+            f"# Candidate {number} of the study {study.name}.\n{text}", encoding="utf-8"
+        )
     written = [robot]
     for name, plan in plans_of(study, row).items():
         if not plan.passed:

@@ -69,7 +69,9 @@ class Store(AbstractContextManager["Store"]):
         try:
             self._lock.__enter__()
         except OSError as error:
-            raise ProblemError("another program works on this study", file=path, allowed="one at a time") from error
+            raise ProblemError(
+                "another program works on this study", file=path, allowed="one at a time"
+            ) from error
         try:
             self._open()
         except BaseException:
@@ -81,9 +83,13 @@ class Store(AbstractContextManager["Store"]):
             self._connection = sqlite3.connect(self.path, isolation_level=None)
             (version,) = self._connection.execute("PRAGMA user_version").fetchone()
             if version not in (0, FORMAT):
-                raise ProblemError(f"a store of format {version}", file=self.path, allowed=f"format {FORMAT}")
+                raise ProblemError(
+                    f"a store of format {version}", file=self.path, allowed=f"format {FORMAT}"
+                )
             self._connection.execute("PRAGMA journal_mode = WAL")
-            self._connection.execute("PRAGMA synchronous = NORMAL")  # a power cut loses the last rows, never the store
+            self._connection.execute(
+                "PRAGMA synchronous = NORMAL"
+            )  # a power cut loses the last rows, never the store
             self._connection.executescript(_TABLES)
 
     def add(self, designs: Iterable[tuple[int, str, Mapping[str, Any]]]) -> None:
@@ -104,17 +110,29 @@ class Store(AbstractContextManager["Store"]):
 
     def states(self) -> dict[str, tuple[int, str]]:
         """Numbers and states by key."""
-        return {key: (number, state) for key, number, state in self._read("SELECT key, number, state FROM candidates")}
+        return {
+            key: (number, state)
+            for key, number, state in self._read("SELECT key, number, state FROM candidates")
+        }
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
         """All candidates in the order of their numbers, or those of the keys in theirs."""
         found = {
-            key: Candidate(number, state, json.loads(design), stage, reason, figures=json.loads(figures or "{}"))
+            key: Candidate(
+                number,
+                state,
+                json.loads(design),
+                stage,
+                reason,
+                figures=json.loads(figures or "{}"),
+            )
             for key, number, state, stage, reason, design, figures in self._read(
                 "SELECT key, number, state, stage, reason, design, figures FROM candidates ORDER BY number, key"
             )
         }
-        return list(found.values()) if keys is None else [found[key] for key in keys if key in found]
+        return (
+            list(found.values()) if keys is None else [found[key] for key in keys if key in found]
+        )
 
     def _read(self, statement: str) -> list[tuple[Any, ...]]:
         with self._faults():
@@ -141,7 +159,10 @@ class Store(AbstractContextManager["Store"]):
             raise ProblemError(f"not a store of a study: {error}", file=self.path) from error
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._connection.close()
         self._lock.__exit__(None, None, None)
@@ -175,7 +196,9 @@ def write_table(rows: Sequence[Candidate], path: Path) -> None:
             import pyarrow
             from pyarrow import parquet
         except ImportError:
-            raise ExportError(f"{path}: Parquet needs the package pyarrow, which is not installed") from None
+            raise ExportError(
+                f"{path}: Parquet needs the package pyarrow, which is not installed"
+            ) from None
         parquet.write_table(pyarrow.table(table), temporary)
 
 
@@ -195,7 +218,9 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
     return tuple(row for _, row in front)
 
 
-def better(own: Candidate, front: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
+def better(
+    own: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
+) -> tuple[Candidate, ...]:
     """Of a front the rows that are better than `own` in one objective and in none worse.
 
     None where `own` is not done or one of its objectives is not known.

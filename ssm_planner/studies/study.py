@@ -122,7 +122,9 @@ class Study:
         """What a reader of the results has to know."""
         fixed = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
         paths = [*self.paths, *(choice.path for choice in self.selected)]
-        if not fixed or not any(path.startswith("geometry.") or path.endswith(".motor") for path in paths):
+        if not fixed or not any(
+            path.startswith("geometry.") or path.endswith(".motor") for path in paths
+        ):
             return []
         return [
             f"Bodies as the robot file gives them ({', '.join(fixed)}): they turn with the axes, but keep mass, centre and "
@@ -138,13 +140,18 @@ class Study:
 
     def whole(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
         """What was chosen for a candidate, and what was selected for it as its figures say."""
-        return {**design, **{each.path: figures[each.path] for each in self.selected if each.path in figures}}
+        return {
+            **design,
+            **{each.path: figures[each.path] for each in self.selected if each.path in figures},
+        }
 
     def designs(self) -> Iterator[Design]:
         """The candidates of a search that is not adaptive, in order."""
         search = self.search
         if search.method == "grid":
-            for choices in itertools.product(*(variable.grid(search.points) for variable in self.vary)):
+            for choices in itertools.product(
+                *(variable.grid(search.points) for variable in self.vary)
+            ):
                 yield dict(zip(self.paths, choices, strict=True))
             return
         for place in sobol(len(self.vary), search.points, search.seed):
@@ -152,7 +159,10 @@ class Study:
 
     def design(self, place: Sequence[float] | Array) -> Design:
         """The candidate at a place (d,) in the unit cube, one number in [0, 1] for each variable."""
-        return {variable.path: variable.at(float(x)) for variable, x in zip(self.vary, place, strict=True)}
+        return {
+            variable.path: variable.at(float(x))
+            for variable, x in zip(self.vary, place, strict=True)
+        }
 
     def resolved(self, design: Design) -> dict[str, Any]:
         """What the robot file of a candidate says; with an empty design the study's own robot."""
@@ -161,10 +171,16 @@ class Study:
             if variable.path not in design or variable.path == PACE:
                 continue
             chosen = design[variable.path]
-            _put(tree, variable.path, variable.contents[chosen] if isinstance(variable, Choice) else chosen)
+            _put(
+                tree,
+                variable.path,
+                variable.contents[chosen] if isinstance(variable, Choice) else chosen,
+            )
         for path in design:
             if path.startswith("joints.") and path.endswith(".motor"):
-                _with_rotor(tree["joints"][path.split(".")[1]], self.robot["joints"][path.split(".")[1]])
+                _with_rotor(
+                    tree["joints"][path.split(".")[1]], self.robot["joints"][path.split(".")[1]]
+                )
         return tree
 
 
@@ -188,7 +204,11 @@ def _put(tree: dict[str, Any], path: str, content: Any) -> None:
         node[place] = content
         return
     drive = node[place] = dict(node[place])
-    geometry = {key.removeprefix("geometry."): value for key, value in content.items() if key.startswith("geometry.")}
+    geometry = {
+        key.removeprefix("geometry."): value
+        for key, value in content.items()
+        if key.startswith("geometry.")
+    }
     if geometry:
         thread = drive["geometry"].get("thread_angle")
         drive["geometry"] = geometry if thread is None else {"thread_angle": thread, **geometry}
@@ -204,10 +224,15 @@ def _with_rotor(joint: dict[str, Any], own: Mapping[str, Any]) -> None:
     """
     if "drive" not in joint:
         return
-    inertia = _inertia(joint["drive"], "input_inertia") - _inertia(own.get("motor"), "rotor_inertia")
+    inertia = _inertia(joint["drive"], "input_inertia") - _inertia(
+        own.get("motor"), "rotor_inertia"
+    )
     inertia += _inertia(joint["motor"], "rotor_inertia")
     source = "the drive's, with the rotor of the motor chosen"
-    joint["drive"] = {**joint["drive"], "input_inertia": {"value": f"{inertia:.12g} kg*m^2", "source": source}}
+    joint["drive"] = {
+        **joint["drive"],
+        "input_inertia": {"value": f"{inertia:.12g} kg*m^2", "source": source},
+    }
 
 
 def _inertia(part: Mapping[str, Any] | None, key: str) -> float:
@@ -245,4 +270,9 @@ def check_objectives(names: Sequence[str]) -> None:
     """Raises ProblemError for a name that is no objective."""
     for name in names:
         if name not in OBJECTIVES:
-            raise ProblemError("not an objective known here", key="minimise", value=name, allowed=", ".join(OBJECTIVES))
+            raise ProblemError(
+                "not an objective known here",
+                key="minimise",
+                value=name,
+                allowed=", ".join(OBJECTIVES),
+            )

@@ -14,7 +14,17 @@ from ssm_planner.loading.catalogues import entries, stated_beside
 from ssm_planner.loading.files import find, follow, of_data, read
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.loading.schema import Field as Share
-from ssm_planner.loading.schema import Model, Reference, Text, Truth, interval, located, quantity, validated, wrong
+from ssm_planner.loading.schema import (
+    Model,
+    Reference,
+    Text,
+    Truth,
+    interval,
+    located,
+    quantity,
+    validated,
+    wrong,
+)
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.value import Bound
 from ssm_planner.sizing.selection import RANKS
@@ -64,9 +74,9 @@ class RequirementsModel(Model):
     """To spare at both ends of reach."""
     self_locking: Truth = False
     """Every drive holds without torque."""
-    motor_margin: Annotated[float, Share(_share, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")] = (
-        0.0
-    )
+    motor_margin: Annotated[
+        float, Share(_share, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
+    ] = 0.0
     """Least margin of torque, continuous torque, speed, heat and voltage."""
 
 
@@ -104,7 +114,9 @@ def study_from(section: Section) -> Study:
         label = Path(name).stem
         if label in motions:
             raise section.error("given twice", "motions", i)
-        motions[label] = {key: value for key, value in motion.value.items() if key not in ("robot", "name")}
+        motions[label] = {
+            key: value for key, value in motion.value.items() if key not in ("robot", "name")
+        }
     if not model.vary:
         raise section.error("nothing varies", "vary", allowed="at least one path of the robot file")
     vary = tuple(_variable(section.sub("vary", path), path, robot) for path in model.vary)
@@ -131,14 +143,22 @@ def _tree(robot: Section) -> dict[str, Any]:
     robot_from(robot)
     tree: dict[str, Any] = {**robot.value, "joints": {}}
     for name, joint in robot.value["joints"].items():
-        parts = {part: follow(robot, "joints", name, part).value for part in ("drive", "motor") if part in joint}
-        tree["joints"][name] = {key: value for key, value in {**joint, **parts}.items() if key != "alternatives"}
+        parts = {
+            part: follow(robot, "joints", name, part).value
+            for part in ("drive", "motor")
+            if part in joint
+        }
+        tree["joints"][name] = {
+            key: value for key, value in {**joint, **parts}.items() if key != "alternatives"
+        }
     return tree
 
 
 def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
     if not known(robot, path):
-        raise section.error("the robot file has no such place", show=False, allowed="such as geometry.alpha")
+        raise section.error(
+            "the robot file has no such place", show=False, allowed="such as geometry.alpha"
+        )
     value = section.value
     ways = ({"from", "to"}, {"choices"}, {"catalogue"}, {"catalogue", "select"})
     if not isinstance(value, dict) or set(value) not in ways:
@@ -153,8 +173,12 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
         contents = {}
         for i, choice in enumerate(choices):
             file = isinstance(choice, str) and path.split(".")[-1] in ("drive", "motor")
-            content = follow(section, "choices", i, kind=path.split(".")[-1]).value if file else choice
-            contents[str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))] = content
+            content = (
+                follow(section, "choices", i, kind=path.split(".")[-1]).value if file else choice
+            )
+            contents[
+                str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))
+            ] = content
         return Choice(path, contents)
     select = value.get("select")
     if select is not None and select not in RANKS:
@@ -163,22 +187,40 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
     return Choice(path, contents, select, beside if select else {})
 
 
-def _check_selection(section: Section, vary: Sequence[Variable], selected: Sequence[Choice]) -> None:
+def _check_selection(
+    section: Section, vary: Sequence[Variable], selected: Sequence[Choice]
+) -> None:
     """Raises ProblemError where only what is selected varies, or a pace is none."""
     if len(selected) == len(vary):
-        raise section.error("nothing is searched", "vary", show=False, allowed="at least one path without select")
+        raise section.error(
+            "nothing is searched", "vary", show=False, allowed="at least one path without select"
+        )
     for choice in selected:
-        if not choice.path.startswith("joints.") or choice.path.split(".")[-1] not in ("motor", *GEARS):
-            raise section.error("no motor and no gear: not selected", "vary", choice.path, show=False)
+        if not choice.path.startswith("joints.") or choice.path.split(".")[-1] not in (
+            "motor",
+            *GEARS,
+        ):
+            raise section.error(
+                "no motor and no gear: not selected", "vary", choice.path, show=False
+            )
     for pace in (each for each in vary if each.path == PACE):
-        given = [pace.at(0.0)] if isinstance(pace, Varied) else [str(each) for each in pace.contents]
+        given = (
+            [pace.at(0.0)] if isinstance(pace, Varied) else [str(each) for each in pace.contents]
+        )
         try:
             good = all(1.0 <= float(each) < math.inf for each in given)
         except ValueError:
             good = False
         if not good or not selected:
-            reason = "not a pace" if selected else "nothing is selected, so the pace changes nothing"
-            raise section.error(reason, "vary", PACE, allowed="numbers of at least 1, beside {catalogue: …, select: …}")
+            reason = (
+                "not a pace" if selected else "nothing is selected, so the pace changes nothing"
+            )
+            raise section.error(
+                reason,
+                "vary",
+                PACE,
+                allowed="numbers of at least 1, beside {catalogue: …, select: …}",
+            )
 
 
 def _span(section: Section, path: str) -> Varied:
@@ -192,7 +234,9 @@ def _span(section: Section, path: str) -> Varied:
             raise section.error("not a number with a unit", end, allowed="such as 26 deg") from None
         found.append(unit.strip())
     if found[0] != found[1]:
-        raise section.error(f"another unit than from has ({found[0] or 'none'})", "to", allowed="one unit for both")
+        raise section.error(
+            f"another unit than from has ({found[0] or 'none'})", "to", allowed="one unit for both"
+        )
     low, high = numbers
     if not low < high:
         raise section.error("not above from", "to", allowed=f"above {section.value['from']}")
@@ -201,7 +245,9 @@ def _span(section: Section, path: str) -> Varied:
 
 def catalogue(section: Section, path: str) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
     """What the entries of a catalogue, a CSV or a folder of YAML files, say by name; mass and length where stated."""
-    file = (Path() if section.file is None else section.file.parent) / str(section.value["catalogue"])
+    file = (Path() if section.file is None else section.file.parent) / str(
+        section.value["catalogue"]
+    )
     try:
         return entries(file, gear=path.split(".")[-1] in GEARS), stated_beside(file)
     except ProblemError as error:

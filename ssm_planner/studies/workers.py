@@ -44,14 +44,18 @@ class Workers(Executor):
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._closed = self._ended = False
         self._processes: dict[int, subprocess.Popen[bytes]] = {}
-        self._threads = [threading.Thread(target=self._tend, args=(i,), daemon=True) for i in range(count)]
+        self._threads = [
+            threading.Thread(target=self._tend, args=(i,), daemon=True) for i in range(count)
+        ]
         for thread in self._threads:
             thread.start()
 
     @property
     def pids(self) -> tuple[int, ...]:
         """Process identifiers of the workers that run now."""
-        return tuple(process.pid for process in list(self._processes.values()) if process.poll() is None)
+        return tuple(
+            process.pid for process in list(self._processes.values()) if process.poll() is None
+        )
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """A call on the next free worker. Raises RuntimeError after `shutdown`."""

@@ -78,7 +78,11 @@ def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array,
         better = np.flatnonzero(middle > best[group])
         better = better[np.argsort(middle[better], kind="stable")]  # of a group the last counts
         changed = group[better]
-        best[changed], index[changed], where[changed] = middle[better], of[better], start[better] + width
+        best[changed], index[changed], where[changed] = (
+            middle[better],
+            of[better],
+            start[better] + width,
+        )
         bar = np.maximum(bar, best + tolerance)
         pieces = np.concatenate([left, right])
         group, of, start = np.tile(group, 2), np.tile(of, 2), np.concatenate([start, start + width])
@@ -131,7 +135,10 @@ def _bisect(coefficients: Array) -> Array:
     powers = to_powers(coefficients)
     if len(powers) <= FEW:
         return np.array(
-            [_bisected(own, bool(first > 0)) for own, first in zip(powers.tolist(), coefficients[:, 0], strict=True)]
+            [
+                _bisected(own, bool(first > 0))
+                for own, first in zip(powers.tolist(), coefficients[:, 0], strict=True)
+            ]
         )
     low, high = np.zeros(len(powers)), np.ones(len(powers))
     first = np.sign(coefficients[:, 0])

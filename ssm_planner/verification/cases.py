@@ -39,16 +39,24 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
     for i, joint in enumerate(robot.joints):
         if joint.drive is None or joint.motor is None:
             continue
-        sets = {"mu": np.array([joint.drive.friction.mu])} if joint.drive.friction is not None else {}
+        sets = (
+            {"mu": np.array([joint.drive.friction.mu])} if joint.drive.friction is not None else {}
+        )
         if limits.friction is not None:
             sets = _outermost(spread_of(joint.drive).within(limits.friction))
         for k, mass in sorted(
-            {case for load in range(len(masses)) for case in motion.worst(i, joint.drive, sets, load)}
+            {
+                case
+                for load in range(len(masses))
+                for case in motion.worst(i, joint.drive, sets, load)
+            }
         ):
             values = {name: float(column[k]) for name, column in sets.items()}
             words = ", ".join(starmap(_said, values.items())) if limits.friction else ""
             payload = f"payload {1e3 * masses[mass]:g} g" if limits.payload else ""
-            case = Case(drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (words, payload))))
+            case = Case(
+                drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (words, payload)))
+            )
             found.append(Quantity(joint.limit(MotorTorque), i, case=case))
     return found
 
@@ -77,7 +85,9 @@ class _Motion:
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
         lengths = np.diff(trajectory.breaks)
         inner = max(INSTANTS // len(lengths), 1)
-        share = np.tile(np.concatenate([[0.0], np.arange(1, inner + 1) / (inner + 1), [1.0]]), len(lengths))
+        share = np.tile(
+            np.concatenate([[0.0], np.arange(1, inner + 1) / (inner + 1), [1.0]]), len(lengths)
+        )
         piece = np.repeat(np.arange(len(lengths)), inner + 2)
         samples = trajectory.sample_pieces(piece, share * lengths[piece])
         after, starting = directions(robot, samples, 1)
@@ -93,18 +103,26 @@ class _Motion:
         motion = self.tau[load][at, i], self.qd[at, i], self.qdd[at, i], self.way[at, i]
         return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[at, i])[0])
 
-    def worst(self, i: int, drive: Drive, sets: dict[str, Array], load: int) -> set[tuple[int, int]]:
+    def worst(
+        self, i: int, drive: Drive, sets: dict[str, Array], load: int
+    ) -> set[tuple[int, int]]:
         """(set, load) at which the torque is largest, smallest, and largest in the mean."""
         whole = np.arange(len(self.qd))
         stated = np.abs(self.torque(i, drive, load, whole)[0])
         step = max(len(whole) // INSTANTS, 1)
         at = np.unique(
-            np.concatenate([whole[::step], np.argsort(stated)[-INSTANTS:], np.flatnonzero(self.start[:, i])])
+            np.concatenate(
+                [whole[::step], np.argsort(stated)[-INSTANTS:], np.flatnonzero(self.start[:, i])]
+            )
         )
         rows = max(BLOCK // len(at), 1)
         tables = []
         for first in range(0, len(next(iter(sets.values()))), rows):
             columns = {name: column[first : first + rows, None] for name, column in sets.items()}
             torque = self.torque(i, drawn(drive, columns), load, at)
-            tables.append(np.column_stack([torque.max(axis=1), -torque.min(axis=1), np.square(torque).mean(axis=1)]))
+            tables.append(
+                np.column_stack(
+                    [torque.max(axis=1), -torque.min(axis=1), np.square(torque).mean(axis=1)]
+                )
+            )
         return {(int(k), load) for k in np.argmax(np.concatenate(tables), axis=0)}

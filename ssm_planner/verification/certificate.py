@@ -46,7 +46,15 @@ class LimitCheck:
         """A limit on a magnitude, with the largest one found and when."""
         bound = limit.high
         margin = (bound - worst) / bound
-        return cls(limit.name, limit.joint, worst=worst, limit=bound, margin=margin, time=time, unit=limit.unit)
+        return cls(
+            limit.name,
+            limit.joint,
+            worst=worst,
+            limit=bound,
+            margin=margin,
+            time=time,
+            unit=limit.unit,
+        )
 
     @property
     def passed(self) -> bool:
@@ -121,13 +129,19 @@ class Certificate:
                 raise TypeError(f"instants = {instants!r} is no whole number")
             found = cls(limits, str(data["interpolation"]), instants, unchecked)
             # one that contradicts itself has no seal
-            seal = str(data["sha256"]) if data.get("sha256") and data.get("passed") is found.passed else None
+            seal = (
+                str(data["sha256"])
+                if data.get("sha256") and data.get("passed") is found.passed
+                else None
+            )
             return replace(found, sha256=seal)
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
 
 
-def sealed(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> Certificate:
+def sealed(
+    certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
+) -> Certificate:
     """The certificate with the seal of what it was found for."""
     global _last
     found = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
@@ -139,7 +153,9 @@ _last: tuple[ref[Any], ...] = ()
 """The certificate that was sealed last, and for what: values never change, so that its seal holds for these objects."""
 
 
-def broken_seal(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> str | None:
+def broken_seal(
+    certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
+) -> str | None:
     """Why a certificate says nothing of this trajectory with this robot and these limits; None where it does."""
     if not certificate.limits:
         return "its certificate names no limits"
@@ -153,12 +169,16 @@ def broken_seal(certificate: Certificate, trajectory: Trajectory, robot: Robot, 
     return None
 
 
-def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> str:
+def _digest(
+    certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
+) -> str:
     rates: dict[str, Any] = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
     if any(each.name in PROMISES for each in certificate.limits):
-        rates["promises"] = [_promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))]
+        rates["promises"] = [
+            _promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
+        ]
     found = {**certificate.to_dict(), "sha256": None}
     stated = json.dumps({"found": found, "limits": {**plain(limits), **rates}}, sort_keys=True)
     # one object with its keys in order; the robot's text is known from plan to plan
@@ -171,4 +191,6 @@ def _digest(certificate: Certificate, trajectory: Trajectory, robot: Robot, limi
 
 def _promise(entry: Straight | Follow) -> dict[str, Any]:
     """What a motion says of its way."""
-    return {key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")}
+    return {
+        key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")
+    }

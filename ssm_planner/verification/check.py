@@ -80,7 +80,9 @@ def check(
     else:
         found += sampled.rms.checks(robot, trajectory, limits.duty)
     if resolution is not None:
-        found, more = linear_limits(trajectory, robot, limits, resolution, dict(zip(judged, found, strict=True)))
+        found, more = linear_limits(
+            trajectory, robot, limits, resolution, dict(zip(judged, found, strict=True))
+        )
         unchecked += more
     found += jumps.checks(straight)
     found = _worst_of_each(found)
@@ -91,7 +93,9 @@ def check(
     if trajectory.phases:
         found += path_checks(trajectory, Mechanism.from_geometry(robot.geometry), limits)
     elif limits.promising:
-        unchecked.append(f"that the tip keeps to the path of {limits.promising}: a table does not say when it begins")
+        unchecked.append(
+            f"that the tip keeps to the path of {limits.promising}: a table does not say when it begins"
+        )
     certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
@@ -112,14 +116,19 @@ def _lacking(joint: Joint) -> str:
         return "the robot file names no motor for it"
     if joint.motor is None:
         return "the robot file names no drive and no motor for it"
-    return f"the robot file names no drive for it, so its motor {joint.motor.name} counts for nothing"
+    return (
+        f"the robot file names no drive for it, so its motor {joint.motor.name} counts for nothing"
+    )
 
 
 def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
     """φ_f > λ at the lowest plausible friction, for every drive the robot relies on to hold; share: of its range, if any."""
     checks = []
     for joint in robot.joints:
-        limit, drive = next((each for each in joint.limits if isinstance(each, SelfLocking)), None), joint.drive
+        limit, drive = (
+            next((each for each in joint.limits if isinstance(each, SelfLocking)), None),
+            joint.drive,
+        )
         if limit is None or drive is None:
             continue
         lowest, case = limit.friction, None
@@ -129,12 +138,16 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
         margin = float(in_mu) / needed
-        found = LimitCheck(limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit, case=case)
+        found = LimitCheck(
+            limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit, case=case
+        )
         checks.append(found)
     return checks
 
 
-def check_stops(stops: StopMotions, motion: Trajectory, robot: Robot, limits: TaskLimits) -> Certificate:
+def check_stops(
+    stops: StopMotions, motion: Trajectory, robot: Robot, limits: TaskLimits
+) -> Certificate:
     """Of all stops together, one after the other: what holds of a motion as a whole, and between two stops, left out."""
     joined = stops.joined
     kept = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
@@ -152,7 +165,9 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
         return []
     stops = quickest_stops(motion, robot)
     k = int(np.argmax(stops.travel))
-    near = np.linspace(stops.time[max(k - 1, 0)], stops.time[min(k + 1, len(stops.time) - 1)], CLOSER)
+    near = np.linspace(
+        stops.time[max(k - 1, 0)], stops.time[min(k + 1, len(stops.time) - 1)], CLOSER
+    )
     closer = quickest_stops(motion, robot, near)
     travel, time = np.append(stops.travel, closer.travel), np.append(stops.time, closer.time)
     k = int(np.argmax(travel))
@@ -160,5 +175,13 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
     worst = check_stops(stops, motion, robot, limits).worst
     if worst.passed and stops.ends:
         return [found]
-    reason = f"a stop exceeds {worst.name} of {worst.joint or 'the tool'}" if stops.ends else "the motion ends moving"
-    return [replace(found, margin=min(found.margin, worst.margin, 0.0 if stops.ends else -1.0), case=reason)]
+    reason = (
+        f"a stop exceeds {worst.name} of {worst.joint or 'the tool'}"
+        if stops.ends
+        else "the motion ends moving"
+    )
+    return [
+        replace(
+            found, margin=min(found.margin, worst.margin, 0.0 if stops.ends else -1.0), case=reason
+        )
+    ]

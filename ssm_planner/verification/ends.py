@@ -34,7 +34,9 @@ class Jumps:
     def look(self, pieces: Pieces) -> None:
         starts, ends = pieces.ends
         # nothing is before the first piece of all
-        before = np.concatenate([(starts[0] if self._last is None else self._last)[None], ends[:-1]])
+        before = np.concatenate(
+            [(starts[0] if self._last is None else self._last)[None], ends[:-1]]
+        )
         self._last = ends[-1]
         jump = np.abs(starts - before)
         largest, k = jump.max(axis=0), jump.argmax(axis=0)
@@ -52,7 +54,9 @@ class Jumps:
             if not straight and joint.jerk is not None:
                 limits.append(_jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
             for limit in limits:
-                worst, time = (float(values[limit.derivative, i]) for values in (self.worst, self.time))
+                worst, time = (
+                    float(values[limit.derivative, i]) for values in (self.worst, self.time)
+                )
                 checks.append(LimitCheck.of(limit, worst, time))
         return checks
 
@@ -65,22 +69,30 @@ def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
     return first[1], (last[1:] * (orders * length ** (orders - 1))[:, None]).sum(axis=0)
 
 
-def declared_velocities(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> tuple[Array, Array]:
+def declared_velocities(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits
+) -> tuple[Array, Array]:
     """q̇ that the motion shall have at both ends, (4,) each: that of the declared rates, or its own where any will do."""
     found = []
     own = end_velocities(trajectory)
-    for velocity, rate, t in zip(own, (limits.start_rate, limits.end_rate), trajectory.breaks[[0, -1]], strict=True):
+    for velocity, rate, t in zip(
+        own, (limits.start_rate, limits.end_rate), trajectory.breaks[[0, -1]], strict=True
+    ):
         found.append(velocity if rate is None else _joint_velocity(trajectory, robot, rate, t))
     return found[0], found[1]
 
 
-def end_checks(trajectory: Trajectory, robot: Robot, limits: TaskLimits, straight: bool) -> list[LimitCheck]:
+def end_checks(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits, straight: bool
+) -> list[LimitCheck]:
     """Joint by joint, at both ends. straight: not where the piece there is straight, and says nothing of the speed."""
     checks = []
     declared = declared_velocities(trajectory, robot, limits)
     outer = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     bent = [bool(piece[2:].any()) for piece in outer]
-    for end, (velocity, wanted) in enumerate(zip(end_velocities(trajectory), declared, strict=True)):
+    for end, (velocity, wanted) in enumerate(
+        zip(end_velocities(trajectory), declared, strict=True)
+    ):
         if straight and not bent[end]:
             continue
         for i, joint in enumerate(robot.joints):
@@ -92,6 +104,10 @@ def end_checks(trajectory: Trajectory, robot: Robot, limits: TaskLimits, straigh
     return checks
 
 
-def _joint_velocity(trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float) -> Array:
+def _joint_velocity(
+    trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float
+) -> Array:
     q = trajectory.sample(np.array([t]), "left" if t == trajectory.breaks[-1] else "right").q[0]
-    return joint_rates(Mechanism.from_geometry(robot.geometry), q, np.array([rate.get(name, 0.0) for name in TASK]))
+    return joint_rates(
+        Mechanism.from_geometry(robot.geometry), q, np.array([rate.get(name, 0.0) for name in TASK])
+    )

@@ -47,7 +47,9 @@ class Pieces:
     @property
     def ends(self) -> tuple[Array, Array]:
         """(q, qd, qdd) at the start and at the end of every piece, each (m, 3, 4)."""
-        starts, ends = (np.stack([b[:, k].T for b in self.bernstein[:3]]).transpose(2, 0, 1) for k in (0, -1))
+        starts, ends = (
+            np.stack([b[:, k].T for b in self.bernstein[:3]]).transpose(2, 0, 1) for k in (0, -1)
+        )
         return starts, ends
 
     @cached_property
@@ -58,7 +60,10 @@ class Pieces:
 
     def at(self, piece: Indices | slice, s: Array, out: Sequence[Array] | Array = ()) -> State:
         """q, qd, qdd, each (…, n, 4), at s (…, n) of pieces (n,), counted from the first of these; out: of shape (4, … n)."""
-        q, qd, qdd = (_horner(powers.T[..., piece], s, values) for powers, values in zip_longest(self.powers[:3], out))
+        q, qd, qdd = (
+            _horner(powers.T[..., piece], s, values)
+            for powers, values in zip_longest(self.powers[:3], out)
+        )
         return q, qd, qdd
 
     def speeds(self, piece: Indices, s: Array) -> Array:
@@ -93,14 +98,20 @@ def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
     for first in range(0, count, BLOCK):
         block = slice(first, min(first + BLOCK, count))
         start = trajectory.breaks[block]
-        yield _pieces(start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.pieces(block))
+        yield _pieces(
+            start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.pieces(block)
+        )
 
 
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
     # the values of one coefficient of one joint lie together: what follows runs along them
-    powers = [np.asfortranarray(coefficients) * (length ** np.arange(DEGREE + 1)[:, None]).T[:, :, None]]
+    powers = [
+        np.asfortranarray(coefficients) * (length ** np.arange(DEGREE + 1)[:, None]).T[:, :, None]
+    ]
     for order in range(3):
-        powers.append(powers[-1][:, 1:] * np.arange(1, DEGREE + 1 - order)[:, None] / length[:, None, None])
+        powers.append(
+            powers[-1][:, 1:] * np.arange(1, DEGREE + 1 - order)[:, None] / length[:, None, None]
+        )
     return Pieces(start, length, tuple(powers))
 
 
@@ -146,6 +157,8 @@ def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
         bars = np.array([known for *_, known in open_])
         groups = bernstein_of.T[columns] * factors[:, None, None]
         found = bernstein.largest(groups, EXACT * widths, bars)
-        for (each, sign, bound, _), width, value, piece, s in zip(open_, widths, *found, strict=True):
+        for (each, sign, bound, _), width, value, piece, s in zip(
+            open_, widths, *found, strict=True
+        ):
             time = float(pieces.start[piece] + s * pieces.length[piece])
             each.offer(float((value - bound) / width), float(sign * value), time)

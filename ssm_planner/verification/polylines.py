@@ -32,7 +32,11 @@ FINEST = 1e-12
 
 
 def linear_limits(
-    trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, judged: Mapping[Quantity, LimitCheck]
+    trajectory: Trajectory,
+    robot: Robot,
+    limits: TaskLimits,
+    resolution: Array,
+    judged: Mapping[Quantity, LimitCheck],
 ) -> tuple[list[LimitCheck], list[str]]:
     """The limits with speeds judged within the rounding of the points, velocity jumps, and what is not defined.
 
@@ -49,10 +53,14 @@ def linear_limits(
     found += speeds.checks()
     undefined = "acceleration, jerk, motor torque and continuous torque: "
     undefined += "not defined on straight pieces (linear interpolation); "
-    undefined += "velocity jumps are held against what the acceleration limit allows within one interval"
+    undefined += (
+        "velocity jumps are held against what the acceleration limit allows within one interval"
+    )
     notes = [undefined]
     if resolution.max() > FINEST:
-        notes.append("speeds and jumps that the rounding of the positions can explain are not counted")
+        notes.append(
+            "speeds and jumps that the rounding of the positions can explain are not counted"
+        )
     return found, notes
 
 
@@ -76,9 +84,13 @@ class _Speeds:
         self.fastest_time = np.where(largest > self.fastest, breaks[k], self.fastest_time)
         self.fastest = np.maximum(largest, self.fastest)
         orders = np.arange(1, DEGREE + 1)
-        ends = np.einsum("mk,mkj->mj", orders * length[:, None] ** (orders - 1), coefficients[:, 1:])
+        ends = np.einsum(
+            "mk,mkj->mj", orders * length[:, None] ** (orders - 1), coefficients[:, 1:]
+        )
         before = np.concatenate([self._before[None], ends[:-1]])
-        self._jumps(breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - before)
+        self._jumps(
+            breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - before
+        )
         self._before, self._length, self._time = ends[-1], float(length[-1]), float(breaks[-1])
 
     def end(self, velocity: Array) -> None:
@@ -88,7 +100,9 @@ class _Speeds:
 
     def _jumps(self, time: Array, before: Array, after: Array, jump: Array) -> None:
         """Jumps (n, 4) at times (n,) between intervals of these lengths, 0 outside the motion."""
-        first, second = (np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after))
+        first, second = (
+            np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after)
+        )
         inverse: Array = first + second
         jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
         allowed = self.allowed * ((before + after) / 2)[:, None]
@@ -96,7 +110,9 @@ class _Speeds:
         k = share.argmax(axis=0)
         each = np.arange(4)
         worse = share[k, each] > self.share
-        self.worst = np.where(worse, np.array([jump[k, each], allowed[k, each], time[k]]), self.worst)
+        self.worst = np.where(
+            worse, np.array([jump[k, each], allowed[k, each], time[k]]), self.worst
+        )
         self.share = np.where(worse, share[k, each], self.share)
 
     def checks(self) -> list[LimitCheck]:
@@ -117,14 +133,20 @@ def _within_rounding(
         return limit
     if of.order is None:
         return _of_tool(of, limit, trajectory, robot, resolution=speeds.resolution)
-    there = np.concatenate([trajectory.piece_of(np.array([limit.time]), side) for side in ("left", "right")])
-    if trajectory.pieces(there)[:, 2:].any():  # of points with velocities: nothing is explained by rounding
+    there = np.concatenate(
+        [trajectory.piece_of(np.array([limit.time]), side) for side in ("left", "right")]
+    )
+    if trajectory.pieces(there)[
+        :, 2:
+    ].any():  # of points with velocities: nothing is explained by rounding
         return limit
     speed = abs(of.scale) * float(speeds.fastest[of.index])
     return _replaced(limit, speed, float(speeds.fastest_time[of.index]))
 
 
-def _of_tool(of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array) -> LimitCheck:
+def _of_tool(
+    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
+) -> LimitCheck:
     """A speed of the tool, at the start of every piece and at the worst instant found."""
     if limit.passed:
         return limit

@@ -55,7 +55,9 @@ def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
     def slope(order: int, i: int) -> Array:
         step = np.zeros((3, 1, 4))
         step[order, 0, i] = STEP * robot.joints[i].velocity
-        high, low = (evaluate(tuple(at), direction, breakaway) for at in (state + step, state - step))
+        high, low = (
+            evaluate(tuple(at), direction, breakaway) for at in (state + step, state - step)
+        )
         return np.abs(high - low).max(axis=0) / (2 * step[order, 0, i])
 
     return np.array([[slope(order, i) for i in range(4)] for order in range(3)])

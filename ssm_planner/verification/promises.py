@@ -83,7 +83,9 @@ class WayKept:
     @property
     def reach(self) -> float | None:
         """Largest distance from a corner at which the tip is off its lines; None without corners."""
-        return next((check.worst for check in self.checks if check.name == CornerRounding.name), None)
+        return next(
+            (check.worst for check in self.checks if check.name == CornerRounding.name), None
+        )
 
 
 def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[WayKept]:
@@ -118,7 +120,13 @@ def _ways(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Itera
         if isinstance(first, Straight) or (isinstance(first, Follow) and first.curve in OF_TIP):
             begin = motion.breaks[-1] if span is None else span.start
             found = span is not None and span.name == name
-            yield _way(motion, mechanism, limits, chain, span if found and span else Span(name, begin, begin))
+            yield _way(
+                motion,
+                mechanism,
+                limits,
+                chain,
+                span if found and span else Span(name, begin, begin),
+            )
 
 
 def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
@@ -131,7 +139,9 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
             chain = []
 
 
-def _way(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span) -> Way:
+def _way(
+    motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span
+) -> Way:
     """The lines of motions that are one phase, from where the tip is when it begins."""
     task, branch = _begun(motion, mechanism, chain, span)
     lines: list[Curve] = []
@@ -150,16 +160,34 @@ def _way(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: li
         elif entry.curve == "line":
             lines.append(partial(_line, tips[0], tips[-1]))
         else:
-            lines.append(_circle(tips, _middle(tips) if over is None else over[0], shorter=over is not None))
+            lines.append(
+                _circle(tips, _middle(tips) if over is None else over[0], shorter=over is not None)
+            )
         task = tasks[-1]
-    distances = tuple(entry.blend for entry in chain if isinstance(entry, (Straight, Follow)) and entry.blend)
-    return Way(span, tuple(lines), distances, chain[0].constant_speed if isinstance(chain[0], Follow) else None, over)
+    distances = tuple(
+        entry.blend for entry in chain if isinstance(entry, (Straight, Follow)) and entry.blend
+    )
+    return Way(
+        span,
+        tuple(lines),
+        distances,
+        chain[0].constant_speed if isinstance(chain[0], Follow) else None,
+        over,
+    )
 
 
-def _begun(motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span) -> tuple[Array, int]:
+def _begun(
+    motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span
+) -> tuple[Array, int]:
     """Task coordinates (4,) where a phase begins, rolls counted as its motions do, and the branch."""
-    named = [entry.to.roll for entry in chain if isinstance(entry, Straight) and entry.to.roll is not None]
-    inner = motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)] if named else ()
+    named = [
+        entry.to.roll
+        for entry in chain
+        if isinstance(entry, Straight) and entry.to.roll is not None
+    ]
+    inner = (
+        motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)] if named else ()
+    )
     q = motion.positions(np.array([span.start, *inner, span.end]))
     tasks = task_from_joints(mechanism, q)
     if named:
@@ -175,14 +203,18 @@ def _task_at(mechanism: Mechanism, point: Point, held: Array, branch: int) -> Ar
     if isinstance(point, Joints):
         return task_from_joints(mechanism, [point.values], near=held)[0]
     return task_from_joints(
-        mechanism, inverse_tip(mechanism, [point.position], point.spin).joints[:, 0 if branch > 0 else 1], near=held
+        mechanism,
+        inverse_tip(mechanism, [point.position], point.spin).joints[:, 0 if branch > 0 else 1],
+        near=held,
     )[0]
 
 
 def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
     """How deep the tool is whose tip is on a sphere about a centre (3,), where it points as task coordinates (4,) say."""
     along = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
-    return float(along @ centre + np.sqrt(max((along @ centre) ** 2 - centre @ centre + radius**2, 0.0)))
+    return float(
+        along @ centre + np.sqrt(max((along @ centre) ** 2 - centre @ centre + radius**2, 0.0))
+    )
 
 
 def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
@@ -198,7 +230,11 @@ def _middle(tips: Array) -> Array:
     """Centre (3,) of the circle through three points (3, 3), where the bisecting planes of two sides meet theirs."""
     sides, normal = tips[1:] - tips[0], np.cross(tips[1] - tips[0], tips[2] - tips[0])
     half = (sides * (tips[1:] + tips[0])).sum(axis=1) / 2
-    return np.asarray(np.linalg.lstsq(np.vstack([sides, normal]), np.append(half, normal @ tips[0]), rcond=None)[0])
+    return np.asarray(
+        np.linalg.lstsq(np.vstack([sides, normal]), np.append(half, normal @ tips[0]), rcond=None)[
+            0
+        ]
+    )
 
 
 def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
@@ -209,7 +245,9 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     size = np.linalg.norm(normal)
     second = np.cross(normal / size, first) if size else aside - first
     angle = float(np.arctan2(end @ second, end @ first)) % (2 * np.pi) if size else 0.0
-    return lambda s: np.asarray(centre + np.cos(angle * s)[:, None] * first + np.sin(angle * s)[:, None] * second)
+    return lambda s: np.asarray(
+        centre + np.cos(angle * s)[:, None] * first + np.sin(angle * s)[:, None] * second
+    )
 
 
 def _off(line: Curve, tips: Array) -> Array:
@@ -230,7 +268,9 @@ def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
     t = _instants(motion, mechanism, way)
     blocks = [t[k : k + SOME] for k in range(0, len(t), SOME)]
     along = [tip_position(mechanism, motion.positions(block)) for block in blocks]
-    off = np.concatenate([np.min([_off(line, tips) for line in way.lines], axis=0) for tips in along])
+    off = np.concatenate(
+        [np.min([_off(line, tips) for line in way.lines], axis=0) for tips in along]
+    )
     tips = np.vstack(along)
     missed = float(np.linalg.norm(tips[-1] - way.lines[-1](np.ones(1))[0]))
     checks = _leaving(way, t, tips, np.append(off[:-1], max(off[-1], missed)))
@@ -241,7 +281,9 @@ def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
     stretch = None
     if way.speed is not None:
         samples = map(motion.sample, blocks)
-        speeds = np.concatenate([tool_speed(TipSpeed, mechanism, each.q, each.qd) for each in samples])
+        speeds = np.concatenate(
+            [tool_speed(TipSpeed, mechanism, each.q, each.qd) for each in samples]
+        )
         check, stretch = _at_speed(way, way.speed, t, speeds)
         checks.append(check)
     return WayKept(way, tuple(checks), float(off.max()), stretch)
@@ -250,12 +292,18 @@ def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
 def _instants(motion: Trajectory, mechanism: Mechanism, way: Way) -> Array:
     """In every piece of a phase, and more about its corners, (n,)."""
     start, end = way.span.start, way.span.end
-    breaks = np.concatenate([[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]])
+    breaks = np.concatenate(
+        [[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]]
+    )
     looks = LOOKS if way.speed else FEW
-    t = np.append((breaks[:-1, None] + np.arange(looks) / looks * np.diff(breaks)[:, None]).ravel(), end)
+    t = np.append(
+        (breaks[:-1, None] + np.arange(looks) / looks * np.diff(breaks)[:, None]).ravel(), end
+    )
     if not way.distances:
         return t
-    away = np.linalg.norm(tip_position(mechanism, motion.positions(t))[:, None] - way.corners, axis=2)
+    away = np.linalg.norm(
+        tip_position(mechanism, motion.positions(t))[:, None] - way.corners, axis=2
+    )
     about = [t]
     for near in (away < ABOUT * np.array(way.distances)).T:
         if near.any():
@@ -291,12 +339,20 @@ def _farthest_off(limit: OfPath, by: float, way: Way, t: Array, values: Array) -
     bound = limit.largest + by * float(np.sign(error[k]) or 1.0)
     margin = 1 - float(abs(error[k])) / by
     found = LimitCheck(
-        limit.name, None, float(values[k]), limit=bound, margin=margin, time=float(t[k]), unit=limit.unit
+        limit.name,
+        None,
+        float(values[k]),
+        limit=bound,
+        margin=margin,
+        time=float(t[k]),
+        unit=limit.unit,
     )
     return replace(found, case=way.span.name)
 
 
-def _at_speed(way: Way, speed: float, t: Array, speeds: Array) -> tuple[LimitCheck, tuple[float, float, float]]:
+def _at_speed(
+    way: Way, speed: float, t: Array, speeds: Array
+) -> tuple[LimitCheck, tuple[float, float, float]]:
     """Of the tip's speeds (n,): kept from where it first has the one asked for to where it last does, and never exceeded."""
     kept = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
     ends, judged = (0.0, 0.0), speeds

@@ -35,7 +35,15 @@ from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.solutions import nearest_turn
 from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.problem.limits import ContinuousTorque, Limit, MotorTorque, NutContact, SpeedLimit, TaskRange, TaskRate
+from ssm_planner.problem.limits import (
+    ContinuousTorque,
+    Limit,
+    MotorTorque,
+    NutContact,
+    SpeedLimit,
+    TaskRange,
+    TaskRate,
+)
 from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
@@ -80,13 +88,21 @@ class SampledExtremes:
     """
 
     def __init__(
-        self, trajectory: Trajectory, robot: Robot, worst: Sequence[Worst], *, rate: float, eye: Eye | None
+        self,
+        trajectory: Trajectory,
+        robot: Robot,
+        worst: Sequence[Worst],
+        *,
+        rate: float,
+        eye: Eye | None,
     ) -> None:
         """worst: those of all quantities, brought up to date as blocks are searched. rate: of the second look, Hz."""
         self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
-        wanted = tuple((type(each.limit), each.limit.name, each.index, each.case) for each in self.quantities)
+        wanted = tuple(
+            (type(each.limit), each.limit.name, each.index, each.case) for each in self.quantities
+        )
         self._law = _law(_without_limits(robot), eye, wanted) if wanted else None
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
@@ -109,7 +125,9 @@ class SampledExtremes:
             wanted = (certain | self._suspicious(pieces, self.slopes, certain))[piece]
             piece, begin, end = piece[wanted], begin[wanted], end[wanted]
         rate, most = self.rate / PARTS, -(-self.most // PARTS)
-        intervals = Intervals.of_segments(pieces, self.robot, piece, begin, end, rate=rate, most=most)
+        intervals = Intervals.of_segments(
+            pieces, self.robot, piece, begin, end, rate=rate, most=most
+        )
         for look in range(HALVINGS + 1):
             if not len(intervals.piece):
                 break
@@ -117,7 +135,9 @@ class SampledExtremes:
             gain = self._gain(*bracket(values, self.kinked))
             duration = intervals.width * pieces.length[intervals.piece]
             if look == 0:
-                open_ = np.flatnonzero((gain > 0) | intervals.slow | self.rms.uneven(values, duration))
+                open_ = np.flatnonzero(
+                    (gain > 0) | intervals.slow | self.rms.uneven(values, duration)
+                )
                 duration[open_] = 0.0  # these add their parts to the means
             else:
                 open_ = np.flatnonzero(gain > 0)
@@ -136,7 +156,9 @@ class SampledExtremes:
             elif isinstance(quantity.limit, NutContact):
                 drive = self.robot.joints[quantity.index].drive
                 if drive is not None:
-                    values[:, k] = nut_contact(drive, values[:, k], drive.ratio * state[2][:, quantity.index])
+                    values[:, k] = nut_contact(
+                        drive, values[:, k], drive.ratio * state[2][:, quantity.index]
+                    )
         return values
 
     def _sample(self, pieces: Pieces, intervals: Intervals) -> Array:
@@ -150,7 +172,10 @@ class SampledExtremes:
     def _sample_block(self, pieces: Pieces, at: Intervals, values: Array) -> None:
         """Write into values (4, n, k)."""
         last = np.flatnonzero(~at.joined)
-        s, end = at.begin + INSTANTS[:3] * at.width, np.minimum(at.begin[last] + at.width[last], 1.0)
+        s, end = (
+            at.begin + INSTANTS[:3] * at.width,
+            np.minimum(at.begin[last] + at.width[last], 1.0),
+        )
         states = np.empty((3, 4, s.size + len(last)))
         pieces.at(at.piece, s, states[..., : s.size])
         pieces.at(at.piece[last], end, states[..., s.size :])
@@ -159,7 +184,9 @@ class SampledExtremes:
         static = np.zeros_like(direction)
         static[: len(at.piece)] = at.starting
         found = self.evaluate((q, qd, qdd), direction, static)
-        self._keep_worst(found, np.append(pieces.time(at.piece, s), pieces.time(at.piece[last], end)))
+        self._keep_worst(
+            found, np.append(pieces.time(at.piece, s), pieces.time(at.piece[last], end))
+        )
         values[:3] = found[: s.size].reshape(3, len(at.piece), -1)
         values[3, :-1], values[3, last] = values[0, 1:], found[s.size :]
 
@@ -170,9 +197,13 @@ class SampledExtremes:
         """
         state, moving = prefilter.middle(pieces), pieces.moving(self.robot)
         values = self.evaluate(state, np.sign(state[1]) * moving, np.zeros_like(state[1]))
-        self._keep_worst(values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5)))
+        self._keep_worst(
+            values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5))
+        )
         around = prefilter.spread(pieces, state, slopes)
-        found = (self._gain(values - around, values + around) > 0) | prefilter.starting(pieces, self.robot)
+        found = (self._gain(values - around, values + around) > 0) | prefilter.starting(
+            pieces, self.robot
+        )
         self.rms.add_middles(values, np.where(found | certain, 0.0, pieces.length))
         return np.asarray(found)
 
@@ -187,7 +218,9 @@ class SampledExtremes:
     def _gain(self, lowest: Array, highest: Array) -> Array:
         """(n,): by how much some quantity between these bounds (n, k) may exceed the worst known."""
         bounds = zip(self.worst, lowest.T, highest.T, strict=True)
-        return np.max([w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0)
+        return np.max(
+            [w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0
+        )
 
 
 def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
@@ -197,7 +230,10 @@ def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
     (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6 and (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
     """
     v0, v1, v2, v3 = values
-    near_start, near_end = (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6, (2 * v0 - 9 * v1 + 18 * v2 - 5 * v3) / 6
+    near_start, near_end = (
+        (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6,
+        (2 * v0 - 9 * v1 + 18 * v2 - 5 * v3) / 6,
+    )
     highest, lowest = values.max(axis=0), values.min(axis=0)
     over = np.maximum(np.maximum(near_start, near_end) - highest, 0.0)
     under = np.maximum(lowest - np.minimum(near_start, near_end), 0.0)
@@ -226,14 +262,26 @@ class Intervals:
 
     @classmethod
     def of_segments(
-        cls, pieces: Pieces, robot: Robot, piece: Indices, begin: Array, end: Array, *, rate: float, most: int
+        cls,
+        pieces: Pieces,
+        robot: Robot,
+        piece: Indices,
+        begin: Array,
+        end: Array,
+        *,
+        rate: float,
+        most: int,
     ) -> Intervals:
         """Segments (m,) cut so that four instants in each interval make the rate (Hz), into `most` intervals each at most."""
         # within a segment no joint turns back, so that its direction is that at the middle
         at_begin, middle, at_end = pieces.speeds(piece, np.stack([begin, (begin + end) / 2, end]))
         direction = np.sign(middle) * pieces.moving(robot)[piece]
-        starting, stopping = ((np.abs(qd) <= still(robot)) & (direction != 0) for qd in (at_begin, at_end))
-        counts = np.maximum(np.ceil((end - begin) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1)
+        starting, stopping = (
+            (np.abs(qd) <= still(robot)) & (direction != 0) for qd in (at_begin, at_end)
+        )
+        counts = np.maximum(
+            np.ceil((end - begin) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
+        )
         counts = np.minimum(counts, most)
         of = np.repeat(np.arange(len(piece)), counts)
         part = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -253,9 +301,20 @@ class Intervals:
         """Some in a row."""
         joined = self.joined[some].copy()
         joined[-1:] = False
-        piece, begin, width, slow = self.piece[some], self.begin[some], self.width[some], self.slow[some]
+        piece, begin, width, slow = (
+            self.piece[some],
+            self.begin[some],
+            self.width[some],
+            self.slow[some],
+        )
         return Intervals(
-            piece, begin, width, self.direction[some], starting=self.starting[some], joined=joined, slow=slow
+            piece,
+            begin,
+            width,
+            self.direction[some],
+            starting=self.starting[some],
+            joined=joined,
+            slow=slow,
         )
 
     def parts(self, chosen: Indices, count: int) -> Intervals:
@@ -280,7 +339,9 @@ class RmsTorques:
     """
 
     def __init__(self, quantities: Sequence[Quantity]) -> None:
-        self.columns = [k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)]
+        self.columns = [
+            k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)
+        ]
         self.joints = [quantities[k].index for k in self.columns]
         self.cases = [quantities[k].case for k in self.columns]
         self.integrals = np.zeros(len(self.columns))
@@ -313,29 +374,48 @@ class RmsTorques:
         checks = []
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
             limit = robot.joints[i].limit(ContinuousTorque)
-            rms, end = float(np.sqrt(integral / (trajectory.duration + pause))), float(trajectory.breaks[-1])
-            checks.append(replace(LimitCheck.of(limit, rms, end), case=None if case is None else case.words))
+            rms, end = (
+                float(np.sqrt(integral / (trajectory.duration + pause))),
+                float(trajectory.breaks[-1]),
+            )
+            checks.append(
+                replace(LimitCheck.of(limit, rms, end), case=None if case is None else case.words)
+            )
         return checks
 
 
 def _without_limits(robot: Robot) -> Robot:
     """What of a robot the quantities depend on: laws of robots that differ in limits and motors alone are the same."""
     first, second, third, fourth = (
-        unchecked(joint, position=(0.0, 0.0), velocity=0.0, acceleration=0.0, jerk=None, motor=None, alternatives=())
+        unchecked(
+            joint,
+            position=(0.0, 0.0),
+            velocity=0.0,
+            acceleration=0.0,
+            jerk=None,
+            motor=None,
+            alternatives=(),
+        )
         for joint in robot.joints
     )
     return unchecked(robot, joints=(first, second, third, fourth), limits=())
 
 
 @lru_cache(maxsize=8)
-def _law(robot: Robot, eye: Eye | None, wanted: tuple[tuple[type[Limit], str, int, Case | None], ...]) -> Vectorised:
+def _law(
+    robot: Robot, eye: Eye | None, wanted: tuple[tuple[type[Limit], str, int, Case | None], ...]
+) -> Vectorised:
     """The wanted quantities (kind of limit, its name, index, case) as a function of (q, qd, qdd, direction, breakaway).
 
     Of a nut contact it is the effort.
     """
-    q, qd, qdd, direction, breakaway = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway"))
+    q, qd, qdd, direction, breakaway = (
+        ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")
+    )
     mechanism = Mechanism.from_geometry(robot.geometry)
-    tau, torque, effort = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
+    tau, torque, effort = motor_law(
+        robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway
+    )
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)
@@ -345,7 +425,9 @@ def _law(robot: Robot, eye: Eye | None, wanted: tuple[tuple[type[Limit], str, in
     for kind, name, i, case in wanted:
         if case is not None:
             if case.payload not in loads:
-                loads[case.payload] = RigidBody.from_robot(with_payload(robot, case.payload)).symbolic(q, qd, qdd)
+                loads[case.payload] = RigidBody.from_robot(
+                    with_payload(robot, case.payload)
+                ).symbolic(q, qd, qdd)
             motion = loads[case.payload][i], qd[i], qdd[i], direction[i]
             taken: ca.SX = drive_torque(case.drive, *motion, breakaway=breakaway[i])[0]
             rows.append(taken)

@@ -62,20 +62,36 @@ class SpeedRange:
 
 
 def check_slower(
-    motion: Trajectory, robot: Robot, limits: TaskLimits, speed: float, interpolation: str = "quintic polynomial pieces"
+    motion: Trajectory,
+    robot: Robot,
+    limits: TaskLimits,
+    speed: float,
+    interpolation: str = "quintic polynomial pieces",
 ) -> Certificate:
     """Certificate of a motion played at a share of its speed, above 0 and up to 1. Raises ProblemError."""
     if not 0 < speed <= 1:
-        raise ProblemError("no playback", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)")
+        raise ProblemError(
+            "no playback", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)"
+        )
     slow = motion.slower(speed)
-    return check(slow, robot, limits.slower(1 / speed), rate=RATE * speed, interpolation=interpolation)
+    return check(
+        slow, robot, limits.slower(1 / speed), rate=RATE * speed, interpolation=interpolation
+    )
 
 
-def check_speeds(motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = SLOWEST) -> SpeedRange:
+def check_speeds(
+    motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = SLOWEST
+) -> SpeedRange:
     """Certificate of every speed from `slowest` to 1: the worst one for each motor, found among all and then checked."""
     if not 0 < slowest < 1:
-        raise ProblemError("no range of speeds", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)")
-    driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None and joint.motor is not None]
+        raise ProblemError(
+            "no range of speeds", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
+        )
+    driven = [
+        i
+        for i, joint in enumerate(robot.joints)
+        if joint.drive is not None and joint.motor is not None
+    ]
     names = [(kind, i) for kind in (MotorTorque.name, ContinuousTorque.name) for i in driven]
     factors = np.geomspace(slowest, 1.0, FACTORS)
     pause = limits.duty or 0.0
@@ -97,12 +113,19 @@ def check_speeds(motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: 
     for (kind, i), speed in zip(names, speeds, strict=True):
         listed = certificates[speed].limits
         name = robot.joints[i].name
-        worst += [WorstSpeed(speed, each) for each in listed if each.name == kind and each.joint == name]
+        worst += [
+            WorstSpeed(speed, each) for each in listed if each.name == kind and each.joint == name
+        ]
     return SpeedRange(slowest, tuple(worst), tuple(certificates.items()))
 
 
 def _worst(
-    motion: Trajectory, robot: Robot, factors: Array, values: Array, at: tuple[bool, int], pause: float
+    motion: Trajectory,
+    robot: Robot,
+    factors: Array,
+    values: Array,
+    at: tuple[bool, int],
+    pause: float,
 ) -> float:
     """The factor of the largest value: the best of the grid (m,), then ever closer around it."""
     for _ in range(REFINED):

@@ -92,25 +92,40 @@ class _Path:
     def of(cls, motion: Trajectory, robot: Robot, instants: Array) -> _Path:
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
-        near = np.minimum(np.abs(breaks[behind] - instants), np.abs(breaks[behind - 1] - instants)) < NEAR
+        near = (
+            np.minimum(np.abs(breaks[behind] - instants), np.abs(breaks[behind - 1] - instants))
+            < NEAR
+        )
         nodes = np.union1d(breaks, instants[~near])
         ways = np.diff(nodes)
         steps = np.clip(np.ceil(ways / STEP - 1e-9), 1, MOST_STEPS).astype(int)
         of = np.repeat(np.arange(len(ways)), steps)
         part = np.arange(len(of)) - (np.cumsum(steps) - steps)[of]
         s = np.append(part * (ways / steps)[of] + nodes[of], nodes[-1])
-        ends = [motion.sample(motion.breaks[0] + s[:-1], "right"), motion.sample(motion.breaks[0] + s[1:], "left")]
+        ends = [
+            motion.sample(motion.breaks[0] + s[:-1], "right"),
+            motion.sample(motion.breaks[0] + s[1:], "left"),
+        ]
         q, dq, ddq = (np.stack([getattr(end, name) for end in ends]) for name in ("q", "qd", "qdd"))
         body = RigidBody.from_robot(robot)
-        load = tuple(each.reshape(q.shape) for each in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq))))
+        load = tuple(
+            each.reshape(q.shape)
+            for each in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq)))
+        )
         slow = RESTS * np.array([joint.velocity for joint in robot.joints])
         rests = np.append(np.all(np.abs(dq[0]) <= slow, axis=1), np.all(np.abs(dq[1, -1]) <= slow))
         return cls(s, q, dq=dq, ddq=ddq, load=(load[0], load[1], load[2]), rests=rests)
 
 
-def quickest_stops(motion: Trajectory, robot: Robot, instants: int | Array = INSTANTS) -> StopMotions:
+def quickest_stops(
+    motion: Trajectory, robot: Robot, instants: int | Array = INSTANTS
+) -> StopMotions:
     """From every one of n instants, or of given times (n,), s from the start."""
-    times = np.linspace(0.0, motion.duration, instants) if isinstance(instants, int) else np.asarray(instants, float)
+    times = (
+        np.linspace(0.0, motion.duration, instants)
+        if isinstance(instants, int)
+        else np.asarray(instants, float)
+    )
     path = _Path.of(motion, robot, times)
     first = np.clip(np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a bound is none
@@ -125,8 +140,17 @@ def quickest_stops(motion: Trajectory, robot: Robot, instants: int | Array = INS
         from_where = places[begins]
         way = np.linalg.norm(places - np.repeat(from_where, np.diff(edges)[moving], axis=0), axis=1)
         duration[moving] = np.add.reduceat(lengths, begins)
-        travel[moving] = np.maximum(np.maximum.reduceat(way, begins), np.linalg.norm(final - from_where, axis=1))
-    return StopMotions(path.s[first], duration, travel, (lengths, coefficients), edges=edges, ends=bool(path.rests[-1]))
+        travel[moving] = np.maximum(
+            np.maximum.reduceat(way, begins), np.linalg.norm(final - from_where, axis=1)
+        )
+    return StopMotions(
+        path.s[first],
+        duration,
+        travel,
+        (lengths, coefficients),
+        edges=edges,
+        ends=bool(path.rests[-1]),
+    )
 
 
 def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Indices]:
@@ -189,7 +213,11 @@ class _Bounds:
         a = dq + grows[:, None] * ddq
         limit = np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
         moves, none = a != 0, np.zeros_like(a)
-        alone = [np.stack([np.where(moves, -limit / np.abs(a), -np.inf), np.where(moves, -ddq / a, 0.0), none])]
+        alone = [
+            np.stack(
+                [np.where(moves, -limit / np.abs(a), -np.inf), np.where(moves, -ddq / a, 0.0), none]
+            )
+        ]
         halves: tuple[list[Array], list[Array]] = ([], [])
         varying: list[int] = []
         for i, drive, _ in motorised(robot.joints):
@@ -200,7 +228,12 @@ class _Bounds:
             zero, one = np.zeros(3 * m), np.ones(3 * m)
             begins, squared, rooted, risen = (
                 motor.torques(*at)
-                for at in ((zero, zero, zero), (zero, one, zero), (zero, zero, one), (one, zero, zero))
+                for at in (
+                    (zero, zero, zero),
+                    (zero, one, zero),
+                    (zero, zero, one),
+                    (one, zero, zero),
+                )
             )
             for row in (0, 1):
                 own = np.stack([begins[row], squared[row] - begins[row], rooted[row] - begins[row]])
@@ -210,7 +243,9 @@ class _Bounds:
                 halves[row].append(braking[:, :, None])
         terms = np.concatenate([*alone, *halves[0], *halves[1]], axis=2).transpose(0, 2, 1)
         count = sum(each.shape[2] for each in alone)
-        return cls(path, robot, lengths, np.ascontiguousarray(terms), alone=count, varying=tuple(varying))
+        return cls(
+            path, robot, lengths, np.ascontiguousarray(terms), alone=count, varying=tuple(varying)
+        )
 
     def least(self, k: Indices, x: Array, *, ends: bool) -> Array:
         """The least s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x; ends: ṡ is 0 at its end."""
@@ -227,10 +262,15 @@ class _Bounds:
         if half:
             pairs = np.minimum(values[self.alone : self.alone + half], values[self.alone + half :])
             found = np.maximum(found, pairs.max(axis=0))
-        end, interval = np.repeat([min(place, 1) for place, _ in places], n), np.tile(k, len(places))
+        end, interval = (
+            np.repeat([min(place, 1) for place, _ in places], n),
+            np.tile(k, len(places)),
+        )
         for i in self.varying:
             grows = np.where(at // m == 1, 2 * self.lengths[interval], 0.0)
-            motor = _MotorAlong.of(self.path, self.robot.joints[i], (end, interval, i), grows, square)
+            motor = _MotorAlong.of(
+                self.path, self.robot.joints[i], (end, interval, i), grows, square
+            )
             found = np.maximum(found, motor.least(square))
         return np.minimum(found.reshape(len(places), n).max(axis=0), 0.0)
 
@@ -250,15 +290,30 @@ class _MotorAlong:
 
     @classmethod
     def of(
-        cls, path: _Path, joint: Joint, at: tuple[Indices, Indices, int], grows: Array, square: Array | float = 0.0
+        cls,
+        path: _Path,
+        joint: Joint,
+        at: tuple[Indices, Indices, int],
+        grows: Array,
+        square: Array | float = 0.0,
     ) -> _MotorAlong:
         """At these ends, intervals and of this joint; friction is that at ṡ² = square (n,)."""
         assert joint.drive is not None
         dq, inertia, velocity, gravity = (each[at] for each in (path.dq, *path.load))
         sigma = np.sign(dq)
-        mu = friction_coefficient(friction_of(joint.drive), joint.drive.ratio * dq * np.sqrt(square))
+        mu = friction_coefficient(
+            friction_of(joint.drive), joint.drive.ratio * dq * np.sqrt(square)
+        )
         rows = motor_torque_rows(joint.drive, sigma, mu)
-        return cls(joint, rows, sigma, dq=dq, ddq=path.ddq[at], load=(inertia, velocity, gravity), grows=grows)
+        return cls(
+            joint,
+            rows,
+            sigma,
+            dq=dq,
+            ddq=path.ddq[at],
+            load=(inertia, velocity, gravity),
+            grows=grows,
+        )
 
     def torques(self, u: Array, square: Array, root: Array) -> list[Array]:
         """At s̈ = u, ṡ² = square and ṡ = root, (n,) each."""
@@ -269,7 +324,8 @@ class _MotorAlong:
         effort = np.asarray(output_effort(drive, rigid, speed, acceleration, self.sigma))
         motion = drive.ratio * speed, drive.ratio * acceleration
         return [
-            np.asarray(self.sigma * self.rows.torque(np.asarray(slope) * effort, *motion)) for slope in self.rows.slope
+            np.asarray(self.sigma * self.rows.torque(np.asarray(slope) * effort, *motion))
+            for slope in self.rows.slope
         ]
 
     def bound(self, slope: Array, own: Array) -> Array:
@@ -289,7 +345,9 @@ class _MotorAlong:
         """The least s̈ (n,) with which the motor keeps its largest torque in both directions, at ṡ² = square (n,)."""
         root, zero, one = np.sqrt(square), np.zeros(len(square)), np.ones(len(square))
         driving, braking = np.full(len(square), -np.inf), np.full(len(square), np.inf)
-        for begins, after in zip(self.torques(zero, square, root), self.torques(one, square, root), strict=True):
+        for begins, after in zip(
+            self.torques(zero, square, root), self.torques(one, square, root), strict=True
+        ):
             rises = after - begins
             driving = np.maximum(driving, self.bound(rises, begins[None])[0])
             # either row is a lower bound of the torque in the direction of motion
@@ -303,12 +361,16 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     stop, k, x, u, after, way = (column[order] for column in columns)
     # the values of a joint lie together: what follows runs along them
     (q, q_end), (dq, dq_end), (ddq, ddq_end) = (
-        [np.asfortranarray(values[end, k]) for end in (0, 1)] for values in (path.q, path.dq, path.ddq)
+        [np.asfortranarray(values[end, k]) for end in (0, 1)]
+        for values in (path.q, path.dq, path.ddq)
     )
     h = path.s[k + 1] - path.s[k]
     # where a stop ends within an interval the path there follows from both its ends
     within = np.flatnonzero(way < h)
-    begins, ends = ((q[within], dq[within], ddq[within]), (q_end[within], dq_end[within], ddq_end[within]))
+    begins, ends = (
+        (q[within], dq[within], ddq[within]),
+        (q_end[within], dq_end[within], ddq_end[within]),
+    )
     between = quintics(h[within], begins, ends).transpose(1, 2, 0)
     q_end[within] = _at(between, way[within])
     dq_end[within] = _at(between[1:] * np.arange(1, DEGREE + 1)[:, None, None], way[within])

@@ -57,7 +57,10 @@ class Job:
             "done": outcome is not None,
             "message": found.message,
             "relaxation": found.relaxation if found.relaxed is not None else None,
-            **{name: None if text is None else f"/{name}/{self.identity}" for name, text in places.items()},
+            **{
+                name: None if text is None else f"/{name}/{self.identity}"
+                for name, text in places.items()
+            },
         }
 
 
@@ -84,7 +87,9 @@ class Jobs:
                 del self._jobs[old]
             if self._workers is None:
                 self._workers = Workers(1, attempts=1)
-            self._workers.submit(planned, problem, job.steps).add_done_callback(lambda done: self._finish(job, done))
+            self._workers.submit(planned, problem, job.steps).add_done_callback(
+                lambda done: self._finish(job, done)
+            )
         return {"job": identity}
 
     def progress(self, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -117,7 +122,9 @@ class Jobs:
         Raises ProblemError.
         """
         if self.study.problem is None:
-            raise ProblemError("planning needs a robot with drives: start the view with a problem file")
+            raise ProblemError(
+                "planning needs a robot with drives: start the view with a problem file"
+            )
         if request.get("own") is True:
             return self.study.problem
         _, own = self.study.mechanism(request)
@@ -126,10 +133,17 @@ class Jobs:
                 f"the masses of the links are known for the robot's own alpha and beta only (within {SAME:g} rad)"
             )
         steps = request.get("motion", [{"pose": request.get("target")}])
-        if not isinstance(steps, list) or not steps or not all(isinstance(step, dict) for step in steps):
+        if (
+            not isinstance(steps, list)
+            or not steps
+            or not all(isinstance(step, dict) for step in steps)
+        ):
             raise ProblemError("not a motion", key="motion", allowed="a list of poses and dwells")
         return posed_problem(
-            self.study.problem, pose(request, "start"), [_step(step) for step in steps], tilt_range(request)
+            self.study.problem,
+            pose(request, "start"),
+            [_step(step) for step in steps],
+            tilt_range(request),
         )
 
     def _relaxed(self, request: Mapping[str, Any]) -> Problem:
@@ -180,7 +194,9 @@ def planned(problem: Problem, steps: Path) -> Outcome:
         reason = result.reason
         message = reason.message if reason else result.status
         return Outcome(
-            message, relaxation=reason.relaxation if reason else None, relaxed=relaxed[-1] if relaxed else None
+            message,
+            relaxation=reason.relaxation if reason else None,
+            relaxed=relaxed[-1] if relaxed else None,
         )
     progress("writing the report")
     verdict = "passed" if result.passed else "failed"
@@ -188,7 +204,9 @@ def planned(problem: Problem, steps: Path) -> Outcome:
     return Outcome(text, report_page(result), json.dumps(result.to_dict(), allow_nan=False))
 
 
-def posed_problem(problem: Problem, start: Pose, steps: Sequence[Pose | float], tilt: Range) -> Problem:
+def posed_problem(
+    problem: Problem, start: Pose, steps: Sequence[Pose | float], tilt: Range
+) -> Problem:
     """Straight motions through poses, rad and m, and dwells, s, within the problem's limits and a tilt range.
 
     Raises ProblemError.
@@ -207,4 +225,6 @@ def posed_problem(problem: Problem, start: Pose, steps: Sequence[Pose | float], 
 
 def _step(step: Mapping[str, Any]) -> Pose | float:
     """A pose or a dwell of a request. Raises ProblemError."""
-    return number(step, "dwell", 1e-3, LONGEST_DWELL, "s") if "dwell" in step else pose(step, "pose")
+    return (
+        number(step, "dwell", 1e-3, LONGEST_DWELL, "s") if "dwell" in step else pose(step, "pose")
+    )

@@ -37,7 +37,11 @@ LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
 
 def _written(point: Any) -> dict[str, str]:
     """Task coordinates of a point as a problem file has them."""
-    return {name: _in_units(name, getattr(point, name)) for name in TASK if getattr(point, name) is not None}
+    return {
+        name: _in_units(name, getattr(point, name))
+        for name in TASK
+        if getattr(point, name) is not None
+    }
 
 
 def _in_units(name: str, value: float) -> str:
@@ -47,7 +51,9 @@ def _in_units(name: str, value: float) -> str:
 def view_page(start: dict[str, Any], token: str) -> str:
     """The HTML document; start: Study.start(), token: what every POST must carry."""
     title = f"{start['name']} – mechanism" if start["name"] else "Mechanism"
-    return render("view.html", {"start": start, "token": token, "colours": list(COLOURS)}, title=title)
+    return render(
+        "view.html", {"start": start, "token": token, "colours": list(COLOURS)}, title=title
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +92,9 @@ class Study:
             "tilt_range": list(ranges.get("tilt", (low, high))),
             "depth_range": list(ranges.get("depth", (0.0, 0.03))),
             "pose": pose,
-            "joints": ["roll", "tilt", "spin", "insertion"] if joints is None else [joint.name for joint in joints],
+            "joints": ["roll", "tilt", "spin", "insertion"]
+            if joints is None
+            else [joint.name for joint in joints],
             "can_plan": self.problem is not None,
             "name": None if self.problem is None else self.problem.name,
         }
@@ -99,7 +107,9 @@ class Study:
         margin = min(wanted[0] - low, high - wanted[1])
         ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.ranges)
         eye = None if self.problem is None else self.problem.eye
-        sides = link_sides(self.problem.robot, mechanism) if own and self.problem is not None else None
+        sides = (
+            link_sides(self.problem.robot, mechanism) if own and self.problem is not None else None
+        )
         return {
             "tilt_range": [low, high],
             "reached": margin >= 0.0,
@@ -116,7 +126,9 @@ class Study:
                 region = design_region(*wanted, margin)
             except GeometryError as error:
                 raise ProblemError(
-                    "no α and β reach a range on both sides of 0°", key="tilt_range", allowed="both ends of one sign"
+                    "no α and β reach a range on both sides of 0°",
+                    key="tilt_range",
+                    allowed="both ends of one sign",
                 ) from error
             alpha, beta = region.smallest_alpha
             if not region.empty and alpha >= LOWEST and beta <= HIGHEST:
@@ -127,7 +139,9 @@ class Study:
         """The YAML of a motion made in the view, with what the view's problem file says besides. Raises ProblemError."""
         import yaml
 
-        file = None if self.problem is None or self.problem.file is None else Path(self.problem.file)
+        file = (
+            None if self.problem is None or self.problem.file is None else Path(self.problem.file)
+        )
         if file is None or not file.is_file():
             raise ProblemError("the problem was not read from a file")
         document = yaml.safe_load(file.read_text(encoding="utf-8"))
@@ -136,11 +150,16 @@ class Study:
             document["robot"] = str(beside.resolve())
         document["start"] = _written(problem.start)
         document["motion"] = [
-            {"dwell": f"{step.duration:.12g} s"} if isinstance(step, Dwell) else {"straight": {"to": _written(step)}}
+            {"dwell": f"{step.duration:.12g} s"}
+            if isinstance(step, Dwell)
+            else {"straight": {"to": _written(step)}}
             for step in problem.motion
         ]
         low, high = problem.ranges["tilt"]
-        document.setdefault("limits", {})["tilt"] = [_in_units("tilt", low), _in_units("tilt", high)]
+        document.setdefault("limits", {})["tilt"] = [
+            _in_units("tilt", low),
+            _in_units("tilt", high),
+        ]
         return {"text": yaml.safe_dump(document, sort_keys=False, allow_unicode=True)}
 
     def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -149,7 +168,9 @@ class Study:
         limits = None
         if self.problem is not None:
             limits = np.array([joint.position for joint in self.problem.robot.joints])
-        found = inverse_task(mechanism, [pose(request, "pose")], limits=limits, reference=np.zeros(4))
+        found = inverse_task(
+            mechanism, [pose(request, "pose")], limits=limits, reference=np.zeros(4)
+        )
         tips = tip_position(mechanism, found.joints[0])
         return {
             "reachable": bool(found.reachable[0]),
@@ -166,7 +187,9 @@ class Study:
         }
 
 
-def number(request: Mapping[str, Any], key: str, low: float, high: float, unit: str = "rad") -> float:
+def number(
+    request: Mapping[str, Any], key: str, low: float, high: float, unit: str = "rad"
+) -> float:
     """A finite number of a request within its range; unit: SI. Raises ProblemError."""
     return _checked(request.get(key), key, low, high, unit)
 
@@ -176,9 +199,18 @@ def pose(request: Mapping[str, Any], key: str) -> Pose:
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
-    reach = {"roll": (4 * math.pi, "rad"), "tilt": (math.pi, "rad"), "spin": (4 * math.pi, "rad"), "depth": (1.0, "m")}
-    named = [(value, f"{key}.{name}", *reach[name]) for name, value in zip(TASK, values, strict=True)]
-    roll, tilt, spin, depth = (_checked(value, name, -most, most, unit) for value, name, most, unit in named)
+    reach = {
+        "roll": (4 * math.pi, "rad"),
+        "tilt": (math.pi, "rad"),
+        "spin": (4 * math.pi, "rad"),
+        "depth": (1.0, "m"),
+    }
+    named = [
+        (value, f"{key}.{name}", *reach[name]) for name, value in zip(TASK, values, strict=True)
+    ]
+    roll, tilt, spin, depth = (
+        _checked(value, name, -most, most, unit) for value, name, most, unit in named
+    )
     return roll, tilt, spin, depth
 
 

@@ -80,7 +80,9 @@ class Handler(BaseHTTPRequestHandler):
         if not self._known_host():
             return
         if self.path == "/":
-            self._send(HTTPStatus.OK, view_page(self.server.study.start(), self.server.token), "text/html")
+            self._send(
+                HTTPStatus.OK, view_page(self.server.study.start(), self.server.token), "text/html"
+            )
             return
         kind, _, identity = self.path.removeprefix("/").partition("/")
         text = self.server.jobs.text(kind, identity) if kind in KINDS else None
@@ -100,18 +102,25 @@ class Handler(BaseHTTPRequestHandler):
         if request is None:
             return
         try:
-            self._send(HTTPStatus.OK, json.dumps(answer(request), allow_nan=False), "application/json")
+            self._send(
+                HTTPStatus.OK, json.dumps(answer(request), allow_nan=False), "application/json"
+            )
         except SsmPlannerError as error:
             key = reason = None
             if isinstance(error, ProblemError):
-                key, reason = error.key, error.reason + (f" (allowed: {error.allowed})" if error.allowed else "")
+                key, reason = (
+                    error.key,
+                    error.reason + (f" (allowed: {error.allowed})" if error.allowed else ""),
+                )
             self._refuse(HTTPStatus.BAD_REQUEST, str(error), key, reason)
 
     def _known_host(self) -> bool:
         """The browser reached this server by its own name: a page elsewhere cannot point a name of its own here."""
         if self.headers.get("Host") in self.server.hosts:
             return True
-        self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "this server answers to 127.0.0.1 and localhost only")
+        self._refuse(
+            HTTPStatus.MISDIRECTED_REQUEST, "this server answers to 127.0.0.1 and localhost only"
+        )
         return False
 
     def _request(self) -> dict[str, Any] | None:
@@ -134,9 +143,14 @@ class Handler(BaseHTTPRequestHandler):
         origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
         if origin is not None and origin.removeprefix("http://") not in self.server.hosts:
             return HTTPStatus.FORBIDDEN, "not from this server's page"
-        if not hmac.compare_digest(self.headers.get("X-Token", "").encode(), self.server.token.encode()):
+        if not hmac.compare_digest(
+            self.headers.get("X-Token", "").encode(), self.server.token.encode()
+        ):
             return HTTPStatus.FORBIDDEN, "the token of the page is missing; reload the page"
-        if self.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "application/json":
+        if (
+            self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
+            != "application/json"
+        ):
             return HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "only application/json"
         if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
             return HTTPStatus.LENGTH_REQUIRED, "the length is missing"
@@ -144,10 +158,14 @@ class Handler(BaseHTTPRequestHandler):
             return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"at most {LONGEST} bytes"
         return None
 
-    def _refuse(self, status: HTTPStatus, message: str, key: str | None = None, reason: str | None = None) -> None:
+    def _refuse(
+        self, status: HTTPStatus, message: str, key: str | None = None, reason: str | None = None
+    ) -> None:
         """key: of the field that is wrong, whose fault the reason is without its name."""
         self.close_connection = True
-        self._send(status, json.dumps({"error": message, "key": key, "reason": reason}), "application/json")
+        self._send(
+            status, json.dumps({"error": message, "key": key, "reason": reason}), "application/json"
+        )
 
     def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
         body = text.encode("utf-8")

@@ -51,10 +51,17 @@ def run_part(name: str, quick: bool) -> tuple[Section, str]:
     """A part in its own process: what it found, and why it found nothing."""
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "section.json"
-        command = [sys.executable, __file__, "--part", name, "--answer", str(answer)] + ["--quick"] * quick
+        command = [sys.executable, __file__, "--part", name, "--answer", str(answer)] + [
+            "--quick"
+        ] * quick
         try:
             done = subprocess.run(
-                command, check=False, timeout=LONGEST, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+                command,
+                check=False,
+                timeout=LONGEST,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
             )
         except subprocess.TimeoutExpired:
             return Section(name), f"given up after {LONGEST:g} s"
@@ -86,7 +93,11 @@ def document(sections: list[tuple[Section, str]], quick: bool, seconds: float) -
         "",
     ]
     for section, fault in sections:
-        lines += section.lines() if not fault else [f"## {section.title}", "", f"Not measured: {fault}", ""]
+        lines += (
+            section.lines()
+            if not fault
+            else [f"## {section.title}", "", f"Not measured: {fault}", ""]
+        )
     return "\n".join([*lines, *machine_lines()])
 
 
@@ -97,7 +108,11 @@ def machine_lines() -> list[str]:
             versions.append([package, importlib.metadata.version(package)])
         except importlib.metadata.PackageNotFoundError:
             versions.append([package, "not installed"])
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 if hasattr(os, "sysconf") else 0.0
+    memory = (
+        os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+        if hasattr(os, "sysconf")
+        else 0.0
+    )
     load = f", load {os.getloadavg()[0]:.1f} at the end" if hasattr(os, "getloadavg") else ""
     return [
         "## Machine and versions",
@@ -123,9 +138,16 @@ def processor() -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description="This planner beside others.")
     parser.add_argument("--quick", action="store_true", help="fewer motions and rounds")
-    parser.add_argument("--only", nargs="+", choices=PARTS, metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument(
+        "--only", nargs="+", choices=PARTS, metavar="PART", help=f"of {', '.join(PARTS)}"
+    )
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "results/benchmarks.md")
-    parser.add_argument("--recordings", type=Path, default=ROOT.parent / "shared/recordings", help="of the three rigs")
+    parser.add_argument(
+        "--recordings",
+        type=Path,
+        default=ROOT.parent / "shared/recordings",
+        help="of the three rigs",
+    )
     parser.add_argument("--part", choices=PARTS, help=argparse.SUPPRESS)
     parser.add_argument("--answer", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -148,7 +170,9 @@ def main() -> int:
     unfinished.replace(options.output)
     for section, _ in sections:
         for figure in section.figures:
-            print(f"{'' if figure.reached else 'MISSED  '}{figure.what}: {figure.found} (asked {figure.asked})")
+            print(
+                f"{'' if figure.reached else 'MISSED  '}{figure.what}: {figure.found} (asked {figure.asked})"
+            )
     print(f"Results: {options.output}")
     return int(any(fault for _, fault in sections))
 

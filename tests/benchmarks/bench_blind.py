@@ -34,7 +34,9 @@ ASKED: dict[str, Callable[[float, str], bool]] = {
 }
 
 
-def splits(steady: list[Recording], count: int, seed: int) -> Iterator[tuple[str, list[Recording], list[Recording]]]:
+def splits(
+    steady: list[Recording], count: int, seed: int
+) -> Iterator[tuple[str, list[Recording], list[Recording]]]:
     """(name, files of the fit, others)."""
     rng = np.random.default_rng(seed)
     for k in range(count):
@@ -50,11 +52,15 @@ def splits(steady: list[Recording], count: int, seed: int) -> Iterator[tuple[str
 
 def figures(found: list[Prediction], moving: list[Prediction]) -> dict[str, float]:
     """By the names of ASKED."""
-    beyond = [np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found]
+    beyond = [
+        np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found
+    ]
     return {
         "means": float(np.mean([p.mean_inside for p in found])),
         "samples": float(np.mean([p.sample_coverage for p in found])),
-        "peaks": float(np.mean([np.abs(p.recording.tau).max() <= p.band.peak for p in found if p.band])),
+        "peaks": float(
+            np.mean([np.abs(p.recording.tau).max() <= p.band.peak for p in found if p.band])
+        ),
         "beyond constant": float(np.mean(beyond)),
         "start-stop": max(p.nrmsd for p in moving),
     }
@@ -84,7 +90,10 @@ def main(count: int = 20, seed: int = 1, *rigs: str) -> int:
 
 
 def tell(name: str, found: dict[str, float], rig: str) -> None:
-    marked = (f"{found[key]:15.3f}{' ' if reached(found[key], rig) else '!'}" for key, reached in ASKED.items())
+    marked = (
+        f"{found[key]:15.3f}{' ' if reached(found[key], rig) else '!'}"
+        for key, reached in ASKED.items()
+    )
     print(f"{name:37}" + "".join(marked), flush=True)
 
 

@@ -70,7 +70,16 @@ def million(folder: Path, columns: int) -> tuple[float, float]:
         "print('took', time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
         "sys.exit(status)"
     )
-    command = [sys.executable, "-c", code, str(path), "--robot", str(ROBOT), "--tip-speed", "25 mm/s"]
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        str(path),
+        "--robot",
+        str(ROBOT),
+        "--tip-speed",
+        "25 mm/s",
+    ]
     result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     took = [line for line in result.stdout.splitlines() if line.startswith("took")]
     if result.returncode not in (0, 1) or not took:
@@ -98,22 +107,40 @@ def violations(count: int) -> tuple[int, int, int]:
 
 def main() -> int:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true", help="80 seeded trajectories instead of 1000")
+    parser.add_argument(
+        "--quick", action="store_true", help="80 seeded trajectories instead of 1000"
+    )
     quick = parser.parse_args().quick
     rows: list[tuple[str, str, str, bool]] = []
     first, best = plan_time()
-    rows.append(("check of the shipped plan, first / best", "0.12 s", f"{first:.3f} / {best:.3f} s", best <= 0.12))
+    rows.append(
+        (
+            "check of the shipped plan, first / best",
+            "0.12 s",
+            f"{first:.3f} / {best:.3f} s",
+            best <= 0.12,
+        )
+    )
     with tempfile.TemporaryDirectory() as folder:
         for columns in (4, 8, 12):
             seconds, megabytes = million(Path(folder), columns)
             good = seconds <= 5 and megabytes <= 1024
-            rows.append((f"10^6 rows, {columns} columns", "5 s, 1024 MB", f"{seconds:.2f} s, {megabytes:.0f} MB", good))
+            rows.append(
+                (
+                    f"10^6 rows, {columns} columns",
+                    "5 s, 1024 MB",
+                    f"{seconds:.2f} s, {megabytes:.0f} MB",
+                    good,
+                )
+            )
     total, missed, invented = violations(80 if quick else 1000)
     rows.append((f"seeded violations missed, of {total}", "0", str(missed), missed == 0))
     rows.append((f"violations invented, on {total} clean ones", "0", str(invented), invented == 0))
     for name, wanted, found, good in rows:
         print(f"{name:45s} {wanted:>14s} {found:>22s} {'' if good else 'MISSED'}")
-    print(f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    print(
+        f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
+    )
     return 0 if all(good for *_, good in rows) else 1
 
 

@@ -48,14 +48,23 @@ def iterative_inverse(mechanism: Mechanism, joints: np.ndarray) -> tuple[float, 
     model = pin.Model()
     joint = 0
     for i, axis in enumerate((mechanism.omega1, mechanism.omega2, mechanism.omega3)):
-        joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(axis), pin.SE3.Identity(), f"revolute{i}")
-    joint = model.addJoint(joint, pin.JointModelPrismaticUnaligned(mechanism.omega3), pin.SE3.Identity(), "slide")
+        joint = model.addJoint(
+            joint, pin.JointModelRevoluteUnaligned(axis), pin.SE3.Identity(), f"revolute{i}"
+        )
+    joint = model.addJoint(
+        joint, pin.JointModelPrismaticUnaligned(mechanism.omega3), pin.SE3.Identity(), "slide"
+    )
     placement = pin.SE3(np.array(mechanism.tool_home), np.zeros(3))
     frame = model.addFrame(pin.Frame("tool", joint, placement, pin.FrameType.OP_FRAME))
     data = model.createData()
     rotations, positions = forward(mechanism, joints)
     targets = [pin.SE3(r, p) for r, p in zip(rotations, positions, strict=True)]
-    starts = joints + np.random.default_rng(2).uniform(-1.0, 1.0, joints.shape) * [0.3, 0.3, 0.3, 0.005]
+    starts = joints + np.random.default_rng(2).uniform(-1.0, 1.0, joints.shape) * [
+        0.3,
+        0.3,
+        0.3,
+        0.005,
+    ]
     damping = 1e-12 * np.eye(4)
     solved = 0
     begin = time.perf_counter()
@@ -73,28 +82,41 @@ def iterative_inverse(mechanism: Mechanism, joints: np.ndarray) -> tuple[float, 
 
 
 def main() -> int:
-    mechanism = Mechanism.from_angles(math.radians(30.0), math.radians(109.778), math.radians(-113.0))
+    mechanism = Mechanism.from_angles(
+        math.radians(30.0), math.radians(109.778), math.radians(-113.0)
+    )
     rng = np.random.default_rng(1)
     q = rng.uniform(-math.pi, math.pi, (BATCH, 4)) * [1.0, 1.0, 1.0, 0.01]
     rotations, positions = forward(mechanism, q)
     task = np.column_stack((q[:, 0], rng.uniform(-2.43, -1.40, BATCH), q[:, 2], q[:, 3]))
     rates = {
-        "inverse kinematics of poses, all branches": BATCH / best(lambda: inverse(mechanism, rotations, positions)),
-        "inverse kinematics of task coordinates": BATCH / best(lambda: inverse_task(mechanism, task)),
-        "forward kinematics with Jacobian": BATCH / best(lambda: forward_with_jacobian(mechanism, q)),
+        "inverse kinematics of poses, all branches": BATCH
+        / best(lambda: inverse(mechanism, rotations, positions)),
+        "inverse kinematics of task coordinates": BATCH
+        / best(lambda: inverse_task(mechanism, task)),
+        "forward kinematics with Jacobian": BATCH
+        / best(lambda: forward_with_jacobian(mechanism, q)),
         "forward kinematics": BATCH / best(lambda: forward(mechanism, q)),
     }
-    needed = {"inverse kinematics of poses, all branches": INVERSE, "forward kinematics with Jacobian": FORWARD}
+    needed = {
+        "inverse kinematics of poses, all branches": INVERSE,
+        "forward kinematics with Jacobian": FORWARD,
+    }
     failed = False
     for name, rate in rates.items():
         least = needed.get(name)
         failed |= least is not None and rate < least
-        print(f"{name:44s} {rate / 1e6:8.2f} million/s" + (f"   (needs {least / 1e6:g})" if least else ""))
+        print(
+            f"{name:44s} {rate / 1e6:8.2f} million/s"
+            + (f"   (needs {least / 1e6:g})" if least else "")
+        )
     near_home = rng.uniform(-1.0, 1.0, (ITERATIVE, 4)) * [1.0, 0.7, 1.0, 0.01]
     seconds, converged = iterative_inverse(mechanism, near_home)
     ratio = seconds * rates["inverse kinematics of poses, all branches"]
     failed |= ratio < RATIO
-    print(f"{'Pinocchio, iterative, one branch':44s} {1e-6 / seconds:8.4f} million/s, {converged:.0%} converged")
+    print(
+        f"{'Pinocchio, iterative, one branch':44s} {1e-6 / seconds:8.4f} million/s, {converged:.0%} converged"
+    )
     print(f"{'closed form over iterative':44s} {ratio:8.0f} times       (needs {RATIO:g})")
     return int(failed)
 

@@ -51,7 +51,11 @@ def problem_of(kind: str, turn: int) -> Any:
         return straight_problem(Change(velocity=slower), FREE_WEAK)
     if kind in ("free", "jerk"):
         problem = free_problem(Change(velocity=slower), FREE_WEAK)
-        return problem if kind == "free" else replace(problem, robot=with_limits(problem.robot, jerk=JERK))
+        return (
+            problem
+            if kind == "free"
+            else replace(problem, robot=with_limits(problem.robot, jerk=JERK))
+        )
     name = {"eye": "eye_approach", "scan": "laser_scan"}.get(kind, kind)
     problem = load_problem(ROOT / f"problems/{name}.yaml")
     return replace(problem, robot=with_limits(problem.robot, velocity=slower))
@@ -101,7 +105,9 @@ def serve(fast: bool, compile_too: bool) -> None:
                 module, _, attribute = f"ssm_planner.{name}".rpartition(".")
                 home = import_module(module)
                 if hasattr(home, attribute):  # an earlier checkout may have none
-                    stack.enter_context(patch.object(home, attribute, timed(part, getattr(home, attribute))))
+                    stack.enter_context(
+                        patch.object(home, attribute, timed(part, getattr(home, attribute)))
+                    )
         for line in sys.stdin:
             kind, turn = line.split()
             problem = problem_of(kind, int(turn))
@@ -124,7 +130,12 @@ def serve(fast: bool, compile_too: bool) -> None:
             times = {"plan": whole, **spent, "outside": outside, "sizing": 1e3 * (end - middle)}
             duration = None if found.trajectory is None else found.trajectory.duration
             iterations = sum(phase.iterations for phase in found.phases)
-            answer = {"times": times, "duration": duration, "passed": found.passed, "iterations": iterations}
+            answer = {
+                "times": times,
+                "duration": duration,
+                "passed": found.passed,
+                "iterations": iterations,
+            }
             print(json.dumps(answer), flush=True)
 
 
@@ -136,7 +147,9 @@ class Served:
         environment = {**os.environ, "PYTHONPATH": str(root), **threads}
         pipe = subprocess.PIPE
         command = [sys.executable, __file__, "--serve", *options]
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
+        self.process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, text=True, env=environment
+        )
 
     def ask(self, kind: str, turn: int) -> dict[str, Any]:
         assert self.process.stdin is not None
@@ -149,7 +162,9 @@ class Served:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--against", type=Path, help="root of another checkout")
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
@@ -160,11 +175,19 @@ def main() -> int:
     if options.serve:
         serve(options.fast, options.compiled)
         return 0
-    roots = {"this": ROOT} if options.against is None else {"before": options.against.resolve(), "this": ROOT}
+    roots = (
+        {"this": ROOT}
+        if options.against is None
+        else {"before": options.against.resolve(), "this": ROOT}
+    )
     chosen = [f"--{name}" for name in ("fast", "compiled") if vars(options)[name]]
     ways = {name: Served(root, chosen) for name, root in roots.items()}
     columns = ("plan", *PARTS, "outside", "sizing")
-    print(f"{'':18s}" + "".join(f"{name:>9s}" for name in columns) + "   iterations   duration   certified")
+    print(
+        f"{'':18s}"
+        + "".join(f"{name:>9s}" for name in columns)
+        + "   iterations   duration   certified"
+    )
     for kind in options.kinds:
         found: dict[str, list[dict[str, Any]]] = {name: [] for name in ways}
         for turn in range(options.rounds + 1):
@@ -172,7 +195,10 @@ def main() -> int:
                 found[name].append(way.ask(kind, turn))
         medians: dict[str, list[float]] = {}
         for name, answers in found.items():
-            medians[name] = [statistics.median(a["times"].get(part, 0.0) for a in answers[1:]) for part in columns]
+            medians[name] = [
+                statistics.median(a["times"].get(part, 0.0) for a in answers[1:])
+                for part in columns
+            ]
             durations = [a["duration"] or 0.0 for a in answers]
             print(
                 f"{kind:10s}{name:8s}" + "".join(f"{value:9.1f}" for value in medians[name])
@@ -180,7 +206,10 @@ def main() -> int:
                 + f"{sum(a['passed'] for a in answers):9d} of {len(answers)}"
             )  # fmt: skip
         if "before" in medians:
-            ratios = [old / new if new else 1.0 for old, new in zip(medians["before"], medians["this"], strict=True)]
+            ratios = [
+                old / new if new else 1.0
+                for old, new in zip(medians["before"], medians["this"], strict=True)
+            ]
             print(f"{'':10s}{'÷':8s}" + "".join(f"{ratio:9.2f}" for ratio in ratios))
     for way in ways.values():
         way.end()

@@ -66,7 +66,11 @@ def main() -> int:
         if sys.argv[1:] and name not in sys.argv[1:]:
             continue
         problem = stated(name, kind) if factor is None else weakened(name, kind, factor)
-        label = f"{name}, {kind}, motors as shipped" if factor is None else f"{name}, {kind}, motors × {factor}"
+        label = (
+            f"{name}, {kind}, motors as shipped"
+            if factor is None
+            else f"{name}, {kind}, motors × {factor}"
+        )
         found = medians(
             {
                 label: replace(problem, friction=None, payload=None),
@@ -77,7 +81,9 @@ def main() -> int:
         nominal, _ = found[label]
         for each, (taken, made) in found.items():
             worst = max(worst, taken / nominal)
-            print(f"{each:46}{taken:7.3f} s{taken / nominal:8.2f}{made.duration:9.4f} s", flush=True)
+            print(
+                f"{each:46}{taken:7.3f} s{taken / nominal:8.2f}{made.duration:9.4f} s", flush=True
+            )
     return int(worst > MOST)
 
 

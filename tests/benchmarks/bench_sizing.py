@@ -64,9 +64,18 @@ def main() -> int:
     rows: list[tuple[str, float, float, str]] = []
 
     def draw() -> list[object]:
-        return [monte_carlo(load, load.drive, spread_of(load.drive), DRAWS, COMPLETE) for load in loads]
+        return [
+            monte_carlo(load, load.drive, spread_of(load.drive), DRAWS, COMPLETE) for load in loads
+        ]
 
-    rows.append((f"{DRAWS} draws over {plan.trajectory.duration:.2f} s, {len(loads)} joints", best(draw, 3), 2.0, "s"))
+    rows.append(
+        (
+            f"{DRAWS} draws over {plan.trajectory.duration:.2f} s, {len(loads)} joints",
+            best(draw, 3),
+            2.0,
+            "s",
+        )
+    )
     off = 0.0
     for load in loads:
         spread = spread_of(load.drive)
@@ -81,14 +90,23 @@ def main() -> int:
     model = ThermalModel.from_motor(COMPLETE, 298.15)
     quick, (peak, slow) = best(lambda: steady_state(model, cycle)), repeated(model, cycle)
     rows.append(("steady state found directly", 1e3 * quick, 100.0, "ms"))
-    rows.append(("steady state against cycle by cycle", abs(steady_state(model, cycle).peak - peak), 0.1, "K"))
+    rows.append(
+        (
+            "steady state against cycle by cycle",
+            abs(steady_state(model, cycle).peak - peak),
+            0.1,
+            "K",
+        )
+    )
     rows.append(("time of the direct way, share of the other", quick / slow, 0.01, ""))
     motors = [load_motor(path) for path in sorted((ROOT / "problems/motors").glob("*.yaml"))]
     candidates = {load.joint: motors for load in loads}
     judge = best(lambda: size(duty, candidates, Conditions(spread=0.1)), 2)
     rows.append((f"size with {len(motors)} motors on {len(loads)} joints", judge, 5.0, "s"))
     for text, value, limit, unit in rows:
-        print(f"{text:48} {value:10.4g} {unit:3} (at most {limit:g}) {'' if value <= limit else 'TOO MUCH'}")
+        print(
+            f"{text:48} {value:10.4g} {unit:3} (at most {limit:g}) {'' if value <= limit else 'TOO MUCH'}"
+        )
     return int(any(value > limit for _, value, limit, _ in rows))
 
 

@@ -41,7 +41,9 @@ def screening(count: int = 40_000) -> float:
     """Candidates per second of processor time, one process."""
     study = load_study(FILE)
     screens = Screens(study)
-    designs = [study.design(place) for place in np.random.default_rng(0).random((count, len(study.vary)))]
+    designs = [
+        study.design(place) for place in np.random.default_rng(0).random((count, len(study.vary)))
+    ]
     screens.fallen(designs[:100])
 
     def run() -> float:
@@ -56,7 +58,11 @@ def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
     """Share of the time that workers and store add to evaluations that take 0.2 s, two workers."""
 
     def run() -> float:
-        with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store, Workers(2) as workers:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            Store(Path(folder) / "s.sqlite") as store,
+            Workers(2) as workers,
+        ):
             wait([workers.submit(abs, -1) for _ in range(4)])  # they have started
             begin = time.perf_counter()
             store.add((i, str(i), {"x": str(i)}) for i in range(tasks))
@@ -80,7 +86,9 @@ class NoOp(Evaluation):
 def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
     """Candidates per second of a study whose evaluations do nothing, from the first screened to the last stored."""
     run.Evaluation = NoOp
-    study = replace(load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", candidates, 1))
+    study = replace(
+        load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", candidates, 1)
+    )
     wait([executor.submit(abs, -i) for i in range(20)])
     with Store(folder / run.STORE) as store:
         begin = time.perf_counter()
@@ -99,10 +107,14 @@ def calls(executor: Executor, count: int = 2000) -> float:
 
 def resuming(folder: Path) -> tuple[float, float, float]:
     """Seconds of processor time to go on with a store in which all is done, and to make its page; MB of page."""
-    study = replace(load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1))
+    study = replace(
+        load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1)
+    )
     context = run.context_of(study)
     rng = np.random.default_rng(1)
-    figures = [dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()]
+    figures = [
+        dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()
+    ]
     done = [
         Candidate(i, "done", design, figures=each)
         for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
@@ -128,17 +140,25 @@ def main() -> None:
         print(f"screened in closed form: {screening():.0f} per second and core (20 000 asked)")
         print(f"store and engine beside 0.2 s evaluations: {100 * overhead():.2f} % (2 % asked)")
         resumed, page, size = resuming(folder / "large")
-        print(f"10⁵ rows: {resumed:.2f} s to resume (2 s asked), {page:.2f} s for the page (5 s asked), {size:.1f} MB")
+        print(
+            f"10⁵ rows: {resumed:.2f} s to resume (2 s asked), {page:.2f} s for the page (5 s asked), {size:.1f} MB"
+        )
         with Workers(2) as workers:
-            print(f"no-op calls through two workers: {median(lambda: calls(workers)):.0f} per second")
-            print(f"no-op evaluations through two workers: {rate(workers, folder / 'local'):.0f} per second")
+            print(
+                f"no-op calls through two workers: {median(lambda: calls(workers)):.0f} per second"
+            )
+            print(
+                f"no-op evaluations through two workers: {rate(workers, folder / 'local'):.0f} per second"
+            )
         try:
             from distributed import Client
         except ImportError:
             return
         with cluster(2, free_port()) as (address, _, _), Client(address, timeout="30s") as client:
             client.wait_for_workers(2, timeout=60)
-            print(f"no-op calls through Dask: {median(lambda: calls(client.get_executor())):.0f} per second")
+            print(
+                f"no-op calls through Dask: {median(lambda: calls(client.get_executor())):.0f} per second"
+            )
             found = rate(client.get_executor(retries=3), folder / "dask")
             print(f"no-op evaluations through Dask: {found:.0f} per second (500 asked)")
 

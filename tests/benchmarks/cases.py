@@ -78,20 +78,30 @@ def free_problem(change: Change, torque: float = 1.0) -> Problem:
     robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
     motion = (Free(last),)
     return dataclasses.replace(
-        problem, robot=robot, start=Joints(FIRST), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+        problem,
+        robot=robot,
+        start=Joints(FIRST),
+        motion=motion,
+        limits=(TaskRange("depth", 0.0, 0.03),),
     )
 
 
-def with_limits(robot: Robot, velocity: float = 1.0, torque: float = 1.0, jerk: float | None = None) -> Robot:
+def with_limits(
+    robot: Robot, velocity: float = 1.0, torque: float = 1.0, jerk: float | None = None
+) -> Robot:
     """The robot with scaled velocity limits and motors; jerk in rad/s³ for revolute joints, a tenth of it in m/s³."""
     joints = []
     for joint in robot.joints:
         motor = joint.motor
         if motor is not None:
             largest = torque * motor.max_torque
-            motor = dataclasses.replace(motor, max_torque=largest, nominal_torque=min(motor.nominal_torque, largest))
+            motor = dataclasses.replace(
+                motor, max_torque=largest, nominal_torque=min(motor.nominal_torque, largest)
+            )
         bound = joint.jerk if jerk is None else jerk if joint.kind == "revolute" else 0.1 * jerk
-        joints.append(dataclasses.replace(joint, velocity=velocity * joint.velocity, motor=motor, jerk=bound))
+        joints.append(
+            dataclasses.replace(joint, velocity=velocity * joint.velocity, motor=motor, jerk=bound)
+        )
     return dataclasses.replace(robot, joints=tuple(joints))  # type: ignore[arg-type]
 
 

@@ -57,13 +57,23 @@ def coupled(base: Problem, seed: int) -> Problem:
         joint
         if joint.motor is None
         else replace(
-            joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque, nominal_torque=NEVER_WARM)
+            joint,
+            motor=unchecked(
+                joint.motor, max_torque=strength * joint.motor.max_torque, nominal_torque=NEVER_WARM
+            ),
         )
         for joint in base.robot.joints
     ]
     robot = replace(base.robot, joints=tuple(joints))
     start, to = point(), point()
-    return replace(base, robot=robot, start=Task(**start), motion=(Free(Task(**to)),), limits=limits, objective="time")
+    return replace(
+        base,
+        robot=robot,
+        start=Task(**start),
+        motion=(Free(Task(**to)),),
+        limits=limits,
+        objective="time",
+    )
 
 
 def rows_of(problem: Problem, mechanism: Mechanism) -> ca.Function:
@@ -87,7 +97,9 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     phase = feasible_phases(problem, mechanism)[0][0]
     first, last = phase.points
     room = joint_room(problem, mechanism, phase.points)
-    velocity, acceleration = np.array([(j.velocity, j.acceleration) for j in problem.robot.joints]).T
+    velocity, acceleration = np.array(
+        [(j.velocity, j.acceleration) for j in problem.robot.joints]
+    ).T
     rows, n = rows_of(problem, mechanism), ELEMENTS
     unit = np.array([1.0, 1.0, 1.0, 0.02])
     x, a, time = ca.MX.sym("x", 8, n + 1), ca.MX.sym("a", 8, n), ca.MX.sym("time")
@@ -112,7 +124,10 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     g = ca.vertcat(*gaps, *inside)
     equal = sum(gap.numel() for gap in gaps)
     solver = ca.nlpsol(
-        "free", "ipopt", {"x": z, "f": time + SMOOTHING * effort, "g": g}, {"print_time": False, "ipopt": IPOPT}
+        "free",
+        "ipopt",
+        {"x": z, "f": time + SMOOTHING * effort, "g": g},
+        {"print_time": False, "ipopt": IPOPT},
     )
     low_x = np.tile(np.concatenate([room[0] / unit, -velocity / unit])[:, None], n + 1)
     high_x = np.tile(np.concatenate([room[1] / unit, velocity / unit])[:, None], n + 1)
@@ -124,7 +139,11 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     rng, best = np.random.default_rng(seed), np.inf
     share = np.linspace(0, 1, n + 1)
     for start in range(starts):
-        bump = 0.0 if start == 0 else rng.normal(size=4)[:, None] * (0.3 * unit)[:, None] * np.sin(np.pi * share) ** 2
+        bump = (
+            0.0
+            if start == 0
+            else rng.normal(size=4)[:, None] * (0.3 * unit)[:, None] * np.sin(np.pi * share) ** 2
+        )
         line = first[:, None] + share * (last - first)[:, None] + bump
         speed = np.gradient(line, share * guess, axis=1)
         x0 = np.vstack([line / unit[:, None], speed / unit[:, None]])
@@ -145,13 +164,21 @@ def main(count: int, starts: int) -> None:
         problem = coupled(base, seed)
         planned = plan(problem, relaxations=False)
         if planned.trajectory is None or planned.duration is None:
-            print(f"{seed:3d} {planned.status}: {planned.reason.message if planned.reason else ''}", flush=True)
+            print(
+                f"{seed:3d} {planned.status}: {planned.reason.message if planned.reason else ''}",
+                flush=True,
+            )
             continue
         reference = shortest(problem, 1.2 * planned.duration, starts, seed)
         ratios.append(planned.duration / reference)
-        print(f"{seed:3d} {planned.duration:8.4f} s, reference {reference:8.4f} s: {ratios[-1]:.4f}", flush=True)
+        print(
+            f"{seed:3d} {planned.duration:8.4f} s, reference {reference:8.4f} s: {ratios[-1]:.4f}",
+            flush=True,
+        )
     holds = np.count_nonzero(np.array(ratios) <= 1.005)
-    print(f"{holds} of {len(ratios)} within 1.005; median {np.median(ratios):.4f}, largest {max(ratios):.4f}")
+    print(
+        f"{holds} of {len(ratios)} within 1.005; median {np.median(ratios):.4f}, largest {max(ratios):.4f}"
+    )
 
 
 if __name__ == "__main__":

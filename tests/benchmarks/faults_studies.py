@@ -35,7 +35,10 @@ FILE = ROOT / "problems" / "studies" / "vitreoretinal.yaml"
 POINTS = 48
 EVERY = 5.0
 """Seconds between kills."""
-DASK = [sys.executable, "-m", "distributed.cli.dask_scheduler"], [sys.executable, "-m", "distributed.cli.dask_worker"]
+DASK = (
+    [sys.executable, "-m", "distributed.cli.dask_scheduler"],
+    [sys.executable, "-m", "distributed.cli.dask_worker"],
+)
 DRIVER = (
     "import sys; sys.path.insert(0, sys.argv[1]); sys.path.insert(0, sys.argv[2])\n"
     "from faults_studies import driver; driver(*sys.argv[3:])"
@@ -72,7 +75,9 @@ def driver(folder: str, address: str = "") -> None:
 
 
 def started(folder: Path, address: str = "") -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-c", DRIVER, ROOT, Path(__file__).parent, folder, address])
+    return subprocess.Popen(
+        [sys.executable, "-c", DRIVER, ROOT, Path(__file__).parent, folder, address]
+    )
 
 
 @contextmanager
@@ -97,20 +102,30 @@ def killing(pids: Callable[[], list[int]]) -> Iterator[list[int]]:
 
 
 def children(pid: int) -> list[int]:
-    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False
+    )
     return [int(word) for word in found.stdout.split()]
 
 
 @contextmanager
-def cluster(count: int, port: int) -> Iterator[tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]]:
+def cluster(
+    count: int, port: int
+) -> Iterator[tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]]:
     """A scheduler and workers, each under a nanny that replaces it: processes of their own."""
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT}
+    quiet: dict[str, Any] = {
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+        "cwd": ROOT,
+    }
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     address = f"tcp://127.0.0.1:{port}"
     options = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
     scheduler = subprocess.Popen([*DASK[0], *options], env=environment, **quiet)
     workers = [
-        subprocess.Popen([*DASK[1], address, "--nthreads", "1", "--no-dashboard"], env=environment, **quiet)
+        subprocess.Popen(
+            [*DASK[1], address, "--nthreads", "1", "--no-dashboard"], env=environment, **quiet
+        )
         for _ in range(count)
     ]
     try:
@@ -155,7 +170,10 @@ def local(folder: Path, table: bytes) -> None:
         result = study(problem(), folder / "killed", executor=workers)
         states = result.states
     same = (folder / "killed" / "table.csv").read_bytes() == table
-    print(f"workers killed {len(killed)} times: {states}; the table is {'equal' if same else 'ANOTHER'}", flush=True)
+    print(
+        f"workers killed {len(killed)} times: {states}; the table is {'equal' if same else 'ANOTHER'}",
+        flush=True,
+    )
     process = started(folder / "driver")
     time.sleep(12)
     process.kill()
@@ -175,8 +193,13 @@ def dask(folder: Path, table: bytes) -> None:
             study(problem(), folder / "calm", executor=client.get_executor(retries=3))
             same = (folder / "calm" / "table.csv").read_bytes() == table
             taken = time.perf_counter() - begin
-            print(f"Dask, undisturbed: {taken:.0f} s; the table is {'equal' if same else 'ANOTHER'}", flush=True)
-            with killing(lambda: [pid for nanny in workers for pid in children(nanny.pid)]) as killed:
+            print(
+                f"Dask, undisturbed: {taken:.0f} s; the table is {'equal' if same else 'ANOTHER'}",
+                flush=True,
+            )
+            with killing(
+                lambda: [pid for nanny in workers for pid in children(nanny.pid)]
+            ) as killed:
                 result = study(problem(), folder / "shot", executor=client.get_executor(retries=3))
             same = (folder / "shot" / "table.csv").read_bytes() == table
             print(

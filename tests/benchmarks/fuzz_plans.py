@@ -37,7 +37,15 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.verification.check import check
 
 SECONDS, SHARE = 10.0, 0.99
-CERTAIN = {"position", "velocity", "acceleration", "direction", "retina clearance", "lens clearance", "self-locking"}
+CERTAIN = {
+    "position",
+    "velocity",
+    "acceleration",
+    "direction",
+    "retina clearance",
+    "lens clearance",
+    "self-locking",
+}
 """Reasons that follow from the places alone: no solver is involved."""
 SHORTER = 1.02
 """A duration asked for that is shorter than the fastest motion found by more than this factor is too short."""
@@ -88,13 +96,19 @@ def ending(seed: int) -> Ending:
 
 def _certain(reason: Reason) -> bool:
     """Another mesh or guess could not help."""
-    if reason.constraint == "duration" and reason.required is not None and reason.available is not None:
+    if (
+        reason.constraint == "duration"
+        and reason.required is not None
+        and reason.available is not None
+    ):
         return reason.required > SHORTER * reason.available
     return reason.constraint in CERTAIN or "too weak to move at all" in reason.message
 
 
 def _solved(problem: Any, finer: int, stretched: float) -> bool:
-    fast = replace(problem, objective="time" if problem.objective == "time then heat" else problem.objective)
+    fast = replace(
+        problem, objective="time" if problem.objective == "time then heat" else problem.objective
+    )
     with _otherwise(finer, stretched):
         try:
             planned = plan_motion(fast)
@@ -146,11 +160,17 @@ def lines(endings: Sequence[Ending]) -> list[str]:
 def reached(endings: Sequence[Ending]) -> bool:
     solvable = [e for e in endings if e.solvable]
     in_time = all(e.seconds <= SECONDS for e in endings)
-    return in_time and not any(e.faults for e in endings) and sum(e.solved for e in solvable) >= SHARE * len(solvable)
+    return (
+        in_time
+        and not any(e.faults for e in endings)
+        and sum(e.solved for e in solvable) >= SHARE * len(solvable)
+    )
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--first", type=int, default=20_000, help="first seed")
     parser.add_argument("--processes", type=int, default=1)

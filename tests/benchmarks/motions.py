@@ -31,7 +31,10 @@ def planned_anew(problem: Problem) -> PlannerResult:
 @contextmanager
 def meshed(straight: int, free: int) -> Iterator[None]:
     """Plans made within have meshes of about so many elements for every motion."""
-    kept = {"solve_straight": (planner.solve_straight, straight), "solve_free": (planner.solve_free, free)}
+    kept = {
+        "solve_straight": (planner.solve_straight, straight),
+        "solve_free": (planner.solve_free, free),
+    }
 
     def solve(name: str) -> Any:
         solver, count = kept[name]

@@ -55,23 +55,35 @@ class OptiFree:
                 effort += h * ca.sumsqr(value / acceleration)
             for c in POINTS:
                 t, rise = c * h, a1 - a0
-                here = q + t * (v + t * (a0 / 2 + c * rise / 6)), v + t * (a0 + c * rise / 2), a0 + c * rise
+                here = (
+                    q + t * (v + t * (a0 / 2 + c * rise / 6)),
+                    v + t * (a0 + c * rise / 2),
+                    a0 + c * rise,
+                )
                 opti.subject_to(opti.bounded(0, sigma * here[1] / speed, 1))
                 opti.subject_to(rows(*here, limits, sigma)[0] <= 1)
         opti.subject_to(rows(x[:4, 0], x[4:, 0], a[:4, 0], limits, sigma)[1] <= 1)
         opti.minimize(time + SMOOTHING * effort)
-        opti.solver("ipopt", {"print_time": False, **options.get("casadi", {})}, ipopt(options.get("ipopt", {})))
+        opti.solver(
+            "ipopt",
+            {"print_time": False, **options.get("casadi", {})},
+            ipopt(options.get("ipopt", {})),
+        )
         return cls(opti, x, a, time, (first, last, limits, sigma), guess)
 
     def solve(self, first: Array, last: Array, limits: Array) -> tuple[float, int]:
         """Duration and iterations; from the last solution, else from lines in time."""
         opti = self.opti
-        for parameter, value in zip(self.parameters, (first, last, limits, np.sign(last - first)), strict=True):
+        for parameter, value in zip(
+            self.parameters, (first, last, limits, np.sign(last - first)), strict=True
+        ):
             opti.set_value(parameter, value)
         if self.solved is None:
             share = np.linspace(0, 1, self.x.shape[1])
             opti.set_initial(self.x[:4, :], first[:, None] + share * (last - first)[:, None])
-            opti.set_initial(self.x[4:, :], np.tile((last - first)[:, None] / self.guess, len(share)))
+            opti.set_initial(
+                self.x[4:, :], np.tile((last - first)[:, None] / self.guess, len(share))
+            )
             opti.set_initial(self.time, self.guess)
         else:
             opti.set_initial(self.solved.value_variables())
@@ -81,4 +93,10 @@ class OptiFree:
     def trajectory(self) -> Trajectory:
         """The last solution."""
         x, a = (np.asarray(self.solved.value(v)).T for v in (self.x, self.a))
-        return of_joints(x[:, :4], x[:, 4:], a[:, :4], a[:, 4:], np.full(len(a), self.solved.value(self.time) / len(a)))
+        return of_joints(
+            x[:, :4],
+            x[:, 4:],
+            a[:, :4],
+            a[:, 4:],
+            np.full(len(a), self.solved.value(self.time) / len(a)),
+        )

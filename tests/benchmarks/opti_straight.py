@@ -35,7 +35,9 @@ class OptiStraight:
     solved: Any = None
 
     @classmethod
-    def build(cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float) -> OptiStraight:
+    def build(
+        cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float
+    ) -> OptiStraight:
         """path: its branch and the directions of its joints hold for all targets."""
         rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())
         opti = ca.Opti()
@@ -53,10 +55,18 @@ class OptiStraight:
             opti.subject_to(x[1, k + 1] == v + h * (a0 + a1) / 2)
             for c in POINTS:
                 t, rise = c * h, a1 - a0
-                here = s + t * (v + t * (a0 / 2 + c * rise / 6)), v + t * (a0 + c * rise / 2), a0 + c * rise
+                here = (
+                    s + t * (v + t * (a0 / 2 + c * rise / 6)),
+                    v + t * (a0 + c * rise / 2),
+                    a0 + c * rise,
+                )
                 opti.subject_to(rows(*here, start, end, limits)[0] <= 1)
         opti.subject_to(rows(0, 0, a[0, 0], start, end, limits)[1] <= 1)
-        opti.solver("ipopt", {"print_time": False, **options.get("casadi", {})}, ipopt(options.get("ipopt", {})))
+        opti.solver(
+            "ipopt",
+            {"print_time": False, **options.get("casadi", {})},
+            ipopt(options.get("ipopt", {})),
+        )
         return cls(opti, x, a, time, (start, end, limits), guess)
 
     def solve(self, start: Array, end: Array, limits: Array) -> tuple[float, int]:
@@ -77,7 +87,9 @@ class OptiStraight:
         """The last solution, along the path that it was solved for."""
         x, a, time = (np.asarray(self.solved.value(v)) for v in (self.x, self.a, self.time))
         n = a.shape[1]
-        return along_path(path, np.column_stack([x[0, :n], x[1, :n], a[0], a[1], np.full(n, float(time) / n)]))
+        return along_path(
+            path, np.column_stack([x[0, :n], x[1, :n], a[0], a[1], np.full(n, float(time) / n)])
+        )
 
 
 def ipopt(more: dict[str, Any]) -> dict[str, Any]:

@@ -42,7 +42,9 @@ def run(quick: bool) -> Section:
     return section
 
 
-def _meshes(section: Section, name: str, problem: Problem, meshes: tuple[int, ...], rounds: int) -> None:
+def _meshes(
+    section: Section, name: str, problem: Problem, meshes: tuple[int, ...], rounds: int
+) -> None:
     plans: dict[int, list[float]] = {count: [] for count in meshes}
     each: dict[int, list[float]] = {count: [] for count in meshes}
     last: dict[int, tuple[int, float]] = {}
@@ -56,13 +58,21 @@ def _meshes(section: Section, name: str, problem: Problem, meshes: tuple[int, ..
             if k:  # the first round builds
                 plans[count].append(seconds)
                 each[count].append(account.seconds / max(account.iterations, 1))
-    per_element = {count: Spread.of([seconds / count for seconds in each[count]]) for count in meshes}
+    per_element = {
+        count: Spread.of([seconds / count for seconds in each[count]]) for count in meshes
+    }
     rows = []
     for count in meshes:
         iterations, duration = last[count]
-        times = (Spread.of(plans[count]).seconds(), str(iterations), Spread.of(each[count]).seconds())
+        times = (
+            Spread.of(plans[count]).seconds(),
+            str(iterations),
+            Spread.of(each[count]).seconds(),
+        )
         relative = per_element[count].over(per_element[meshes[0]]).text()
-        rows.append([str(count), *times, per_element[count].seconds(), relative, f"{duration:.5f} s"])
+        rows.append(
+            [str(count), *times, per_element[count].seconds(), relative, f"{duration:.5f} s"]
+        )
     section.say(f"{name[0].upper()}{name[1:]}:")
     head = (
         "elements asked for",
@@ -92,17 +102,26 @@ def _phases(section: Section, counts: tuple[int, ...], rounds: int) -> None:
         problem = phases(count)
         plan_motion(problem)
         plans = [timed(lambda problem=problem: planned_anew(problem))[0] for _ in range(rounds)]  # type: ignore[misc]
-        rows.append([str(count), Spread.of(plans).seconds(), Spread.of([s / count for s in plans]).seconds()])
+        rows.append(
+            [
+                str(count),
+                Spread.of(plans).seconds(),
+                Spread.of([s / count for s in plans]).seconds(),
+            ]
+        )
     section.table(("phases", "plan", "per phase"), rows)
 
 
 def _instants(section: Section, rates: tuple[float, ...], rounds: int) -> None:
-    section.say("**The check with its instants.** The shipped motion looked at more and more often.")
+    section.say(
+        "**The check with its instants.** The shipped motion looked at more and more often."
+    )
     problem = straight_problem(Change())
     trajectory = plan_motion(problem).trajectory
     assert trajectory is not None
     ways: dict[str, Any] = {
-        f"{rate:g}": lambda _, rate=rate: check(trajectory, problem.robot, rate=rate).instants for rate in rates
+        f"{rate:g}": lambda _, rate=rate: check(trajectory, problem.robot, rate=rate).instants
+        for rate in rates
     }
     times, instants = in_turns(ways, rounds)
     rows = [
@@ -120,7 +139,12 @@ def _instants(section: Section, rates: tuple[float, ...], rounds: int) -> None:
 def phases(count: int) -> Problem:
     """A problem of so many straight motions."""
     problem = straight_problem(Change())
-    targets = ({"tilt": np.radians(-120.0)}, {"depth": 0.01}, {"tilt": np.radians(-90.0)}, {"depth": 0.0})
+    targets = (
+        {"tilt": np.radians(-120.0)},
+        {"depth": 0.01},
+        {"tilt": np.radians(-90.0)},
+        {"depth": 0.0},
+    )
     motions = [Straight(**targets[k % 4], name="straight") for k in range(count)]
     return dataclasses.replace(problem, motion=tuple(motions))
 

@@ -44,7 +44,9 @@ def run(quick: bool) -> Section:
         seconds: list[float] = []
         result: dict[str, Any] = {}
         for _ in range(1 if quick else 3):
-            took, result = timed(lambda drive=drive, sources=sources: identify(drive, sources).to_dict())  # type: ignore[misc]
+            took, result = timed(
+                lambda drive=drive, sources=sources: identify(drive, sources).to_dict()
+            )  # type: ignore[misc]
             seconds.append(took)
         fitted = [row["nrmsd"] for row in result["start_stop"]]
         published_map, published_motion = published_errors(drive, folder / recorded / "start_stop")
@@ -87,5 +89,8 @@ def published_errors(file: Path, folder: Path) -> tuple[float, list[float]]:
         if folder.is_dir()
         else []
     )
-    motion = [predict_recording(drive, recording, rig.F_payload, rig.payload_inertia).nrmsd for recording in recordings]
+    motion = [
+        predict_recording(drive, recording, rig.F_payload, rig.payload_inertia).nrmsd
+        for recording in recordings
+    ]
     return float(np.sqrt(np.mean(error**2)) / np.ptp(data.tau)), motion

@@ -19,7 +19,9 @@ BATCH, ITERATIVE = 100_000, 300
 
 def run(quick: bool) -> Section:
     section = Section("Inverse kinematics")
-    mechanism = Mechanism.from_angles(math.radians(30.0), math.radians(109.778), math.radians(-113.0))
+    mechanism = Mechanism.from_angles(
+        math.radians(30.0), math.radians(109.778), math.radians(-113.0)
+    )
     rng = np.random.default_rng(1)
     near = rng.uniform(-1.0, 1.0, (ITERATIVE, 4)) * [1.0, 0.7, 1.0, 0.01]
     wide = rng.uniform(-math.pi, math.pi, (BATCH, 4)) * [1.0, 1.0, 1.0, 0.01]
@@ -27,7 +29,9 @@ def run(quick: bool) -> Section:
     inverse(mechanism, rotations, positions)
     ways: dict[str, Any] = {
         "batch": lambda _: inverse(mechanism, rotations, positions),
-        "one": lambda _: [inverse(mechanism, rotations[k : k + 1], positions[k : k + 1]) for k in range(ITERATIVE)],
+        "one": lambda _: [
+            inverse(mechanism, rotations[k : k + 1], positions[k : k + 1]) for k in range(ITERATIVE)
+        ],
         "iteration": lambda _: iterative_inverse(mechanism, near),
     }
     times, results = in_turns(ways, 3 if quick else 7)
@@ -44,12 +48,27 @@ def run(quick: bool) -> Section:
         ("", "time per pose", "÷ batch", "solved"),
         [
             [f"this planner, batch of {BATCH}", batch.seconds(), "", "100 %, all branches"],
-            ["this planner, one pose per call", one.seconds(), one.over(batch).times(), "100 %, all branches"],
-            ["Pinocchio's iteration", iteration.seconds(), ratio.times(), f"{100 * converged:.0f} %, one branch"],
+            [
+                "this planner, one pose per call",
+                one.seconds(),
+                one.over(batch).times(),
+                "100 %, all branches",
+            ],
+            [
+                "Pinocchio's iteration",
+                iteration.seconds(),
+                ratio.times(),
+                f"{100 * converged:.0f} %, one branch",
+            ],
         ],
     )
-    section.faster("Pinocchio's iteration", "inverse kinematics, one pose per call", iteration.over(one))
+    section.faster(
+        "Pinocchio's iteration", "inverse kinematics, one pose per call", iteration.over(one)
+    )
     section.asked(
-        "inverse kinematics against Pinocchio's iteration", f"≥ {RATIO:g} ×", ratio.times(), ratio.median >= RATIO
+        "inverse kinematics against Pinocchio's iteration",
+        f"≥ {RATIO:g} ×",
+        ratio.times(),
+        ratio.median >= RATIO,
     )
     return section

@@ -48,7 +48,14 @@ def run(quick: bool) -> Section:
         seconds = Spread.of([s for s, _ in taken[name]])
         memory = Spread.of([m for _, m in taken[name]])
         ratio = seconds.over(Spread(base.values[: len(seconds.values)]))
-        rows.append([label, seconds.seconds(), "" if name == "imports" else ratio.times(), memory.text("MB")])
+        rows.append(
+            [
+                label,
+                seconds.seconds(),
+                "" if name == "imports" else ratio.times(),
+                memory.text("MB"),
+            ]
+        )
         if name == "plan":
             section.asked(
                 "first plan in a fresh process, all output",
@@ -56,7 +63,12 @@ def run(quick: bool) -> Section:
                 ratio.times(),
                 ratio.median <= TIMES,
             )
-            section.asked("memory of a plan", f"≤ {MEGABYTES:g} MB", memory.text("MB"), max(memory.values) <= MEGABYTES)
+            section.asked(
+                "memory of a plan",
+                f"≤ {MEGABYTES:g} MB",
+                memory.text("MB"),
+                max(memory.values) <= MEGABYTES,
+            )
     section.table(("", "time", "÷ imports", "memory"), rows)
     return section
 

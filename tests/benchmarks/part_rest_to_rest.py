@@ -29,7 +29,12 @@ def run(quick: bool) -> Section:
     section = Section("Rest to rest without binding motors")
     section.say(INTRODUCTION)
     rng = np.random.default_rng(4)
-    targets = np.array(FIRST) + rng.uniform(-1.2, 1.2, (3 if quick else 8, 4)) * [1.0, 0.8, 1.0, 0.0]
+    targets = np.array(FIRST) + rng.uniform(-1.2, 1.2, (3 if quick else 8, 4)) * [
+        1.0,
+        0.8,
+        1.0,
+        0.0,
+    ]
     targets[:, 3] = -rng.uniform(0.004, 0.029, len(targets))
     rows = []
     for jerk in JERKS:
@@ -46,10 +51,14 @@ def run(quick: bool) -> Section:
         if missing:
             raise RuntimeError(missing[0])
         ratio = Spread.of(
-            [plan.trajectory.duration / best for plan, best in zip(planned, results["ruckig"], strict=True)]
+            [
+                plan.trajectory.duration / best
+                for plan, best in zip(planned, results["ruckig"], strict=True)
+            ]
         )
         kept = all(
-            certificate(problem, plan.trajectory).passed for problem, plan in zip(problems, planned, strict=True)
+            certificate(problem, plan.trajectory).passed
+            for problem, plan in zip(problems, planned, strict=True)
         )
         rows.append(
             [
@@ -88,7 +97,9 @@ def run(quick: bool) -> Section:
 def _problem(target: np.ndarray, jerk: float) -> Problem:
     problem = free_problem(Change())
     motion = dataclasses.replace(problem.motion[0], to=Joints(tuple(float(x) for x in target)))  # type: ignore[arg-type]
-    return dataclasses.replace(problem, robot=with_limits(problem.robot, torque=3.0, jerk=jerk), motion=(motion,))
+    return dataclasses.replace(
+        problem, robot=with_limits(problem.robot, torque=3.0, jerk=jerk), motion=(motion,)
+    )
 
 
 def ruckig_duration(problem: Problem) -> float:

@@ -23,7 +23,10 @@ TOLERANCE = 1e-6
 """Share of a limit up to which it counts as kept."""
 SHARES = (("motors at full torque", 1.0), ("motors × 0.35", 0.35), (f"motors × {WEAK:g}", WEAK))
 EXACT = "TOPP-RA, exact friction (this project)"
-TOPPRA = {EXACT: "TOPP-RA as this project calls it", "toppra, friction at the mean weight": "toppra's own constraints"}
+TOPPRA = {
+    EXACT: "TOPP-RA as this project calls it",
+    "toppra, friction at the mean weight": "toppra's own constraints",
+}
 """Ways whose time of motion is the measure of ours where the motors do not bind."""
 INTRODUCTION = (
     "The shipped robot tilts from −85° to −135° along a straight line in task space, under velocity, acceleration and motor "
@@ -60,7 +63,10 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
     from path_peers import UserModel, copp_jerk_limited, copp_speeds, elements_of, toppra_speeds
 
     path: Any = straight_path(problem)
-    users = {which: UserModel.of(problem.robot, path, largest=which == "largest") for which in ("mean", "largest")}
+    users = {
+        which: UserModel.of(problem.robot, path, largest=which == "largest")
+        for which in ("mean", "largest")
+    }
 
     def ours(_: int) -> Any:
         forget_solutions()
@@ -76,8 +82,12 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
     if problem.robot.joints[0].jerk is None:
         ways[EXACT] = exact
         for which, user in users.items():
-            ways[f"toppra, friction at the {which} weight"] = lambda _, user=user: toppra_speeds(path, user)
-            ways[f"copp-py, friction at the {which} weight"] = lambda _, user=user: copp_speeds(path, user)
+            ways[f"toppra, friction at the {which} weight"] = lambda _, user=user: toppra_speeds(
+                path, user
+            )
+            ways[f"copp-py, friction at the {which} weight"] = lambda _, user=user: copp_speeds(
+                path, user
+            )
     else:
         ways["copp-py, cone program, 2 rounds"] = lambda _: copp_jerk_limited(path, users["mean"])
     able = {}
@@ -92,7 +102,9 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
     rows = []
     for name, spread in times.items():
         answer = results[name][-1]
-        trajectory = answer if isinstance(answer, Trajectory) else along_path(path, elements_of(*answer), 1)
+        trajectory = (
+            answer if isinstance(answer, Trajectory) else along_path(path, elements_of(*answer), 1)
+        )
         found = certificate(problem, trajectory)
         rows.append(
             [
@@ -111,7 +123,10 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
         if name == "this planner":
             worst = excess(found, "motor torque")
             section.asked(
-                f"torque above limit at 10 kHz, {title}", "≤ 1e-6", f"{max(worst[0], 0.0):.1g}", worst[0] <= TOLERANCE
+                f"torque above limit at 10 kHz, {title}",
+                "≤ 1e-6",
+                f"{max(worst[0], 0.0):.1g}",
+                worst[0] <= TOLERANCE,
             )
         if "full" in title and name in TOPPRA:
             ratio = results["this planner"][-1].duration / trajectory.duration
@@ -122,4 +137,6 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
                 1 <= ratio <= 1.0005,
             )
     section.say(f"**{title[0].upper()}{title[1:]}**")
-    section.table(("", "time of motion", "run time", "÷ ours", "torque excess", "worst excess"), rows)
+    section.table(
+        ("", "time of motion", "run time", "÷ ours", "torque excess", "worst excess"), rows
+    )

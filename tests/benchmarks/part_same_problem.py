@@ -13,7 +13,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from cases import FREE, FREE_WEAK, STRAIGHT, WEAK, free_problem, limits_of, straight_problem, task_ends
+from cases import (
+    FREE,
+    FREE_WEAK,
+    STRAIGHT,
+    WEAK,
+    free_problem,
+    limits_of,
+    straight_problem,
+    task_ends,
+)
 from measuring import Spread, in_turns, timed
 from motions import certificate, excess, planned_anew
 from section import Section
@@ -140,7 +149,9 @@ def _straight(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
 
     def solve(k: int) -> tuple[float, int]:
         if "program" not in state:
-            state["program"] = kind.build(cases[0].robot, first, COUNTS["straight"], options, GUESS["straight"])
+            state["program"] = kind.build(
+                cases[0].robot, first, COUNTS["straight"], options, GUESS["straight"]
+            )
         state["case"] = cases[k]
         found: tuple[float, int] = state["program"].solve(*numbers[k])
         return found
@@ -160,7 +171,9 @@ def _free(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
     numbers = []
     for case in cases:
         target = case.motion[0].to
-        numbers.append((np.array(case.start.values), np.array(target.values), limits_of(case.robot)))
+        numbers.append(
+            (np.array(case.start.values), np.array(target.values), limits_of(case.robot))
+        )
     kind: Any = OptiFree if peer == OPTI else RockitFree
     state: dict[str, Any] = {}
 
@@ -221,7 +234,9 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
             continue
         spread = Spread.of(times[name])
         ours = name in (OURS, FAST, ALONE)
-        longer = Spread.of([a[0] / b[0] - 1 for a, b in zip(results[name], results[OURS], strict=True)])
+        longer = Spread.of(
+            [a[0] / b[0] - 1 for a, b in zip(results[name], results[OURS], strict=True)]
+        )
         rows.append(
             [
                 name,
@@ -238,7 +253,11 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
             section.faster(name, f"its solve against our whole plan, {motion}", spread.over(whole))
             section.faster(name, f"its solve against our first, {motion}", spread.over(once))
     for name in (name for name in ASKED if name not in broken):
-        own = {"one solve": once, "the whole plan": whole, "the whole plan, `fast`": Spread.of(times[FAST])}
+        own = {
+            "one solve": once,
+            "the whole plan": whole,
+            "the whole plan, `fast`": Spread.of(times[FAST]),
+        }
         _ask(section, motion, name, Spread.of(times[name]), own)
     section.say(f"**{motion[0].upper()}{motion[1:]}** ({COUNTS[motion.split(',')[0]]} elements)")
     head = (
@@ -248,7 +267,9 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
     section.table(head, rows)
 
 
-def _first_solves(names: list[str], motion: str, rounds: int) -> tuple[dict[str, list[float]], dict[str, str]]:
+def _first_solves(
+    names: list[str], motion: str, rounds: int
+) -> tuple[dict[str, list[float]], dict[str, str]]:
     """Seconds of each planner's first solves, and what went wrong where one cannot."""
     seconds: dict[str, list[float]] = {name: [] for name in names}
     broken: dict[str, str] = {}

@@ -34,7 +34,10 @@ def run(quick: bool) -> Section:
         _stops(section, name, plan, 100 if quick else 1000)
     began = time.process_time()
     found = check_speeds(shipped.motion, shipped.robot, shipped.limits)
-    rows = [(each.found.name, each.found.joint or "", f"{100 * each.speed:.3g} %") for each in found.worst]
+    rows = [
+        (each.found.name, each.found.joint or "", f"{100 * each.speed:.3g} %")
+        for each in found.worst
+    ]
     section.say(
         f"Worst speed of every motor limit from 1 % to 100 %, in {time.process_time() - began:.1f} s of one core:"
     )
@@ -51,15 +54,26 @@ def _simulation(section: Section, plan: Plan) -> None:
     factor = float(stage.time[-1]) / (time.process_time() - began)
     section.asked("arm with controllers", "≥ 20 × real time", f"{factor:.1f} ×", factor >= 20)
     axis = AxisController(p=0, i=0, d=0, ff_velocity=0, ff_acceleration=0, following_error=10.0)
-    free = Controller(torque_offset=False, joints=dict.fromkeys(("roll", "tilt", "insertion"), axis))
+    free = Controller(
+        torque_offset=False, joints=dict.fromkeys(("roll", "tilt", "insertion"), axis)
+    )
     off = _Stage(plan, Scenario(), free)
     states = off.play().states[:, :STATE]
-    error = off.arm(0.0).motion(off.period * np.arange(len(states)), states, np.zeros((1, 4))).energy_error
+    error = (
+        off.arm(0.0)
+        .motion(off.period * np.arange(len(states)), states, np.zeros((1, 4)))
+        .energy_error
+    )
     section.asked("energy balance, motors without torque", "≤ 1e-6", f"{error:.1e}", error <= 1e-6)
     began = time.process_time()
     result = simulate(plan, Scenario(draws=1000, spread=0.15))
     seconds = time.process_time() - began
-    section.asked("1 000 friction draws, one core", "≤ 60 s", f"{seconds:.0f} s", seconds <= 60 and result.passed)
+    section.asked(
+        "1 000 friction draws, one core",
+        "≤ 60 s",
+        f"{seconds:.0f} s",
+        seconds <= 60 and result.passed,
+    )
 
 
 def _stops(section: Section, name: str, plan: Plan, count: int) -> None:
@@ -67,11 +81,15 @@ def _stops(section: Section, name: str, plan: Plan, count: int) -> None:
     stops = controlled_stops(plan.motion, plan.robot, plan.limits, count)
     seconds = time.process_time() - began
     found = f"{count} certified in {seconds:.1f} s" if stops.passed else "not certified"
-    section.asked(f"{name}: controlled stops", "all certified, < 20 s", found, stops.passed and seconds < 20)
+    section.asked(
+        f"{name}: controlled stops", "all certified, < 20 s", found, stops.passed and seconds < 20
+    )
     began = time.process_time()
     lost = simulate(plan, Scenario(power_loss="everywhere", instants=count))
     seconds = time.process_time() - began
-    section.asked(f"{name}: power lost at {count} instants", "< 20 s", f"{seconds:.1f} s", seconds < 20)
+    section.asked(
+        f"{name}: power lost at {count} instants", "< 20 s", f"{seconds:.1f} s", seconds < 20
+    )
     section.say(
         f"{name}: with power the arm stands within {1e3 * stops.duration.max():.0f} ms and {1e3 * stops.travel.max():.3g} mm "
         f"of the tip; without it {'within' if lost.holds else 'not, beyond'} {1e3 * lost.travel:.3g} mm."
@@ -98,6 +116,9 @@ def _comparison(section: Section, plan: Plan, seeds: int, healthy: int) -> None:
     section.asked("faults called rightly", "≥ 98 %", f"{100 * share:.1f} %", share >= 0.98)
     section.asked("faults called held", "0", str(held), held == 0)
     alarms = sum(
-        not compare(plan.motion, plan.robot, plan.certificate, executions.healthy(seed)).held for seed in range(healthy)
+        not compare(plan.motion, plan.robot, plan.certificate, executions.healthy(seed)).held
+        for seed in range(healthy)
     )
-    section.asked(f"alarms of {healthy} healthy runs", "≤ 2 %", str(alarms), alarms <= 0.02 * healthy)
+    section.asked(
+        f"alarms of {healthy} healthy runs", "≤ 2 %", str(alarms), alarms <= 0.02 * healthy
+    )

@@ -40,22 +40,32 @@ def run(quick: bool) -> Section:
     rows = []
     for name, problem in cases.items():
         rows += _ways(name, problem, compiler, 1 if quick else 5)
-    section.table(("stage", "way", "instructions of one element", "build", "one evaluation", "÷ mapped"), rows)
+    section.table(
+        ("stage", "way", "instructions of one element", "build", "one evaluation", "÷ mapped"), rows
+    )
     return section
 
 
 def _ways(name: str, problem: Problem, compiler: str | None, rounds: int) -> list[list[str]]:
     programs: list[Transcription] = []
     solve = Transcription.solve
-    with patch.object(Transcription, "solve", lambda self, *given: programs.append(self) or solve(self, *given)):
+    with patch.object(
+        Transcription, "solve", lambda self, *given: programs.append(self) or solve(self, *given)
+    ):
         plan_motion(unchecked(problem, planner="ipopt"))
     largest = max(programs, key=lambda built: len(built.element.row_names))
     count = largest.structure.elements
     build, element = timed(lambda: element_functions(largest.element))
     functions = (element.jacobian, element.hessian)
     rng = np.random.default_rng(1)
-    arguments = [[ca.DM(rng.uniform(0.1, 1.0, (f.size1_in(i), count))) for i in range(f.n_in())] for f in functions]
-    builds, ways = {"mapped": build}, {"mapped": _calls([f.map(count) for f in functions], arguments)}
+    arguments = [
+        [ca.DM(rng.uniform(0.1, 1.0, (f.size1_in(i), count))) for i in range(f.n_in())]
+        for f in functions
+    ]
+    builds, ways = (
+        {"mapped": build},
+        {"mapped": _calls([f.map(count) for f in functions], arguments)},
+    )
     seconds, unrolled = timed(lambda: [f.map(count, "unroll").expand() for f in functions])
     builds["unrolled"], ways["unrolled"] = build + seconds, _calls(unrolled, arguments)
     with tempfile.TemporaryDirectory() as folder:

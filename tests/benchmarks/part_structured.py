@@ -79,11 +79,15 @@ def _asked(problem: Problem) -> tuple[Any, ...]:
 
 def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> None:
     """One solve of each from its own guess: rows, mesh and tolerance are the same; setting parameters included."""
-    section.say("One solve with other numbers than the last, from the first guess; iterations in brackets.")
+    section.say(
+        "One solve with other numbers than the last, from the first guess; iterations in brackets."
+    )
     rows = []
     for motion in motions:
         cases = [_asked(problem) for problem in problems(motion)]
-        ways: dict[str, Any] = {"structured": lambda k, cases=cases: solve_structured(*cases[k]).iterations}
+        ways: dict[str, Any] = {
+            "structured": lambda k, cases=cases: solve_structured(*cases[k]).iterations
+        }
         for name in PEERS:
             try:
                 way = make(name, motion)
@@ -112,7 +116,9 @@ def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> N
 
 def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
     """Time of an iteration and element, with and without the functions of the elements."""
-    section.say(f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element.")
+    section.say(
+        f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element."
+    )
     rows, whole = [], []
     for count in meshes:
         with meshed(count, count):
@@ -120,7 +126,14 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
         spent = {}
         for steps in (0, STEPS):
             spent[steps] = min(
-                _times({"": lambda given=given, steps=steps: solve_structured(*given, iterations=steps)}, 5)[""].values
+                _times(
+                    {
+                        "": lambda given=given, steps=steps: solve_structured(
+                            *given, iterations=steps
+                        )
+                    },
+                    5,
+                )[""].values
             )
         n = given[0].elements
         whole.append((spent[STEPS] - spent[0]) / STEPS / n)
@@ -128,7 +141,10 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
     section.table(("elements", "an iteration and element", "÷ the smallest mesh's"), rows)
     growth = max(whole) / whole[0]
     section.asked(
-        "structured solver, time per iteration and element, by mesh", f"≤ {GROWTH:g}", f"{growth:.2f}", growth <= GROWTH
+        "structured solver, time per iteration and element, by mesh",
+        f"≤ {GROWTH:g}",
+        f"{growth:.2f}",
+        growth <= GROWTH,
     )
 
 
@@ -139,12 +155,16 @@ def _cases(quick: bool) -> dict[str, Problem]:
         return cases
     cases["free, jerk limits"] = unchecked(free, robot=with_limits(free.robot, jerk=35.0))
     for name in ("waypoints", "eye_approach", "laser_scan"):
-        cases[name] = dataclasses.replace(load_problem(ROOT / f"problems/{name}.yaml"), objective="time")
+        cases[name] = dataclasses.replace(
+            load_problem(ROOT / f"problems/{name}.yaml"), objective="time"
+        )
     return cases
 
 
 def _row(name: str, problem: Problem, rounds: int) -> list[str]:
-    problems = {planner: unchecked(problem, planner=planner) for planner in ("ipopt", "optimal", "fast")}
+    problems = {
+        planner: unchecked(problem, planner=planner) for planner in ("ipopt", "optimal", "fast")
+    }
     asked: list[tuple[Any, dict[str, Any]]] = []
 
     def ask(*given: Any, **named: Any) -> Any:
@@ -155,9 +175,13 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
         plan_motion(problems["fast"])
     for each in problems.values():
         plan(each)
-    plans = _times({planner: lambda each=each: plan(each) for planner, each in problems.items()}, rounds)
+    plans = _times(
+        {planner: lambda each=each: plan(each) for planner, each in problems.items()}, rounds
+    )
     ways = [each.seconds() for each in plans.values()]
-    ways.append(", ".join(plans["ipopt"].over(plans[planner]).times() for planner in ("optimal", "fast")))
+    ways.append(
+        ", ".join(plans["ipopt"].over(plans[planner]).times() for planner in ("optimal", "fast"))
+    )
     if not asked:
         return [name, *["–"] * 5, *ways]
     (structure, element, data, start), named = asked[0]

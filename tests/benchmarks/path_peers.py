@@ -64,15 +64,29 @@ class UserModel:
             velocity[i] = min(velocity[i], joint.motor.max_speed / drive.ratio)
             torque[i] = joint.motor.max_torque
             carried = np.abs(weight[:, i])
-            friction[i] = law.b_c + (up - down) / 2 * float(carried.max() if largest else carried.mean())
+            friction[i] = law.b_c + (up - down) / 2 * float(
+                carried.max() if largest else carried.mean()
+            )
             slope[i] = drive.gamma * np.tan(drive.lead_angle)
             inertia[i] = drive.input_inertia * drive.ratio
             output_inertia[i] = drive.output_inertia
-        jerk = None if robot.joints[0].jerk is None else np.array([joint.jerk for joint in robot.joints], dtype=float)
+        jerk = (
+            None
+            if robot.joints[0].jerk is None
+            else np.array([joint.jerk for joint in robot.joints], dtype=float)
+        )
         model = build(robot)
         acceleration = np.array([joint.acceleration for joint in robot.joints])
         limits = (velocity, acceleration, jerk, torque)
-        return cls(*limits, friction, slope, inertia, output_inertia, pinocchio.rnea, (model, model.createData()))
+        return cls(
+            *limits,
+            friction,
+            slope,
+            inertia,
+            output_inertia,
+            pinocchio.rnea,
+            (model, model.createData()),
+        )
 
     def motor_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Torque of a mesh without friction, (4,)."""
@@ -104,8 +118,12 @@ def toppra_speeds(path: StraightPath, user: UserModel, points: int = POINTS) -> 
     scheme = constraint.DiscretizationType.Interpolation
     rows = [
         constraint.JointVelocityConstraint(both(user.velocity)),
-        constraint.JointAccelerationConstraint(both(user.acceleration), discretization_scheme=scheme),
-        constraint.JointTorqueConstraint(user.motor_torque, both(user.torque), user.friction, scheme),
+        constraint.JointAccelerationConstraint(
+            both(user.acceleration), discretization_scheme=scheme
+        ),
+        constraint.JointTorqueConstraint(
+            user.motor_torque, both(user.torque), user.friction, scheme
+        ),
     ]
     grid = np.linspace(0, 1, points + 1)
     algorithm = toppra.algorithm.TOPPRA(rows, Line(), grid, solver_wrapper="seidel")
@@ -115,7 +133,9 @@ def toppra_speeds(path: StraightPath, user: UserModel, points: int = POINTS) -> 
     return grid, np.asarray(speed, dtype=float)
 
 
-def copp_robot(path: StraightPath, user: UserModel, points: int = POINTS) -> tuple[Any, Array, Array]:
+def copp_robot(
+    path: StraightPath, user: UserModel, points: int = POINTS
+) -> tuple[Any, Array, Array]:
     """copp-py's robot with path and limits on a grid; and ±(limits) on torque less friction along the motion."""
     import copp_py as copp
 
@@ -140,8 +160,12 @@ def copp_speeds(path: StraightPath, user: UserModel) -> tuple[Array, Array]:
     import copp_py as copp
 
     robot, grid, _ = copp_robot(path, user)
-    problem = copp.solver.topp2_ra.Problem(robot.constraints, idx_s_interval=(0, len(grid) - 1), a_boundary=(0.0, 0.0))
-    return grid, np.sqrt(np.asarray(copp.solver.topp2_ra.solve(problem, copp.solver.topp2_ra.Options())))
+    problem = copp.solver.topp2_ra.Problem(
+        robot.constraints, idx_s_interval=(0, len(grid) - 1), a_boundary=(0.0, 0.0)
+    )
+    return grid, np.sqrt(
+        np.asarray(copp.solver.topp2_ra.solve(problem, copp.solver.topp2_ra.Options()))
+    )
 
 
 def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> Trajectory:
@@ -149,7 +173,9 @@ def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> T
     import copp_py as copp
 
     robot, grid, _ = copp_robot(path, user)
-    problem = copp.solver.topp2_ra.Problem(robot.constraints, idx_s_interval=(0, len(grid) - 1), a_boundary=(0.0, 0.0))
+    problem = copp.solver.topp2_ra.Problem(
+        robot.constraints, idx_s_interval=(0, len(grid) - 1), a_boundary=(0.0, 0.0)
+    )
     speeds = np.asarray(copp.solver.topp2_ra.solve(problem, copp.solver.topp2_ra.Options()))
     robot.constraints.amax_substitute(speeds, 0)
     around: dict[str, Any] = {"a_linearization": speeds}

@@ -22,7 +22,9 @@ LIMITS = 12
 """Velocity, acceleration and motor torque of four joints, in this order."""
 
 
-def straight_rows(robot: Robot, mechanism: Mechanism, branch: int, sigma: Sequence[float]) -> ca.Function:
+def straight_rows(
+    robot: Robot, mechanism: Mechanism, branch: int, sigma: Sequence[float]
+) -> ca.Function:
     """(s, ṡ, s̈, start (4), end (4), limits (LIMITS)) → (rows, rows of breakaway) on the line from start to end.
 
     Joints by symbolic inverse kinematics, their rates by the chain rule, loads by the rigid-body recursion.
@@ -36,7 +38,9 @@ def straight_rows(robot: Robot, mechanism: Mechanism, branch: int, sigma: Sequen
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     rows = kinematic(qd, qdd, limits)
     inputs = [s, speed, acceleration, start, end, limits]
-    torque = [motor(robot.joints, qd, qdd, tau, limits, sigma, at_rest) for at_rest in (False, True)]
+    torque = [
+        motor(robot.joints, qd, qdd, tau, limits, sigma, at_rest) for at_rest in (False, True)
+    ]
     return ca.Function("rows", inputs, [ca.vertcat(*rows, *torque[0]), ca.vertcat(*torque[1])])
 
 
@@ -46,7 +50,9 @@ def free_rows(robot: Robot) -> ca.Function:
     limits = ca.SX.sym("limits", LIMITS)
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     directions = [sigma[i] for i in range(4)]
-    torque = [motor(robot.joints, qd, qdd, tau, limits, directions, at_rest) for at_rest in (False, True)]
+    torque = [
+        motor(robot.joints, qd, qdd, tau, limits, directions, at_rest) for at_rest in (False, True)
+    ]
     return ca.Function("rows", [q, qd, qdd, limits, sigma], [ca.vertcat(*rows) for rows in torque])
 
 
@@ -54,7 +60,12 @@ def kinematic(qd: ca.SX, qdd: ca.SX, limits: ca.SX) -> list[ca.SX]:
     """± velocity and ± acceleration of every joint."""
     rows = []
     for i in range(4):
-        rows += [qd[i] / limits[i], -qd[i] / limits[i], qdd[i] / limits[4 + i], -qdd[i] / limits[4 + i]]
+        rows += [
+            qd[i] / limits[i],
+            -qd[i] / limits[i],
+            qdd[i] / limits[4 + i],
+            -qdd[i] / limits[4 + i],
+        ]
     return rows
 
 
@@ -81,7 +92,10 @@ def motor(
 
         def value(k: int, law=law, effort=effort, w=w, wd=wd, i=i) -> ca.SX:  # type: ignore[no-untyped-def]
             ahead, back = (
-                law[side].slope[k] * effort + law[side].inertia * wd + law[side].coulomb + law[side].viscous * w
+                law[side].slope[k] * effort
+                + law[side].inertia * wd
+                + law[side].coulomb
+                + law[side].viscous * w
                 for side in (1, -1)
             )
             return (sigma[i] * (sigma[i] + 1) * ahead - sigma[i] * (sigma[i] - 1) * back) / 2

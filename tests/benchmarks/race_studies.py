@@ -54,11 +54,15 @@ class Surface:
     def place(self, design: Design) -> Array:
         """(2,), each from 0 to 1."""
         spans = [variable for variable in self.study.vary if variable.path != PACE]
-        return np.array([(float(design[v.path].split()[0]) - v.low) / (v.high - v.low) for v in spans])
+        return np.array(
+            [(float(design[v.path].split()[0]) - v.low) / (v.high - v.low) for v in spans]
+        )
 
     def rows(self, designs: list[Design], first: int) -> list[Candidate]:
         found = []
-        for i, (design, fallen) in enumerate(zip(designs, self.screens.fallen(designs), strict=True), first):
+        for i, (design, fallen) in enumerate(
+            zip(designs, self.screens.fallen(designs), strict=True), first
+        ):
             if fallen is not None:
                 found.append(Candidate(i, "infeasible", design, fallen.stage, fallen.reason))
                 continue
@@ -66,7 +70,9 @@ class Surface:
             far = np.linalg.norm(self.places - self.place(design), axis=1) + 1e-9
             near = np.argsort(np.where(same, far, np.inf))[:4]
             duration = float(np.average(self.values[near, 0], weights=1 / far[near]))
-            figures = dict(zip(self.study.minimise, (duration, float(self.values[near[0], 1])), strict=True))
+            figures = dict(
+                zip(self.study.minimise, (duration, float(self.values[near[0], 1])), strict=True)
+            )
             found.append(Candidate(i, "done", design, figures=figures))
         return found
 
@@ -109,14 +115,21 @@ def run(surface: Surface | Planned, method: str, seed: int, points: int) -> list
 def hypervolume(rows: list[Candidate], names: tuple[str, ...], worst: tuple[float, float]) -> float:
     """Of what a front dominates below `worst`."""
     volume, last = 0.0, worst[1]
-    for duration, mass in sorted(tuple(row.figures[name] for name in names) for row in pareto(rows, names)):
+    for duration, mass in sorted(
+        tuple(row.figures[name] for name in names) for row in pareto(rows, names)
+    ):
         if duration < worst[0] and mass < last:
             volume += (worst[0] - duration) * (last - mass)
             last = mass
     return volume
 
 
-def race(surface: Surface | Planned, counts: tuple[int, ...], worst: tuple[float, float], whole: float | None) -> None:
+def race(
+    surface: Surface | Planned,
+    counts: tuple[int, ...],
+    worst: tuple[float, float],
+    whole: float | None,
+) -> None:
     """Print the table; whole: hypervolume of share 1, default that of all candidates of all runs."""
     names = surface.study.minimise
     found = {}
@@ -130,7 +143,10 @@ def race(surface: Surface | Planned, counts: tuple[int, ...], worst: tuple[float
     print("|---" * (len(counts) + 2) + "|")
     for method, runs in found.items():
         shares = [[hypervolume(rows[:n], names, worst) / whole for n in counts] for rows in runs]
-        cells = [f"{np.median(each):.3f} ({min(each):.3f}–{max(each):.3f})" for each in np.transpose(shares)]
+        cells = [
+            f"{np.median(each):.3f} ({min(each):.3f}–{max(each):.3f})"
+            for each in np.transpose(shares)
+        ]
         fallen = np.mean([[row.state != "done" for row in rows] for rows in runs])
         print(f"| `{method}` | " + " | ".join(cells) + f" | {100 * fallen:.0f} % |", flush=True)
 

@@ -47,7 +47,12 @@ class RockitFree:
         ocp.subject_to(torque <= 1, grid="integrator")
         ocp.subject_to(ocp.at_t0(breakaway) <= 1)
         ocp.solver(
-            "ipopt", {"print_time": False, **options.get("casadi", {}), "ipopt": ipopt(options.get("ipopt", {}))}
+            "ipopt",
+            {
+                "print_time": False,
+                **options.get("casadi", {}),
+                "ipopt": ipopt(options.get("ipopt", {})),
+            },
         )
         ocp.method(rockit.MultipleShooting(N=count, M=2, intg="rk"))
         ocp.set_initial(q, first + (last - first) * ocp.t / ocp.T)
@@ -56,13 +61,19 @@ class RockitFree:
 
     def solve(self, first: Array, last: Array, limits: Array) -> tuple[float, int]:
         """Duration and iterations; every solve starts from lines in time."""
-        for parameter, value in zip(self.parameters, (first, last, limits, np.sign(last - first)), strict=True):
+        for parameter, value in zip(
+            self.parameters, (first, last, limits, np.sign(last - first)), strict=True
+        ):
             self.ocp.set_value(parameter, value)
         self.solved = self.ocp.solve()
         return float(self.solved.value(self.ocp.T)), int(self.solved.stats["iter_count"])
 
     def trajectory(self) -> Trajectory:
         """The last solution."""
-        q, qd, qdd = (np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals)
+        q, qd, qdd = (
+            np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals
+        )
         n = len(q) - 1
-        return of_joints(q, qd, qdd[:-1], qdd[1:], np.full(n, float(self.solved.value(self.ocp.T)) / n))
+        return of_joints(
+            q, qd, qdd[:-1], qdd[1:], np.full(n, float(self.solved.value(self.ocp.T)) / n)
+        )

@@ -47,7 +47,12 @@ class RockitStraight:
         ocp.subject_to(here <= 1, grid="integrator")
         ocp.subject_to(ocp.at_t0(breakaway) <= 1)
         ocp.solver(
-            "ipopt", {"print_time": False, **options.get("casadi", {}), "ipopt": ipopt(options.get("ipopt", {}))}
+            "ipopt",
+            {
+                "print_time": False,
+                **options.get("casadi", {}),
+                "ipopt": ipopt(options.get("ipopt", {})),
+            },
         )
         ocp.method(rockit.MultipleShooting(N=count, M=2, intg="rk"))
         ocp.set_initial(s, ocp.t / ocp.T)
@@ -63,6 +68,8 @@ class RockitStraight:
 
     def trajectory(self, path: StraightPath) -> Trajectory:
         """The last solution, along the path that it was solved for."""
-        s, v, a = (np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals)
+        s, v, a = (
+            np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals
+        )
         h = np.full(len(s) - 1, float(self.solved.value(self.ocp.T)) / (len(s) - 1))
         return along_path(path, np.column_stack([s[:-1], v[:-1], a[:-1], a[1:], h]))

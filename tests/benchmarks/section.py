@@ -42,7 +42,9 @@ class Section:
     def faster(self, who: str, what: str, ratio: Spread) -> None:
         """Note a loss where the other's time over ours is below one."""
         if ratio.median < 1:
-            self.losses.append(f"{who}: {short(1 / ratio.median)} × faster than this planner ({what})")
+            self.losses.append(
+                f"{who}: {short(1 / ratio.median)} × faster than this planner ({what})"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)

@@ -16,7 +16,12 @@ import pytest
 
 ROOT = Path(__file__).parent.parent.parent
 PLAN = ROOT / "results/tilt_insert/plan.json"
-FLAGS = ("--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-background-networking")
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+)
 READY = "typeof SSM !== 'undefined' && Boolean(SSM.ready)"
 
 
@@ -38,7 +43,11 @@ class Visit:
 
 
 def chromium() -> str:
-    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    path = (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
     if path is None:
         pytest.skip("no Chromium installed (Debian: apt-get install chromium)")
     return path
@@ -47,7 +56,9 @@ def chromium() -> str:
 @pytest.fixture(scope="session")
 def launch() -> Iterator[Callable[..., Any]]:
     """Starts a browser with further flags."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed (pip install playwright)")
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="Playwright is not installed (pip install playwright)"
+    )
     path = chromium()
     with sync_api.sync_playwright() as playwright:
         yield lambda *flags: playwright.chromium.launch(executable_path=path, args=[*FLAGS, *flags])
@@ -106,7 +117,10 @@ def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
     document = json.loads(PLAN.read_text(encoding="utf-8"))
     problem = load_problem(ROOT / "problems/eye_approach.yaml")
     eye = plain(problem.eye)
-    eye["lens"] |= {"semi_axes": [0.0048, 0.004, 0.002], "frame": rotation([0.6, 0.0, 0.8], 0.7).tolist()}
+    eye["lens"] |= {
+        "semi_axes": [0.0048, 0.004, 0.002],
+        "frame": rotation([0.6, 0.0, 0.8], 0.7).tolist(),
+    }
     document["problem"] |= {"eye": eye, "rates": dict(problem.rates)}
     path = tmp_path_factory.mktemp("in_eye") / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
@@ -129,7 +143,8 @@ def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
     factor, trajectory = 1.25, document["trajectory"]
     trajectory["breaks_s"] = [factor * time for time in trajectory["breaks_s"]]
     trajectory["coefficients"] = [
-        [[value / factor**k for value in row] for k, row in enumerate(piece)] for piece in trajectory["coefficients"]
+        [[value / factor**k for value in row] for k, row in enumerate(piece)]
+        for piece in trajectory["coefficients"]
     ]
     for phase in trajectory["phases"]:
         phase["start_s"], phase["end_s"] = factor * phase["start_s"], factor * phase["end_s"]
@@ -167,7 +182,9 @@ def simulation(simulated: Any, tmp_path_factory: pytest.TempPathFactory) -> Path
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.simulation import write_simulation_page
 
-    return write_simulation_page(load_plan(PLAN), simulated, tmp_path_factory.mktemp("simulation") / "simulation.html")
+    return write_simulation_page(
+        load_plan(PLAN), simulated, tmp_path_factory.mktemp("simulation") / "simulation.html"
+    )
 
 
 @pytest.fixture(scope="session")
@@ -182,7 +199,13 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in range(48):
         design = of.design(np.array([draw.random() for _ in of.paths]))
         figures = {name: draw.uniform(0.2, 0.3) for name in of.minimise}
-        fallen = Candidate(number, "infeasible", design, stage=("reach", "plan")[number % 8 // 4], reason="too weak")
+        fallen = Candidate(
+            number,
+            "infeasible",
+            design,
+            stage=("reach", "plan")[number % 8 // 4],
+            reason="too weak",
+        )
         rows.append(Candidate(number, "done", design, figures=figures) if number % 4 else fallen)
     out = tmp_path_factory.mktemp("study") / "study.html"
     write_study_page(of, (rows[1], *rows), pareto(rows, of.minimise), out, finished=True)

@@ -54,7 +54,8 @@ OTHER_RULES = "{ rules: { 'color-contrast': { enabled: false } }, resultTypes: [
 def serious(page: Any, contrast: bool = True) -> list[str]:
     """What axe-core finds on a page that is serious or critical, with its contrast in light and in dark if wanted."""
     axe = pytest.importorskip(
-        "axe_playwright_python", reason="axe-core is not installed (pip install axe-playwright-python)"
+        "axe_playwright_python",
+        reason="axe-core is not installed (pip install axe-playwright-python)",
     )
     page.evaluate(resources.files(axe).joinpath("axe.min.js").read_text(encoding="utf-8"))
     found = page.evaluate(f"axe.run({OTHER_RULES})")["violations"]

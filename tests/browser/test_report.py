@@ -78,7 +78,9 @@ def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
     page.wait_for_timeout(800)
     before, again = canvas.screenshot(), canvas.screenshot()
     assert before == again
-    page.locator("#player input[type=range]").fill(str(page.evaluate("SSM.player.times.length - 1")))
+    page.locator("#player input[type=range]").fill(
+        str(page.evaluate("SSM.player.times.length - 1"))
+    )
     page.wait_for_timeout(200)
     assert canvas.screenshot() != before
     assert clock(page) == pytest.approx(load_plan(PLAN).trajectory.duration, abs=6e-4)
@@ -169,7 +171,9 @@ def test_fits_reads_and_is_reachable(
 ) -> None:
     for page_file in (report, comparison, in_eye_report):
         page = visit(page_file.as_uri(), width=width).page
-        page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+        page.evaluate(
+            "document.querySelectorAll('details').forEach((each) => { each.open = true; })"
+        )
         for y in range(0, page.evaluate("document.body.scrollHeight"), 1500):
             page.evaluate(f"scrollTo(0, {y})")
             page.wait_for_timeout(30)
@@ -185,7 +189,9 @@ def test_comparison_shows_both(visit: Open, slower: Path, comparison: Path) -> N
     t = page.evaluate("SSM.player.times[SSM.player.index]")
     for side, path in (("A", PLAN), ("B", slower)):
         q = load_plan(path).trajectory.sample(np.array([t])).q[0]
-        assert number(page.inner_text(f'[data-channel="{side} q1"]')) == pytest.approx(np.rad2deg(q[1]), abs=0.00051)
+        assert number(page.inner_text(f'[data-channel="{side} q1"]')) == pytest.approx(
+            np.rad2deg(q[1]), abs=0.00051
+        )
     assert "+25.00 %" in page.inner_text("header")
     assert page.evaluate("SSM.scene.robots.length") == 2
     assert opened.said == []
@@ -204,13 +210,17 @@ def test_a_simulated_arm_moves_beside_the_planned_one(
         shown = number(page.inner_text(f'[data-channel="{side} q1"]'))
         assert shown == pytest.approx(np.rad2deg(np.interp(t, result.time, q[:, 1])), abs=0.002)
     mechanism = Mechanism.from_geometry(plan.robot.geometry)
-    tip = tip_position(mechanism, np.array([[np.interp(t, result.time, column) for column in result.q.T]]))[0]
+    tip = tip_position(
+        mechanism, np.array([[np.interp(t, result.time, column) for column in result.q.T]])
+    )[0]
     np.testing.assert_allclose(page.evaluate("SSM.scene.tip(1)"), tip, atol=1e-5)
     assert page.evaluate(OVERFLOW) == []
     assert opened.said == []
 
 
-def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, report: Path, in_eye: Path, tmp_path: Path) -> None:
+def test_the_eye_is_drawn_and_can_be_looked_at(
+    visit: Open, report: Path, in_eye: Path, tmp_path: Path
+) -> None:
     """Lens and retina as large, where and turned as the plan says, on both pages; without an eye no view of one."""
     assert visit(report.as_uri()).page.get_by_role("button", name="eye", exact=True).count() == 0
     eye = load_plan(in_eye).limits.eye
@@ -266,7 +276,9 @@ def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) 
         browser.close()
 
 
-def test_whether_the_motors_suffice_is_said_above_and_shown_below(visit: Open, report: Path) -> None:
+def test_whether_the_motors_suffice_is_said_above_and_shown_below(
+    visit: Open, report: Path
+) -> None:
     page = visit(report.as_uri()).page
     _, verdict, reason = motors_verdict(load_plan(PLAN).sizing.to_dict())
     assert verdict in page.inner_text("header .verdict")
@@ -274,15 +286,19 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(visit: Open, r
     assert f"{verdict} {reason}" in page.inner_text("header .verdict")
     tables = page.locator("#sizing table")
     shown = [
-        tables.nth(0).locator("tr").nth(i).inner_text().split("\t") for i in range(tables.nth(0).locator("tr").count())
+        tables.nth(0).locator("tr").nth(i).inner_text().split("\t")
+        for i in range(tables.nth(0).locator("tr").count())
     ]
     for column, motor in enumerate(load_plan(PLAN).sizing.to_dict()["motors"], start=1):
         cells = {row[0]: row[column] for row in shown}
         assert cells["joint"] == motor["joint"]
         for name in ("torque", "speed"):
-            assert number(cells[name].split(" ")[0]) == pytest.approx(100 * motor["margins"][name], abs=0.051)
+            assert number(cells[name].split(" ")[0]) == pytest.approx(
+                100 * motor["margins"][name], abs=0.051
+            )
         assert all(
-            needs in tables.nth(1).inner_text() for needs in " and ".join(motor["not_checked"].values()).split(" and ")
+            needs in tables.nth(1).inner_text()
+            for needs in " and ".join(motor["not_checked"].values()).split(" and ")
         )
 
 
@@ -309,7 +325,9 @@ def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path
 
 def test_every_plot_says_its_values_at_the_cursor(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
-    page.evaluate("window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))")
+    page.evaluate(
+        "window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))"
+    )
     page.evaluate("SSM.player.at(1.0)")
     figures = page.locator("#plots figure")
     for k in range(figures.count()):
@@ -321,7 +339,9 @@ def test_every_plot_says_its_values_at_the_cursor(visit: Open, report: Path) -> 
     velocity = page.locator("figure", has_text="Velocity: roll, tilt, spin")
     index = page.evaluate("SSM.player.index")
     for i, text in enumerate(velocity.locator(".value").all_inner_texts()):
-        assert number(text) == pytest.approx(np.rad2deg(page.evaluate(f"SSM.channels.qd{i}[{index}]")), rel=1e-3)
+        assert number(text) == pytest.approx(
+            np.rad2deg(page.evaluate(f"SSM.channels.qd{i}[{index}]")), rel=1e-3
+        )
 
 
 def test_hatching_stands_on_the_limit(visit: Open, report: Path) -> None:
@@ -369,7 +389,10 @@ def test_lines_are_hidden_enlarged_and_zoomed_back(visit: Open, report: Path) ->
 def test_the_keyboard_turns_the_mechanism(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
     page.focus("#scene canvas")
-    before, index = page.evaluate("SSM.scene.camera.position.toArray()"), page.evaluate("SSM.player.index")
+    before, index = (
+        page.evaluate("SSM.scene.camera.position.toArray()"),
+        page.evaluate("SSM.player.index"),
+    )
     for press in ("ArrowLeft", "ArrowUp", "+"):
         page.keyboard.press(press)
     after = page.evaluate("SSM.scene.camera.position.toArray()")
@@ -397,7 +420,9 @@ def test_axe_finds_nothing_serious(browser: Any, request: pytest.FixtureRequest,
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     page.goto(request.getfixturevalue(name).as_uri())
     page.wait_for_timeout(300)
-    page.evaluate("window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))")
+    page.evaluate(
+        "window.dispatchEvent(new Event('beforeprint')); window.dispatchEvent(new Event('afterprint'))"
+    )
     page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     assert serious(page) == []
     page.close()
@@ -410,7 +435,9 @@ def test_axe_finds_nothing_serious_on_the_site(browser: Any) -> None:
     page = browser.new_page(viewport={"width": 820, "height": 1000})
     for page_file in set(SITE.glob("*.html")) - {SITE / "api.html", SITE / "genindex.html"}:
         page.goto(page_file.as_uri())
-        assert serious(page, contrast=page_file.stem in ("index", "tutorial", "faq", "search")) == [], page_file.name
+        assert (
+            serious(page, contrast=page_file.stem in ("index", "tutorial", "faq", "search")) == []
+        ), page_file.name
     page.close()
 
 

@@ -22,7 +22,9 @@ Open = Callable[..., Visit]
 @pytest.fixture(scope="module")
 def server(tilt_insert: Problem) -> Iterator[ViewServer]:
     with ViewServer(Study(tilt_insert)) as running:
-        threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+        threading.Thread(
+            target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        ).start()
         yield running
         running.shutdown()
 
@@ -39,14 +41,18 @@ def test_sliders_move_band_and_mechanism(visit: Open, server: ViewServer) -> Non
     wider = canvas.screenshot()
     assert wider != before
     page.fill("#tilt", "-120")
-    opened.wait("SSM.scene.tip(0)[0] !== undefined && document.getElementById('to').textContent.includes('−120.0')")
+    opened.wait(
+        "SSM.scene.tip(0)[0] !== undefined && document.getElementById('to').textContent.includes('−120.0')"
+    )
     page.wait_for_timeout(300)
     assert canvas.screenshot() != wider
     assert page.is_disabled("#plan")
     page.click("#own")
     opened.wait("!document.getElementById('plan').disabled")
     assert opened.said == []
-    assert all(address.startswith(server.url) or address.startswith("data:") for address in opened.fetched)
+    assert all(
+        address.startswith(server.url) or address.startswith("data:") for address in opened.fetched
+    )
 
 
 def test_branches_are_selectable_and_reach_the_same_tip(visit: Open, server: ViewServer) -> None:
@@ -74,7 +80,9 @@ def test_plans_the_motion_and_shows_the_report(visit: Open, server: ViewServer) 
     page = opened.page
     page.fill("#tilt", "-100")
     page.click("#plan")
-    opened.wait("document.querySelector('.outcome')?.textContent.includes('check passed')", seconds=60)
+    opened.wait(
+        "document.querySelector('.outcome')?.textContent.includes('check passed')", seconds=60
+    )
     frame = page.frame_locator("iframe")
     assert "Certified" in frame.locator(".verdict").inner_text(timeout=20_000)
     assert page.locator(".steps li").count() >= 3
@@ -111,7 +119,14 @@ def test_bad_entries_are_refused_beside_their_fields(visit: Open, server: ViewSe
             page,
             field,
             draw.choice(
-                ["", "1e9", "-1e9", "1e308", str(high + draw.uniform(0.01, 500)), str(low - draw.uniform(0.01, 500))]
+                [
+                    "",
+                    "1e9",
+                    "-1e9",
+                    "1e308",
+                    str(high + draw.uniform(0.01, 500)),
+                    str(low - draw.uniform(0.01, 500)),
+                ]
             ),
         )
         message = page.inner_text(f"#{field}-error")

@@ -42,7 +42,9 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", help="modules of this folder")
     parser.add_argument("-o", "--output", type=Path, default=OUT)
     options = parser.parse_args(words)
-    names = options.only or sorted(path.stem for path in HERE.glob("*.py") if path.stem not in SHARED)
+    names = options.only or sorted(
+        path.stem for path in HERE.glob("*.py") if path.stem not in SHARED
+    )
     whole = sum(SHARES.get(name, 1.0) for name in names)
     failures: list[Row] = []
     for name in names:
@@ -52,7 +54,12 @@ def main(words: list[str] | None = None) -> int:
         publish(options.output, name, section(rows, options.seed))
     print(options.output.read_text(encoding="utf-8"), flush=True)
     for row in failures:  # once more, where the end of a log is all that is read
-        print(f"FAILED {row.kind}: {row.failures} of {row.cases}", *row.examples, sep="\n  ", file=sys.stderr)
+        print(
+            f"FAILED {row.kind}: {row.failures} of {row.cases}",
+            *row.examples,
+            sep="\n  ",
+            file=sys.stderr,
+        )
     return 1 if failures else 0
 
 
@@ -68,7 +75,11 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
     longest, died = 0.0, 0
     while True:
         while len(running) < WORKERS:
-            left = FULL[name] - cases if seconds is None else seconds - (time.monotonic() - begin) - longest
+            left = (
+                FULL[name] - cases
+                if seconds is None
+                else seconds - (time.monotonic() - begin) - longest
+            )
             if (left <= 0 and started >= WORKERS) or died > 2:
                 break
             # a seed so far from the others that two campaigns share none
@@ -82,13 +93,23 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
             longest = max(longest, took)
         except BrokenProcessPool:
             died += 1
-            rows, running = [Row(f"{name}: a process died", 1, 1, (f"slice {started - 1} or one before it",))], []
+            rows, running = (
+                [Row(f"{name}: a process died", 1, 1, (f"slice {started - 1} or one before it",))],
+                [],
+            )
             pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))
         for row in rows:
             old = sums.get(row.kind, Row(row.kind, 0, 0, ()))
             examples = (*old.examples, *row.examples)[:5]
-            sums[row.kind] = Row(row.kind, old.cases + row.cases, old.failures + row.failures, examples)
-        print(*(example for row in rows for example in row.examples), sep="\n", file=sys.stderr, end="")
+            sums[row.kind] = Row(
+                row.kind, old.cases + row.cases, old.failures + row.failures, examples
+            )
+        print(
+            *(example for row in rows for example in row.examples),
+            sep="\n",
+            file=sys.stderr,
+            end="",
+        )
         failed = sum(row.failures for row in sums.values())
         print(
             f"{name}: {cases} cases begun, {failed} failed, {time.monotonic() - begin:.0f} s",

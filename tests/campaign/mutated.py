@@ -68,7 +68,11 @@ def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
         size = rng.choice((1, 1, 2, 8, 64, 1000))
         what = rng.randrange(7)
         if what == 0:
-            data = data[:at] + bytes(rng.randrange(256) for _ in range(size % 9)) + data[at + size % 9 :]
+            data = (
+                data[:at]
+                + bytes(rng.randrange(256) for _ in range(size % 9))
+                + data[at + size % 9 :]
+            )
         elif what == 1:
             data = data[:at] + data[at + size :]
         elif what == 2:
@@ -125,7 +129,9 @@ def _change(rng: random.Random, place: Any, key: Any) -> None:
     elif what == 2 and isinstance(place, list):
         place.append(copy.deepcopy(place[key]))
     elif what == 3 and type(place[key]) in (int, float):
-        place[key] = (-place[key], 0, 1e300, place[key] * 1e6 if abs(place[key]) < 1e300 else 0.1)[rng.randrange(4)]
+        place[key] = (-place[key], 0, 1e300, place[key] * 1e6 if abs(place[key]) < 1e300 else 0.1)[
+            rng.randrange(4)
+        ]
     else:
         place[key] = copy.deepcopy(rng.choice(VALUES))
 
@@ -220,7 +226,9 @@ class Kinds:
                 if rng.random() < BOMBS:
                     content = rng.choice(hostile)
                 else:
-                    content = mutated_tree(rng, data.decode()) if kind.tree else mutated_bytes(rng, data)
+                    content = (
+                        mutated_tree(rng, data.decode()) if kind.tree else mutated_bytes(rng, data)
+                    )
                 counted.add(self.fault(kind, file, content))
             rows.append(counted.row)
         return rows
@@ -254,12 +262,18 @@ class Kinds:
 def _recordings(folder: Path) -> tuple[Path, Path]:
     """A recording with named columns, and one as an EPOS recorder exports it."""
     time = [0.002 * k for k in range(300)]
-    rows = [f"{t:.3f},{100 + math.sin(9 * t):.4f},{0.01 + 0.001 * math.sin(5 * t):.6f}" for t in time]
+    rows = [
+        f"{t:.3f},{100 + math.sin(9 * t):.4f},{0.01 + 0.001 * math.sin(5 * t):.6f}" for t in time
+    ]
     named, recorder = folder / "steady.csv", folder / "roll.csv"
-    named.write_text("\n".join(["time [s],velocity [rad/s],torque [N*m]", *rows]) + "\n", encoding="utf-8")
+    named.write_text(
+        "\n".join(["time [s],velocity [rad/s],torque [N*m]", *rows]) + "\n", encoding="utf-8"
+    )
     head = ["Date:;2024-01-01 10:00:00", f"Recorded samples:;{len(time)}", "Sampling period:;2.000"]
     head += [";Velocity actual value averaged;Torque actual value averaged", "ms;rpm;%"]
-    rows = [f"{1e3 * t:.0f};{round(2000 * math.sin(3 * t))};{20 * math.sin(3 * t):.1f}" for t in time]
+    rows = [
+        f"{1e3 * t:.0f};{round(2000 * math.sin(3 * t))};{20 * math.sin(3 * t):.1f}" for t in time
+    ]
     recorder.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
     return named, recorder
 
@@ -273,7 +287,9 @@ def _study(folder: Path) -> tuple[Path, Path, Path]:
     study.write_text(STUDY, encoding="utf-8")
     with Store(store) as open_store:
         open_store.add((k, f"{k:032x}", {"geometry.alpha": f"{26 + k} deg"}) for k in range(3))
-        found = Candidate(0, "done", {"geometry.alpha": "26 deg"}, figures={"duration": 1.5, "motor_mass": 0.2})
+        found = Candidate(
+            0, "done", {"geometry.alpha": "26 deg"}, figures={"duration": 1.5, "motor_mass": 0.2}
+        )
         open_store.put([(f"{0:032x}", found)])
     return study, catalogue, store
 
@@ -296,7 +312,9 @@ def _load(reader: Callable[[Path], Any], path: Path) -> str | None:
     except SsmPlannerError as error:
         # a fault of a file that this one names is said of that file
         return (
-            None if ".yaml" in str(error) or path.name in str(error) else f"the message does not name the file: {error}"
+            None
+            if ".yaml" in str(error) or path.name in str(error)
+            else f"the message does not name the file: {error}"
         )
     except Hang:
         return "hangs"

@@ -58,7 +58,9 @@ class Stage:
         second = folder / "problems/less.yaml"
         second.write_text(first.read_text().replace("to: 20 mm", "to: 12 mm"))
         results = folder / "first", folder / "second"
-        stage = cls(folder, (first, second), results, {form: folder / form for form in ("csv", "ros2")}, {})
+        stage = cls(
+            folder, (first, second), results, {form: folder / form for form in ("csv", "ros2")}, {}
+        )
         for problem, result in zip((first, second), results, strict=True):
             stage.timed("plan", "plan", str(problem), "-o", str(result))
         for form, out in stage.exports.items():
@@ -84,12 +86,20 @@ def run(count: int, seed: int) -> list[Row]:
         ]
         few = max(count // 40, 3)
         rng = random.Random(f"{seed} others")
-        rows += [full_disk(stage, few, rng), closed_streams(stage, few, rng), two_writers(stage, few, rng)]
+        rows += [
+            full_disk(stage, few, rng),
+            closed_streams(stage, few, rng),
+            two_writers(stage, few, rng),
+        ]
         return [*rows, hostile_folders(stage, few, rng), hostile_texts(4 * count, rng)]
 
 
 def start(
-    cwd: Path, *words: str, mark: str = "", limit: int | None = None, streams: dict[str, Any] | None = None
+    cwd: Path,
+    *words: str,
+    mark: str = "",
+    limit: int | None = None,
+    streams: dict[str, Any] | None = None,
 ) -> subprocess.Popen[bytes]:
     """The program in a process of its own; mark: found again in the environment of its children."""
 
@@ -97,10 +107,17 @@ def start(
         if limit is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **(streams or {})}
+    pipes = {
+        "stdin": subprocess.DEVNULL,
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+        **(streams or {}),
+    }
     environment = {**os.environ, "PYTHONPATH": str(ROOT), MARK: mark}
     command = [sys.executable, "-m", "ssm_planner", *words]
-    return subprocess.Popen(command, cwd=cwd, env=environment, preexec_fn=begin, start_new_session=True, **pipes)
+    return subprocess.Popen(
+        command, cwd=cwd, env=environment, preexec_fn=begin, start_new_session=True, **pipes
+    )
 
 
 def interrupted(stage: Stage, count: int, number: signal.Signals, rng: random.Random) -> Row:
@@ -127,7 +144,9 @@ def interrupted(stage: Stage, count: int, number: signal.Signals, rng: random.Ra
                 continue
         fault = _orphans(mark) or _left(out, earlier, case) if number == signal.SIGKILL else None
         if number != signal.SIGKILL:
-            fault = _orphans(mark) or _said(number, status, errors.read_text("utf-8", "replace"), out, earlier)
+            fault = _orphans(mark) or _said(
+                number, status, errors.read_text("utf-8", "replace"), out, earlier
+            )
         counted.add(fault and f"{kind}: {fault}")
     return counted.row
 
@@ -164,7 +183,9 @@ def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
     return None if listed == found else f"a mixture that is not noticed: {sorted(found)}"
 
 
-def _said(number: signal.Signals, status: int, said: str, out: Path, earlier: dict[str, str]) -> str | None:
+def _said(
+    number: signal.Signals, status: int, said: str, out: Path, earlier: dict[str, str]
+) -> str | None:
     """What is wrong with the words, the status and the folder that a process leaves that was asked to end."""
     begun = "] reading" in said
     if "Traceback" in said and begun:
@@ -177,7 +198,12 @@ def _said(number: signal.Signals, status: int, said: str, out: Path, earlier: di
     if "untouched" in said and now != earlier:
         return "said that earlier results are untouched"
     check_generation(out)
-    if status == STATUS[number] and "untouched" not in said and "written whole" not in said and begun:
+    if (
+        status == STATUS[number]
+        and "untouched" not in said
+        and "written whole" not in said
+        and begun
+    ):
         return f"does not say what is left: {said[-300:]}"
     return None
 
@@ -197,7 +223,10 @@ def _marked(mark: str) -> list[str]:
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if wanted in (folder / "environ").read_bytes() and ") Z " not in (folder / "stat").read_text():
+            if (
+                wanted in (folder / "environ").read_bytes()
+                and ") Z " not in (folder / "stat").read_text()
+            ):
                 found.append(folder.name)
         except OSError:
             continue
@@ -222,7 +251,9 @@ def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
         now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
         fault = None
         if process.returncode == 0:
-            fault = None if (check_generation(out) is None) else "not whole"  # nothing it writes is that large
+            fault = (
+                None if (check_generation(out) is None) else "not whole"
+            )  # nothing it writes is that large
         elif process.returncode != 2 or "Traceback" in text or "cannot be written" not in text:
             fault = f"exit status {process.returncode}: {text[-300:]}"
         elif now != earlier:
@@ -241,7 +272,9 @@ def closed_streams(stage: Stage, count: int, rng: random.Random) -> Row:
             ["check", plan, "--json"],
             ["workspace", str(stage.folder / "problems/robots/vitreoretinal.yaml")],
         )[k % 3]
-        how = ("<&-", ">&-", "2>&-", ">&- 2>&-", "> /dev/full", "2> /dev/full", "| head -c 1")[k % 7]
+        how = ("<&-", ">&-", "2>&-", ">&- 2>&-", "> /dev/full", "2> /dev/full", "| head -c 1")[
+            k % 7
+        ]
         command = f'set -o pipefail; "$@" {how}'
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         if rng.random() < 0.5:
@@ -252,7 +285,11 @@ def closed_streams(stage: Stage, count: int, rng: random.Random) -> Row:
         )  # fmt: skip
         said = done.stderr.decode("utf-8", "replace")
         bad = "Traceback" in said or "internal fault" in said or done.returncode in (1, 3)
-        counted.add(f"{' '.join(words[:1])} {how}: exit status {done.returncode}: {said[-300:]}" if bad else None)
+        counted.add(
+            f"{' '.join(words[:1])} {how}: exit status {done.returncode}: {said[-300:]}"
+            if bad
+            else None
+        )
     return counted.row
 
 
@@ -277,7 +314,9 @@ def two_writers(stage: Stage, count: int, rng: random.Random) -> Row:
             check_generation(out)
         except TrajectoryError as error:
             fault = str(error)
-        if (out / "plan.json").read_bytes() not in plans or sorted(hashes(out)) != sorted(hashes(stage.results[0])):
+        if (out / "plan.json").read_bytes() not in plans or sorted(hashes(out)) != sorted(
+            hashes(stage.results[0])
+        ):
             fault = f"neither of the plans: {sorted(hashes(out))}"
         counted.add(fault)
     return counted.row
@@ -296,7 +335,11 @@ def hostile_folders(stage: Stage, count: int, rng: random.Random) -> Row:
         problem.write_text(stage.problems[0].read_text() + f"name: {json.dumps(name)}\n")
         process = start(here, "plan", str(problem), streams={"stderr": subprocess.PIPE})
         _, said = process.communicate(timeout=PATIENCE)
-        outside = [path for path in case.rglob("*") if path.is_file() and here / "results" not in path.parents]
+        outside = [
+            path
+            for path in case.rglob("*")
+            if path.is_file() and here / "results" not in path.parents
+        ]
         outside = [path for path in outside if here / "cache" not in path.parents]
         fault = None
         if outside:
@@ -336,7 +379,13 @@ def _c_fault(text: str) -> str | None:
     comment = text[:end]
     odd = [word for word in ("\\\n", "??/", "/*") if word in comment[2:]]
     rest = text[end + 2 :].lstrip()
-    return f"{odd} in a comment" if odd else None if rest.startswith("#") else f"code behind it: {rest[:40]!r}"
+    return (
+        f"{odd} in a comment"
+        if odd
+        else None
+        if rest.startswith("#")
+        else f"code behind it: {rest[:40]!r}"
+    )
 
 
 def _path_fault(text: str) -> str | None:

@@ -68,7 +68,10 @@ def watchdog(seconds: int = LONGEST) -> Iterator[None]:
     def bark(number: int, frame: FrameType | None) -> None:
         raise Hang
 
-    timers = {signal.SIGPROF: (signal.ITIMER_PROF, 1), signal.SIGALRM: (signal.ITIMER_REAL, PATIENCE)}
+    timers = {
+        signal.SIGPROF: (signal.ITIMER_PROF, 1),
+        signal.SIGALRM: (signal.ITIMER_REAL, PATIENCE),
+    }
     before = {number: signal.signal(number, bark) for number in timers}
     for timer, times in timers.values():
         signal.setitimer(timer, times * seconds)
@@ -117,4 +120,6 @@ def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, 
 def one(name: str, count: int, seed: int) -> tuple[list[Row], float]:
     """A slice, and the seconds that it took."""
     begin = time.monotonic()
-    return importlib.import_module(f"{__package__}.{name}").run(count, seed), time.monotonic() - begin
+    return importlib.import_module(f"{__package__}.{name}").run(
+        count, seed
+    ), time.monotonic() - begin

@@ -11,7 +11,12 @@ from typing import Any
 
 from .rows import ROBOT, Count, Row, command
 
-JUDGED = (("trajectory", "breaks_s"), ("trajectory", "coefficients"), ("certificate",), ("problem", "robot"))
+JUDGED = (
+    ("trajectory", "breaks_s"),
+    ("trajectory", "coefficients"),
+    ("certificate",),
+    ("problem", "robot"),
+)
 """Parts of plan.json that a certificate is of, beside the limits of the task."""
 LIMITS = ("limits", "tip_speed", "rates", "eye", "start_rate", "end_rate")
 
@@ -19,7 +24,10 @@ LIMITS = ("limits", "tip_speed", "rates", "eye", "start_rate", "end_rate")
 def run(count: int, seed: int) -> list[Row]:
     """Half of the count are plans, shown and exported; half are export folders."""
     with tempfile.TemporaryDirectory() as name:
-        return [_plans(Path(name), count // 2, random.Random(f"{seed} plans")), *_exports(Path(name), count // 2, seed)]
+        return [
+            _plans(Path(name), count // 2, random.Random(f"{seed} plans")),
+            *_exports(Path(name), count // 2, seed),
+        ]
 
 
 def _plans(folder: Path, count: int, rng: random.Random) -> Row:
@@ -29,7 +37,9 @@ def _plans(folder: Path, count: int, rng: random.Random) -> Row:
 
     robot = load_robot(ROBOT)
     limits = of_task({"tilt": (-2.4, -1.42), "depth": (-0.001, 0.03)}, tip_speed=0.5)
-    text = write_plan(folder / "plan.json", robot, trapezoids(robot), limits).read_text(encoding="utf-8")
+    text = write_plan(folder / "plan.json", robot, trapezoids(robot), limits).read_text(
+        encoding="utf-8"
+    )
     counted = Count("plans changed by hand")
     path = folder / "changed" / "plan.json"
     path.parent.mkdir()
@@ -53,14 +63,20 @@ def tampered(rng: random.Random, document: dict[str, Any]) -> str:
     if path == ["certificate"] and rng.random() < 0.2:
         certificate = place["certificate"]
         drop = rng.choice(("sha256", "limits"))
-        certificate[drop] = None if drop == "sha256" else rng.choice(([], certificate["limits"][1:]))
+        certificate[drop] = (
+            None if drop == "sha256" else rng.choice(([], certificate["limits"][1:]))
+        )
         return f"certificate.{drop}"
     for key in path[:-1]:
         place = place[key]
     key: Any = path[-1]
     while isinstance(place[key], (dict, list)) and place[key]:
         place = place[key]
-        key = rng.choice([k for k in place if k not in ("file",)] if isinstance(place, dict) else range(len(place)))
+        key = rng.choice(
+            [k for k in place if k not in ("file",)]
+            if isinstance(place, dict)
+            else range(len(place))
+        )
         path.append(key)
     _change(rng, place, key)
     return ".".join(map(str, path))
@@ -138,7 +154,10 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
         ("pvt", {}),
     )
     for form, options in forms:
-        rng, counted = random.Random(f"{seed} {form}"), Count(f"export folders changed by hand: {form}")
+        rng, counted = (
+            random.Random(f"{seed} {form}"),
+            Count(f"export folders changed by hand: {form}"),
+        )
         _, manifest = export(plan, form, folder / form, **options)
         names = sorted(manifest["files"])
         healthy = command("check", str(folder / form), "--robot", str(ROBOT))
@@ -148,12 +167,23 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
             file = folder / form / rng.choice(names)
             data = file.read_bytes()
             at = rng.randrange(len(data))
-            other = copy.copy(data[:at]) + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :]
+            other = (
+                copy.copy(data[:at]) + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :]
+            )
             file.write_bytes(other)
             status, out, err, fault = command("check", str(folder / form), "--robot", str(ROBOT))
             file.write_bytes(data)
             passed = status == 0 or "PASSED" in out
             named = file.name in err
-            counted.add(fault or (f"{file.name}: passes" if passed else None if named else f"not named: {err[-200:]}"))
+            counted.add(
+                fault
+                or (
+                    f"{file.name}: passes"
+                    if passed
+                    else None
+                    if named
+                    else f"not named: {err[-200:]}"
+                )
+            )
         rows.append(counted.row)
     return rows

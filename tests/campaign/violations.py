@@ -56,7 +56,9 @@ class Violations:
 
     def acceleration(self, factor: float) -> Any:
         """The robot with the acceleration limits times a factor."""
-        joints = tuple(dataclasses.replace(j, acceleration=j.acceleration * factor) for j in self.robot.joints)
+        joints = tuple(
+            dataclasses.replace(j, acceleration=j.acceleration * factor) for j in self.robot.joints
+        )
         return dataclasses.replace(self.robot, joints=joints)
 
     def pieces(self, count: int) -> None:
@@ -70,10 +72,14 @@ class Violations:
             found = check(trajectory, self.robot)
             if healthy:
                 named = [f"{v.name} {v.joint} {v.margin:.2e}" for v in found.violations]
-                self.count("healthy: pieces", None if found.passed else f"{where}, {-excess:.1e}: {named}")
+                self.count(
+                    "healthy: pieces", None if found.passed else f"{where}, {-excess:.1e}: {named}"
+                )
             else:
                 seen = [v for v in found.violations if v.name == "acceleration"]
-                self.count("violations: pieces", None if seen else f"{where}, {excess:.1e}: not found")
+                self.count(
+                    "violations: pieces", None if seen else f"{where}, {excess:.1e}: not found"
+                )
 
     def pulse(self, peak: float) -> tuple[Any, str]:
         """The motion with q + A s² (1 − s)² added on a stretch, whose q̈ peaks at `peak` times the limit at its ends."""
@@ -118,7 +124,9 @@ class Violations:
         samples.qd[[0, -1]] = 0.0
         return t, samples.q.copy(), samples.qd.copy()
 
-    def beyond(self, peak: float, ticks: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
+    def beyond(
+        self, peak: float, ticks: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
         """The table with one velocity changed, so that q̈ at the start of an interval is `peak` times its limit."""
         t, q, qd = self.table(ticks)
         k, joint = int(self.rng.integers(1, len(t) - 2)), int(self.rng.integers(4))
@@ -127,18 +135,30 @@ class Violations:
         h = t[k + 1] - t[k]
         limit, sign = self.robot.joints[joint].acceleration, float(self.rng.choice((-1, 1)))
         # q̈ at the start of a cubic: (6 (q1 − q0) / h − 4 v0 − 2 v1) / h
-        qd[k, joint] = (6 * (q[k + 1, joint] - q[k, joint]) / h - 2 * qd[k + 1, joint] - sign * peak * limit * h) / 4
+        qd[k, joint] = (
+            6 * (q[k + 1, joint] - q[k, joint]) / h - 2 * qd[k + 1, joint] - sign * peak * limit * h
+        ) / 4
         return t, q, qd, f"joint {joint} at {t[k]:.4f} s for {1e6 * h:.1f} µs"
 
     def csv(self, count: int) -> None:
         """Rows with velocities."""
-        header = [*(f"q{i}_rad" for i in (1, 2, 3)), "q4_m", *(f"qd{i}_rad_per_s" for i in (1, 2, 3)), "qd4_m_per_s"]
+        header = [
+            *(f"q{i}_rad" for i in (1, 2, 3)),
+            "q4_m",
+            *(f"qd{i}_rad_per_s" for i in (1, 2, 3)),
+            "qd4_m_per_s",
+        ]
         path = self.folder / "points.csv"
         for k in range(count):
             healthy, excess = k % 3 == 0, self.excess()
             t, q, qd, where = (*self.table(), "") if healthy else self.beyond(1 + excess)
             np.savetxt(
-                path, np.column_stack([t, q, qd]), "%.17g", ",", header=",".join(["time_s", *header]), comments=""
+                path,
+                np.column_stack([t, q, qd]),
+                "%.17g",
+                ",",
+                header=",".join(["time_s", *header]),
+                comments="",
             )
             self.judge("CSV", path, healthy, f"{where}, {excess:.1e}")
 
@@ -146,10 +166,16 @@ class Violations:
         """Check a file by the command."""
         status, out, err, fault = command("check", str(path), "--robot", str(ROBOT))
         if healthy:
-            self.count(f"healthy: {form}", fault or (None if status == 0 else f"{where}: {err[-200:]}{out[-200:]}"))
+            self.count(
+                f"healthy: {form}",
+                fault or (None if status == 0 else f"{where}: {err[-200:]}{out[-200:]}"),
+            )
         else:
             found = status == 1 and "FAILED" in out
-            self.count(f"violations: {form}", fault or (None if found else f"{where}: status {status} {err[-200:]}"))
+            self.count(
+                f"violations: {form}",
+                fault or (None if found else f"{where}: status {status} {err[-200:]}"),
+            )
 
     def bags(self, count: int) -> None:
         """The same points as a rosbag2."""
@@ -179,7 +205,13 @@ class Violations:
         plan = read_back(self.folder / "plan.json", self.robot, self.trajectory)
         for number, rate in enumerate((1000.0, 500.0, 200.0, 100.0, 50.0, 20.0)):
             folder = self.folder / f"epos4_{number}"
-            export(plan, "epos4", folder, rate=rate, counts_per_turn=int(self.rng.choice((1024, 4096, 65536))))
+            export(
+                plan,
+                "epos4",
+                folder,
+                rate=rate,
+                counts_per_turn=int(self.rng.choice((1024, 4096, 65536))),
+            )
             for k in range(max(count // 6, 2)):
                 if k % 8 == 0:
                     self.judge("EPOS4 folders", folder, True, f"{rate:g} Hz")
@@ -191,7 +223,10 @@ class Violations:
     def changed(self, folder: Path, change: Callable[[list[list[str]]], str], rehash: bool) -> None:
         """Check a folder with one of its streams changed."""
         file = folder / f"{self.rng.choice(('roll', 'tilt', 'insertion'))}.csv"
-        text, listed = file.read_text(encoding="utf-8"), (folder / "manifest.json").read_text(encoding="utf-8")
+        text, listed = (
+            file.read_text(encoding="utf-8"),
+            (folder / "manifest.json").read_text(encoding="utf-8"),
+        )
         rows = [line.split(",") for line in text.splitlines()]
         what = change(rows)
         other = "\n".join(",".join(row) for row in rows) + "\n"
@@ -205,7 +240,13 @@ class Violations:
             kind = "violations: EPOS4 folders" + (", hashes changed too" if rehash else "")
             found = status in (1, 2) and "PASSED" not in out
             self.count(
-                kind, fault or (None if found else f"{folder.name} {file.name} {what}: status {status} {err[-100:]}")
+                kind,
+                fault
+                or (
+                    None
+                    if found
+                    else f"{folder.name} {file.name} {what}: status {status} {err[-100:]}"
+                ),
             )
         file.write_text(text, encoding="utf-8")
         (folder / "manifest.json").write_text(listed, encoding="utf-8")
@@ -221,7 +262,11 @@ class Violations:
     def scaled(self, rows: list[list[str]]) -> str:
         """All offsets of one kind times a factor."""
         column = int(self.rng.integers(2, len(rows[0])))
-        factor = (50, 9, -1, 0)[int(self.rng.integers(4))] if column == 2 else (50, 9)[int(self.rng.integers(2))]
+        factor = (
+            (50, 9, -1, 0)[int(self.rng.integers(4))]
+            if column == 2
+            else (50, 9)[int(self.rng.integers(2))]
+        )
         if max(abs(int(row[column])) for row in rows[1:]) < 20:
             return ""  # nothing to scale
         for row in rows[1:]:

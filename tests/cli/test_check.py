@@ -22,7 +22,14 @@ from plans import smooth, write_plan
 
 PROBLEMS = Path(__file__).parent.parent.parent / "problems"
 APPROACH, ROBOT = PROBLEMS / "eye_approach.yaml", PROBLEMS / "robots/vitreoretinal.yaml"
-TASK_ONLY = {"roll rate", "tilt rate", "spin rate", "insertion speed", "retina clearance", "lens clearance"}
+TASK_ONLY = {
+    "roll rate",
+    "tilt rate",
+    "spin rate",
+    "insertion speed",
+    "retina clearance",
+    "lens clearance",
+}
 
 
 def run(*words: str | Path) -> int:
@@ -36,8 +43,17 @@ def csv(robot: Robot, tmp_path: Path) -> Path:
     trajectory = smooth(robot)
     s = trajectory.sample(np.linspace(0, trajectory.duration, 801))
     path = tmp_path / "t.csv"
-    header = "time_s,q1_rad,q2_rad,q3_rad,q4_m,qd1_rad_per_s,qd2_rad_per_s,qd3_rad_per_s,qd4_m_per_s"
-    np.savetxt(path, np.column_stack([s.t, s.q, s.qd]), fmt="%.15g", delimiter=",", header=header, comments="")
+    header = (
+        "time_s,q1_rad,q2_rad,q3_rad,q4_m,qd1_rad_per_s,qd2_rad_per_s,qd3_rad_per_s,qd4_m_per_s"
+    )
+    np.savetxt(
+        path,
+        np.column_stack([s.t, s.q, s.qd]),
+        fmt="%.15g",
+        delimiter=",",
+        header=header,
+        comments="",
+    )
     return path
 
 
@@ -45,7 +61,9 @@ def limits_of(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     return {limit["name"]: limit for limit in json.loads(capsys.readouterr().out)["limits"]}
 
 
-def test_a_problem_brings_its_robot_and_its_limits(csv: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_problem_brings_its_robot_and_its_limits(
+    csv: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     problem = load_problem(APPROACH)
     status = run(csv, "--problem", APPROACH, "--json")
     found = limits_of(capsys)
@@ -66,7 +84,9 @@ def test_a_robot_alone_limits_no_task(csv: Path, capsys: pytest.CaptureFixture[s
 def test_a_plan_brings_its_own_limits_unless_a_problem_is_given(
     robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plan = write_plan(tmp_path / "plan.json", robot, smooth(robot), load_problem(APPROACH).task_limits)
+    plan = write_plan(
+        tmp_path / "plan.json", robot, smooth(robot), load_problem(APPROACH).task_limits
+    )
     run(plan, "--json")
     mine = limits_of(capsys)
     assert set(mine) >= TASK_ONLY
@@ -78,11 +98,15 @@ def test_a_plan_brings_its_own_limits_unless_a_problem_is_given(
     assert other["retina clearance"] == mine["retina clearance"]
 
 
-def test_a_tip_in_the_retina_is_told_in_words(robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tip_in_the_retina_is_told_in_words(
+    robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     deep = smooth(robot, (np.array([0.0, 0.0, 0.0, -0.025]),))
     plan = write_plan(tmp_path / "plan.json", robot, deep, load_problem(APPROACH).task_limits)
     assert run(plan) == 1
-    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("retina clearance"))
+    line = next(
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("retina clearance")
+    )
     assert "mm" in line
     assert "EXCEEDED" in line
 

@@ -31,7 +31,9 @@ LOADERS: dict[str, Callable[[Path], Any]] = {
 
 
 @pytest.mark.parametrize("kind", LOADERS)
-def test_a_new_file_loads_as_it_stands(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_file_loads_as_it_stands(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "mine.yaml"
     assert main(["new", kind, str(file)]) == 0
     assert str(file) in capsys.readouterr().out

@@ -48,7 +48,9 @@ def test_workspace_of_the_robot(workspace, tmp_path):
     assert math.degrees(result["alpha"]) == pytest.approx(30.0)
     assert math.degrees(result["beta"]) == pytest.approx(109.778393)
     assert np.degrees(result["tilt_range"]) == pytest.approx([-139.778393, -79.778393])
-    assert sorted(extreme["tilt"] for extreme in result["extremes"]) == pytest.approx(result["tilt_range"], abs=1e-14)
+    assert sorted(extreme["tilt"] for extreme in result["extremes"]) == pytest.approx(
+        result["tilt_range"], abs=1e-14
+    )
     names = {"axes", "reachable_set", "theta2_against_tilt", "joint_speeds"}
     assert set(result["files"]) == names | {f"{name}_pdf" for name in names}
     for name, path in result["files"].items():
@@ -58,7 +60,9 @@ def test_workspace_of_the_robot(workspace, tmp_path):
 def test_reach_returns_the_published_design(workspace, tmp_path):
     result = workspace("--reach", "-140deg", "-80deg", "-o", tmp_path)
     assert np.degrees([result["alpha"], result["beta"]]) == pytest.approx([30.0, 110.0])
-    assert np.degrees(result["region"]) == pytest.approx(np.array([[30, 110], [110, 30], [150, 70], [70, 150]]))
+    assert np.degrees(result["region"]) == pytest.approx(
+        np.array([[30, 110], [110, 30], [150, 70], [70, 150]])
+    )
     assert Path(result["files"]["design_region"]).exists()
     with_robot = workspace(ROBOT, "--reach", "-80deg", "-140deg")
     assert math.degrees(with_robot["robot"]["margin"]) == pytest.approx(-0.221607, abs=1e-6)
@@ -78,7 +82,11 @@ def test_fk_of_ik_is_the_point_for_one_and_for_many(robot):
     point = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.02}
     found = ik(robot, **point)
     many, one = fk(robot, found.joints), fk(robot, found.joints[0])
-    assert (many.rotation.shape, many.position.shape, many.task.shape) == ((2, 3, 3), (2, 3), (2, 4))
+    assert (many.rotation.shape, many.position.shape, many.task.shape) == (
+        (2, 3, 3),
+        (2, 3),
+        (2, 4),
+    )
     assert (one.rotation.shape, one.position.shape, one.task.shape) == ((3, 3), (3,), (4,))
     assert np.abs(many.task - list(point.values())).max() < 1e-12
     assert np.linalg.norm(one.position) == pytest.approx(point["depth"], abs=1e-15)
@@ -108,7 +116,9 @@ def test_ik_outside_the_workspace_says_by_how_much(robot):
     excess = math.radians(145.0 - 139.77839335)
     assert not result["reachable"]
     assert len(result["branches"]) == 1  # at the boundary the branches meet
-    assert result["error"] == pytest.approx({"orientation": excess, "tip": 0.02 * math.sin(excess)}, abs=1e-9)
+    assert result["error"] == pytest.approx(
+        {"orientation": excess, "tip": 0.02 * math.sin(excess)}, abs=1e-9
+    )
     assert result["boundary_distance"] == pytest.approx(-excess, abs=1e-9)
 
 

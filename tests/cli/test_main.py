@@ -38,14 +38,26 @@ def replace(old: str, new: str) -> Edit:
 
 
 def run_plan(files: Path, *options: str) -> int:
-    return main(["plan", str(files / "problems/tilt_insert.yaml"), "-o", str(files / "out"), *options])
+    return main(
+        ["plan", str(files / "problems/tilt_insert.yaml"), "-o", str(files / "out"), *options]
+    )
 
 
-def test_plan_writes_a_complete_and_consistent_folder(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plan_writes_a_complete_and_consistent_folder(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_plan(files, "--json") == 0
     captured = capsys.readouterr()
     printed = json.loads(captured.out)
-    assert {"status", "duration", "lower_bound", "gap", "toppra_duration", "passed", "solve_time"} <= set(printed)
+    assert {
+        "status",
+        "duration",
+        "lower_bound",
+        "gap",
+        "toppra_duration",
+        "passed",
+        "solve_time",
+    } <= set(printed)
     assert {"motors", "limits", "reason", "files"} <= set(printed)
     assert printed["passed"] is True
     assert printed["reason"] is None
@@ -78,10 +90,22 @@ def test_the_summary_begins_with_verdicts_and_names_placeholders(
 PROBLEM, ROBOT = "tilt_insert.yaml", "robots/vitreoretinal.yaml"
 WORM = "drives/vitreoretinal_joint1_worm.yaml"
 BAD = {
-    "unreachable tilt": (PROBLEM, replace("-135 deg", "-139.5 deg"), [r"tilt_insert.yaml:\d+", "tilt", "139.5"]),
-    "unknown key": (PROBLEM, replace("objective:", "objektive:"), [r"tilt_insert.yaml:\d+", "objektive", "objective"]),
+    "unreachable tilt": (
+        PROBLEM,
+        replace("-135 deg", "-139.5 deg"),
+        [r"tilt_insert.yaml:\d+", "tilt", "139.5"],
+    ),
+    "unknown key": (
+        PROBLEM,
+        replace("objective:", "objektive:"),
+        [r"tilt_insert.yaml:\d+", "objektive", "objective"],
+    ),
     "no unit": (PROBLEM, replace("-135 deg", "-135"), [r"tilt_insert.yaml:\d+", "-135", "unit"]),
-    "wrong unit": (PROBLEM, replace("-135 deg", "-135 mm"), [r"tilt_insert.yaml:\d+", "-135 mm", "angle"]),
+    "wrong unit": (
+        PROBLEM,
+        replace("-135 deg", "-135 mm"),
+        [r"tilt_insert.yaml:\d+", "-135 mm", "angle"],
+    ),
     "radians meant as degrees": (
         PROBLEM,
         replace("-135 deg", "-135 rad"),
@@ -97,7 +121,11 @@ BAD = {
         replace("products_of_inertia: cad", "products_of_inertia: tensor"),
         [r"vitreoretinal.yaml:\d+", "inertia", "sign", "cad"],
     ),
-    "missing file": (PROBLEM, replace("robots/vitreoretinal", "robots/nobody"), [r"tilt_insert.yaml:\d+", "nobody"]),
+    "missing file": (
+        PROBLEM,
+        replace("robots/vitreoretinal", "robots/nobody"),
+        [r"tilt_insert.yaml:\d+", "nobody"],
+    ),
     "broken YAML": (PROBLEM, replace("start:", "start: {"), [r"tilt_insert.yaml:\d+"]),
     "not self-locking": (
         WORM,
@@ -108,7 +136,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD, ids=BAD.keys())
-def test_bad_input_gives_one_message_and_status_2(case: str, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_gives_one_message_and_status_2(
+    case: str, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     name, edit, expected = BAD[case]
     earlier = files / "out/plan.json"
     earlier.parent.mkdir()
@@ -126,7 +156,9 @@ def test_bad_input_gives_one_message_and_status_2(case: str, files: Path, capsys
     assert earlier.read_text() == "earlier result"
 
 
-def test_an_infeasible_problem_gives_its_reason_and_status_1(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_infeasible_problem_gives_its_reason_and_status_1(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = files / "problems/motors/maxon_ecx_torque_22_xl.yaml"
     path.write_text(
         path.read_text()
@@ -146,7 +178,9 @@ def test_an_infeasible_problem_gives_its_reason_and_status_1(files: Path, capsys
     assert not (files / "out").exists()
 
 
-def test_an_unwritable_folder_is_one_message(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unwritable_folder_is_one_message(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (files / "out").write_text("a file where the folder should be")
     assert run_plan(files) == 2
     assert "cannot be written" in capsys.readouterr().err
@@ -165,7 +199,9 @@ def test_workspace_and_reach(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
     robot = str(ROOT / "problems" / ROBOT)
-    assert main(["ik", robot, "--roll", "5deg", "--tilt", "-100deg", "--depth", "15mm", "--json"]) == 0
+    assert (
+        main(["ik", robot, "--roll", "5deg", "--tilt", "-100deg", "--depth", "15mm", "--json"]) == 0
+    )
     found = json.loads(capsys.readouterr().out)
     assert found["reachable"] is True
     assert len(found["branches"]) == 2
@@ -174,8 +210,12 @@ def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(capsys.readouterr().out)["reachable"] is False
 
 
-@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["plan"], ["ik", "x.yaml", "--tilt", "-100"], ["workspace"]])
-def test_wrong_arguments_are_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "arguments", [[], ["nonsense"], ["plan"], ["ik", "x.yaml", "--tilt", "-100"], ["workspace"]]
+)
+def test_wrong_arguments_are_status_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     try:
         status = main(arguments)
     except SystemExit as stop:
@@ -187,7 +227,9 @@ def test_wrong_arguments_are_status_2(arguments: list[str], capsys: pytest.Captu
 def test_help_names_every_command_without_loading_anything_heavy() -> None:
     code = "import sys; from ssm_planner.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
     code += "print(sorted({'numpy', 'casadi', 'toppra', 'matplotlib', 'pint', 'pydantic'} & set(sys.modules)))"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
     assert out.rstrip().endswith("[]")
     for command in ("plan", "workspace", "ik"):
         assert command in out
@@ -230,7 +272,11 @@ sys.exit(main(sys.argv[1:]))
 def test_requests_to_end(number: str, status: int, word: str, tmp_path: Path) -> None:
     words = ["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "out")]
     with subprocess.Popen(
-        [sys.executable, "-c", SLOW, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+        [sys.executable, "-c", SLOW, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "writing\n"
@@ -247,7 +293,9 @@ def test_nothing_in_the_working_directory_is_run(tmp_path: Path) -> None:
     here = tmp_path / "here"
     here.mkdir()
     for name in ("shutil", "numpy", "casadi", "matplotlib", "pickle", "hashlib", "sitecustomize"):
-        (here / f"{name}.py").write_text(f"open({str(tmp_path / name)!r}, 'w')\nraise SystemExit(9)\n")
+        (here / f"{name}.py").write_text(
+            f"open({str(tmp_path / name)!r}, 'w')\nraise SystemExit(9)\n"
+        )
     (here / "matplotlibrc").write_text("lines.linewidth: 40\n")
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     start = "import runpy, sys; sys.path[:0] = ['']; sys.argv[0] = 'x'; runpy.run_module('ssm_planner', run_name='__main__')"
@@ -256,7 +304,9 @@ def test_nothing_in_the_working_directory_is_run(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=here, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"here", "out"}
-    assert (tmp_path / "out/motion.png").stat().st_size < 3 * (ROOT / "results/tilt_insert/motion.png").stat().st_size
+    assert (tmp_path / "out/motion.png").stat().st_size < 3 * (
+        ROOT / "results/tilt_insert/motion.png"
+    ).stat().st_size
 
 
 def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,8 +320,14 @@ def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.Monk
     assert not (files / "a/x").exists()
 
 
-def test_joint_names_of_a_plan_are_no_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    plan = (ROOT / "results/tilt_insert/plan.json").read_text().replace('"name": "roll"', '"name": "../../roll"')
+def test_joint_names_of_a_plan_are_no_paths(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = (
+        (ROOT / "results/tilt_insert/plan.json")
+        .read_text()
+        .replace('"name": "roll"', '"name": "../../roll"')
+    )
     (tmp_path / "plan.json").write_text(plan)
     words = [
         "export",
@@ -289,7 +345,9 @@ def test_joint_names_of_a_plan_are_no_paths(tmp_path: Path, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
-def test_a_signal_in_code_that_is_made_from_text_has_the_same_status(name: str, status: int, tmp_path: Path) -> None:
+def test_a_signal_in_code_that_is_made_from_text_has_the_same_status(
+    name: str, status: int, tmp_path: Path
+) -> None:
     """Dataclasses and many libraries call exec() when they load; CPython remembers an interruption within."""
     (tmp_path / "begun.py").write_text(f"""
 import signal, sys
@@ -300,7 +358,9 @@ sys.argv = ["ssm-planner", "check", "x"]
 sys.exit(cli.main())
 """)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
-    done = subprocess.run([sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment)
+    done = subprocess.run(
+        [sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment
+    )
     assert done.returncode == status, done.stderr
     assert done.stderr.endswith("earlier results are untouched\n")
 
@@ -324,14 +384,18 @@ sys.argv = ["ssm-planner", "check", "x"]
 sys.exit(cli.main())
 """)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
-    done = subprocess.run([sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment, timeout=20)
+    done = subprocess.run(
+        [sys.executable, "-m", "begun"], capture_output=True, text=True, env=environment, timeout=20
+    )
     assert done.returncode == status, done.stderr
     assert done.stderr.endswith("earlier results are untouched\n")
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
-@pytest.mark.parametrize("command", [["export", "--to", "ros2"], ["report"], ["export", "--to", "csv"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "command", [["export", "--to", "ros2"], ["report"], ["export", "--to", "csv"]], ids=" ".join
+)
 def test_a_signal_while_temporary_files_are_removed_leaves_none(
     command: list[str], name: str, status: int, tmp_path: Path
 ) -> None:
@@ -350,11 +414,19 @@ pathlib.Path.unlink = interrupted(pathlib.Path.unlink)
 sys.exit(cli.main())
 """)
     (tmp_path / "out").mkdir()
-    out = tmp_path / "out" if "ros2" in command else tmp_path / "out" / f"out.{'csv' if 'csv' in command else 'html'}"
+    out = (
+        tmp_path / "out"
+        if "ros2" in command
+        else tmp_path / "out" / f"out.{'csv' if 'csv' in command else 'html'}"
+    )
     words = [command[0], str(ROOT / "results/tilt_insert"), *command[1:], "-o", str(out)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
     done = subprocess.run(
-        [sys.executable, "-m", "begun", *words], capture_output=True, text=True, env=environment, timeout=60
+        [sys.executable, "-m", "begun", *words],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=60,
     )
     assert done.returncode == status, done.stderr
     assert "written whole before that" in done.stderr
@@ -371,5 +443,7 @@ class Interrupts:
 sys.meta_path.insert(0, Interrupts())
 runpy.run_module("ssm_planner", run_name="__main__")
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (130, "")

@@ -13,7 +13,22 @@ PLAN = str(Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json")
 
 
 def test_json_and_files(capsys, tmp_path):
-    assert main(["simulate", PLAN, "--power-loss", "everywhere", "--instants", "5", "-o", str(tmp_path), "--json"]) == 0
+    assert (
+        main(
+            [
+                "simulate",
+                PLAN,
+                "--power-loss",
+                "everywhere",
+                "--instants",
+                "5",
+                "-o",
+                str(tmp_path),
+                "--json",
+            ]
+        )
+        == 0
+    )
     out = capsys.readouterr()
     found = json.loads(out.out)
     assert found["passed"] is True
@@ -41,7 +56,17 @@ def test_a_failure_has_exit_status_1_and_its_reason(capsys):
 
 
 def test_options_combine(capsys):
-    words = ["--payload", "50g@1s", "--friction", "0.9", "--supply", "20V", "--speed", "50%", "--json"]
+    words = [
+        "--payload",
+        "50g@1s",
+        "--friction",
+        "0.9",
+        "--supply",
+        "20V",
+        "--speed",
+        "50%",
+        "--json",
+    ]
     assert main(["simulate", PLAN, *words, "--controller", "epos4"]) == 0
     assert json.loads(capsys.readouterr().out)["passed"] is True
 

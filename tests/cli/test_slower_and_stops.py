@@ -20,7 +20,9 @@ SHIPPED = Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json"
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     """The shipped plan, certified by today's program."""
     shipped = load_plan(SHIPPED)
-    made = replace(shipped, certificate=check(shipped.motion, shipped.robot, shipped.limits, seal=True))
+    made = replace(
+        shipped, certificate=check(shipped.motion, shipped.robot, shipped.limits, seal=True)
+    )
     return load_plan(made.write(tmp_path_factory.mktemp("plan") / "plan.json"))
 
 
@@ -32,14 +34,19 @@ def test_stops_are_in_plan_json(plan: Plan) -> None:
     assert document["farthest"]["travel"] == max(document["travel"])
 
 
-def test_check_at_one_speed_and_over_a_range(plan: Plan, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_at_one_speed_and_over_a_range(
+    plan: Plan, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["check", str(plan.path), "--speed", "10 %", "--json"]) == 0
     one = json.loads(capsys.readouterr().out)
     assert (one["speed"], one["passed"]) == (0.1, True)
     assert main(["check", str(plan.path), "--speed", "1%..100%", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["speeds"]["slowest"] == 0.01
-    assert {each["name"] for each in found["speeds"]["worst"]} == {"motor torque", "continuous torque"}
+    assert {each["name"] for each in found["speeds"]["worst"]} == {
+        "motor torque",
+        "continuous torque",
+    }
     assert main(["check", str(plan.path), "--speed", "1%..100%"]) == 0
     assert "worst at % of the speed" in capsys.readouterr().out
     for words in ("0%", "fast", "10%..50%", "120%"):
@@ -48,7 +55,16 @@ def test_check_at_one_speed_and_over_a_range(plan: Plan, capsys: pytest.CaptureF
 
 
 def test_an_export_at_a_lower_speed_passes_its_own_check(plan: Plan, tmp_path: Path) -> None:
-    words = ["export", str(plan.path), "--to", "csv", "-o", str(tmp_path / "slow"), "--speed", "10%"]
+    words = [
+        "export",
+        str(plan.path),
+        "--to",
+        "csv",
+        "-o",
+        str(tmp_path / "slow"),
+        "--speed",
+        "10%",
+    ]
     assert main(words) == 0
     manifest = json.loads((tmp_path / "slow" / "manifest.json").read_text(encoding="utf-8"))
     assert (manifest["speed"], manifest["verified"]) == (0.1, True)
@@ -71,7 +87,9 @@ def test_the_family_of_stops_is_exported(plan: Plan, tmp_path: Path, to: str) ->
     scale = np.ones(4)
     if to == "epos4":
         axes = json.loads((tmp_path / to / "manifest.json").read_text(encoding="utf-8"))["axes"]
-        scale = np.array([axes[joint.name].get("increments_per_unit", 1.0) for joint in plan.robot.joints])
+        scale = np.array(
+            [axes[joint.name].get("increments_per_unit", 1.0) for joint in plan.robot.joints]
+        )
         assert names[2:] == ["roll_inc", "tilt_inc", "spin_rad", "insertion_inc"]
     for begin in begins:
         stop = rows[rows[:, 0] == begin]
@@ -81,6 +99,10 @@ def test_the_family_of_stops_is_exported(plan: Plan, tmp_path: Path, to: str) ->
         np.testing.assert_allclose(stop[0, 2:], planned, atol=0.51 if to == "epos4" else 2e-6)
 
 
-def test_stops_are_of_csv_and_epos4_alone(plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", str(plan.path), "--to", "urdf", "-o", str(tmp_path), "--stops", "20"]) == 2
+def test_stops_are_of_csv_and_epos4_alone(
+    plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        main(["export", str(plan.path), "--to", "urdf", "-o", str(tmp_path), "--stops", "20"]) == 2
+    )
     assert "csv, epos4" in capsys.readouterr().err

@@ -34,9 +34,15 @@ def test_a_bare_command_lists_the_commands(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.parametrize(
     ("words", "meant"),
-    [(["plna", "x"], "'plan'"), (["simluate"], "'simulate'"), (["check", PLAN, "--robto", "x"], "'--robot'")],
+    [
+        (["plna", "x"], "'plan'"),
+        (["simluate"], "'simulate'"),
+        (["check", PLAN, "--robto", "x"], "'--robot'"),
+    ],
 )
-def test_what_was_probably_meant(words: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_probably_meant(
+    words: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(words) == 2
     assert f"did you mean {meant}?" in capsys.readouterr().err
 
@@ -50,7 +56,9 @@ def test_what_was_probably_meant(words: list[str], meant: str, capsys: pytest.Ca
         (["ik", "vitreoretinal", "--tilt", "-100", "--json"], "unit"),
     ],
 )
-def test_json_is_printed_for_bad_input_too(words: list[str], key: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_printed_for_bad_input_too(
+    words: list[str], key: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(words) == 2
     captured = capsys.readouterr()
     error = json.loads(captured.out)["error"]
@@ -59,7 +67,9 @@ def test_json_is_printed_for_bad_input_too(words: list[str], key: str, capsys: p
     assert error["message"] in captured.err
 
 
-def test_where_a_fault_is_stands_in_the_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_a_fault_is_stands_in_the_object(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "mine.yaml"
     assert main(["new", "problem", str(file)]) == 0
     capsys.readouterr()
@@ -73,7 +83,10 @@ def test_where_a_fault_is_stands_in_the_object(tmp_path: Path, capsys: pytest.Ca
 @pytest.mark.parametrize("width", [60, 80, 100])
 @pytest.mark.parametrize("command", [["check", PLAN], ["size", PLAN, "--what-if"]])
 def test_nothing_is_wider_than_the_terminal(
-    command: list[str], width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: list[str],
+    width: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
     assert main(command) in (0, 1)
@@ -81,7 +94,9 @@ def test_nothing_is_wider_than_the_terminal(
     assert not wide
 
 
-def test_every_help_fits(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_help_fits(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     for name in COMMANDS:
         with pytest.raises(SystemExit):
@@ -100,7 +115,11 @@ def test_words_stay_whole_and_under_their_label() -> None:
 
 
 def test_a_table_gets_narrower_by_wrapping_text_never_numbers() -> None:
-    table = Table(("joint", "motor", "peak torque mN·m"), [("roll", "maxon ECX TORQUE 22 XL", "30.33 of 78")], (2,))
+    table = Table(
+        ("joint", "motor", "peak torque mN·m"),
+        [("roll", "maxon ECX TORQUE 22 XL", "30.33 of 78")],
+        (2,),
+    )
     assert max(map(len, table.lines(100))) == 47
     lines = table.lines(36)
     assert max(map(len, lines)) <= 36
@@ -115,7 +134,9 @@ def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     printed(["check: PASSED", "motor BEYOND", "nothing"], plain)
     printed(["check: PASSED", "motor BEYOND", "nothing"], shown)
     assert plain.getvalue() == "check: PASSED\nmotor BEYOND\nnothing\n"
-    assert shown.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
+    assert (
+        shown.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
+    )
     monkeypatch.setenv("NO_COLOR", "1")
     printed(["check: PASSED"], refused)
     assert refused.getvalue() == "check: PASSED\n"
@@ -147,7 +168,9 @@ def test_o_is_a_folder_and_a_file_by_its_ending(tmp_path: Path) -> None:
     assert output_file(tmp_path / "mine.yaml", ".yaml", default) == tmp_path / "mine.yaml"
 
 
-def test_counted_steps_say_the_time_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_counted_steps_say_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     now = [0.0]
     monkeypatch.setattr("ssm_planner.cli.shared.time.perf_counter", lambda: now[0])
     report = progress_reporter()
@@ -168,14 +191,22 @@ def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
         found = tmp_path / "found"
         environment = {
             **os.environ,
-            **{"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_STDOUT_FILENAME": str(found)},
+            **{
+                "_ARGCOMPLETE": "1",
+                "_ARGCOMPLETE_IFS": "\n",
+                "_ARGCOMPLETE_STDOUT_FILENAME": str(found),
+            },
             **{
                 "COMP_LINE": line,
                 "COMP_POINT": str(len(line)),
                 "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
             },
         }
-        subprocess.run([sys.executable, "-c", "from ssm_planner.cli import main; main()"], env=environment, check=True)
+        subprocess.run(
+            [sys.executable, "-c", "from ssm_planner.cli import main; main()"],
+            env=environment,
+            check=True,
+        )
         return {word.strip() for word in found.read_text().split("\n")}
 
     assert completed("ssm-planner si") == {"simulate", "size"}
@@ -183,10 +214,22 @@ def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
     assert {"robot", "drive"} <= completed("ssm-planner new ")
 
 
-def test_identified_parameters_have_their_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_identified_parameters_have_their_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     drive = str(ROOT / "problems/drives/rig1_lead_screw.yaml")
     assert main(["identify", drive, "--law", "coulomb", "-o", str(tmp_path)]) == 0
     said = capsys.readouterr()
-    rows = {line.split()[0]: line.split()[4] for line in said.out.splitlines() if re.match(r"(b_|load_off)\w+ ", line)}
-    assert rows == {"b_c": "N·m", "b_v": "N·m·s/rad", "b_oc": "N", "load_offset": "N", "b_ov": "N·s/m"}
+    rows = {
+        line.split()[0]: line.split()[4]
+        for line in said.out.splitlines()
+        if re.match(r"(b_|load_off)\w+ ", line)
+    }
+    assert rows == {
+        "b_c": "N·m",
+        "b_v": "N·m·s/rad",
+        "b_oc": "N",
+        "load_offset": "N",
+        "b_ov": "N·s/m",
+    }
     assert "coulomb law (1 of 3)" in said.err

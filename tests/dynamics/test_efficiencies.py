@@ -40,9 +40,13 @@ def drive(folder: Path, kind: str, more: str = "", inertia: str = "kg*m^2") -> D
         ("cable_slide", "geometry: {pulley_diameter: 20 mm}", 1 / 0.010),
     ],
 )
-def test_the_torque_by_the_direction_of_power(tmp_path: Path, kind: str, geometry: str, ratio: float) -> None:
+def test_the_torque_by_the_direction_of_power(
+    tmp_path: Path, kind: str, geometry: str, ratio: float
+) -> None:
     friction = "\nfriction: {efficiency: 0.9, backward_efficiency: 0.7, b_c: 1 mN*m, b_v: 2e-6 N*m*s/rad}\n"
-    found = drive(tmp_path, kind, geometry + friction, "kg" if kind.endswith(("screw", "slide")) else "kg*m^2")
+    found = drive(
+        tmp_path, kind, geometry + friction, "kg" if kind.endswith(("screw", "slide")) else "kg*m^2"
+    )
     assert found.ratio == pytest.approx(ratio)
     assert not found.self_locking
     rng = np.random.default_rng(3)
@@ -66,7 +70,11 @@ def test_a_direct_drive_without_friction_gives_what_the_load_takes(tmp_path: Pat
     ("kind", "more", "message"),
     [
         ("gear", "", ":1: geometry: missing"),
-        ("gear", "geometry: {ratio: 10}\nfriction: {efficiency: 1.1}\n", ":7: friction.efficiency = 1.1: too large"),
+        (
+            "gear",
+            "geometry: {ratio: 10}\nfriction: {efficiency: 1.1}\n",
+            ":7: friction.efficiency = 1.1: too large",
+        ),
         ("gear", "geometry: {ratio: 10}\nfriction: {efficiency: 0}\n", "not greater than zero"),
         ("gear", "geometry: {ratio: 10}\nfriction: {mu: 0.1}\n", "unknown key"),
         ("gear", "geometry: {ratio: 10}\nself_locking: required\n", "unknown key"),
@@ -87,13 +95,20 @@ def test_no_such_drive_locks_itself_or_moves_a_joint_of_the_other_kind() -> None
     assert cable is not None
     with pytest.raises(ProblemError, match="a cable drive does not lock itself"):
         replace(cable, self_locking=True)
-    with pytest.raises(ProblemError, match=r"this joint turns \(allowed: worm, direct, gear, belt, cable\)"):
+    with pytest.raises(
+        ProblemError, match=r"this joint turns \(allowed: worm, direct, gear, belt, cable\)"
+    ):
         replace(robot.joints[0], drive=slide)
 
 
 def with_motors(problem: Problem, **largest: float) -> Problem:
     joints: list[Any] = [
-        replace(joint, motor=replace(joint.motor, max_torque=largest[joint.name], nominal_torque=largest[joint.name]))
+        replace(
+            joint,
+            motor=replace(
+                joint.motor, max_torque=largest[joint.name], nominal_torque=largest[joint.name]
+            ),
+        )
         if joint.name in largest and joint.motor is not None
         else joint
         for joint in problem.robot.joints
@@ -108,7 +123,9 @@ def with_motors(problem: Problem, **largest: float) -> Problem:
         ("direct_reach", {"roll": 0.0055, "spin": 0.0001}),  # that of spin has no friction figure
     ],
 )
-def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(name: str, largest: dict[str, float]) -> None:
+def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(
+    name: str, largest: dict[str, float]
+) -> None:
     problem = replace(load_problem(name), planner="fast")
     weak = plan(with_motors(problem, **largest))
     assert weak.passed, weak.reason
@@ -124,9 +141,13 @@ def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(name: str, la
         assert joint.motor is not None
         qd, qdd = samples.qd[:, i], samples.qdd[:, i]
         F = load[:, i] + own.output_inertia * qdd
-        share = np.where(F * qd > 0, 1 / own.dimensions["efficiency"], own.dimensions["backward_efficiency"])
+        share = np.where(
+            F * qd > 0, 1 / own.dimensions["efficiency"], own.dimensions["backward_efficiency"]
+        )
         torque = (
-            own.input_inertia * own.ratio * qdd + own.friction.b_c * np.sign(qd) + own.friction.b_v * own.ratio * qd
+            own.input_inertia * own.ratio * qdd
+            + own.friction.b_c * np.sign(qd)
+            + own.friction.b_v * own.ratio * qd
         )
         torque = np.where(np.abs(qd) > 1e-9, torque + share * F / own.ratio, 0.0)
         peak = float(np.abs(torque).max())
@@ -136,7 +157,9 @@ def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(name: str, la
 
 
 def test_the_breakdown_of_the_torque_counts_lost_power_as_friction_of_the_mesh() -> None:
-    found = plan_motion(replace(load_problem("raven_reach"), planner="toppra", motion=(Straight(roll=0.3),)))
+    found = plan_motion(
+        replace(load_problem("raven_reach"), planner="toppra", motion=(Straight(roll=0.3),))
+    )
     assert found.trajectory is not None
     load = joint_loads(found.trajectory, load_robot("raven_like"))[0]
     lost, effort, drive = torque_split(load).mesh_friction, load.effort(), load.drive

@@ -21,7 +21,9 @@ from pinocchio_model import build
 RNG = np.random.default_rng(7)
 
 
-def random_states(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def random_states(
+    rng: np.random.Generator, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     q = rng.uniform(-np.pi, np.pi, (count, 4))
     q[:, 3] = rng.uniform(-0.05, 0.05, count)
     return q, rng.uniform(-2, 2, (count, 4)), rng.uniform(-5, 5, (count, 4))
@@ -38,8 +40,18 @@ def random_robot(robot: Robot, rng: np.random.Generator) -> Robot:
         points = rng.normal(0, 0.1, (6, 3))
         masses = rng.uniform(0.05, 0.5, 6)
         com = masses @ points / masses.sum()
-        inertia = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
-        bodies.append(Body("b", masses.sum(), frozen(com, (3,)), frozen(inertia, (3, 3)), frozen(frame(axis), (3, 3))))
+        inertia = sum(
+            m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True)
+        )
+        bodies.append(
+            Body(
+                "b",
+                masses.sum(),
+                frozen(com, (3,)),
+                frozen(inertia, (3, 3)),
+                frozen(frame(axis), (3, 3)),
+            )
+        )
     geometry = Geometry(*(frozen(axis, (3,)) for axis in axes), frozen(tool, (3, 3)))
     gravity = frozen(9.81 * unit(rng), (3,))
     return dataclasses.replace(robot, geometry=geometry, bodies=tuple(bodies), gravity=gravity)
@@ -71,7 +83,9 @@ def test_inverse_dynamics_agrees_with_pinocchio_for_the_shipped_robot(robot: Rob
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_inverse_dynamics_agrees_with_pinocchio_for_any_angles_and_mounting(robot: Robot, seed: int) -> None:
+def test_inverse_dynamics_agrees_with_pinocchio_for_any_angles_and_mounting(
+    robot: Robot, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     other = random_robot(robot, rng)
     q, qd, qdd = random_states(rng, 200)
@@ -119,7 +133,9 @@ def test_the_load_along_a_path_is_that_of_the_dynamics(robot: Robot) -> None:
 def test_a_transposed_batch_is_refused(robot: Robot) -> None:
     body = RigidBody.from_robot(robot)
     batch = np.zeros((7, 4))
-    with pytest.raises(GeometryError, match=r"argument qd has shape \(4, 7\), expected \(n, 4\) with n = 7"):
+    with pytest.raises(
+        GeometryError, match=r"argument qd has shape \(4, 7\), expected \(n, 4\) with n = 7"
+    ):
         body.inverse_dynamics(batch, batch.T, batch)
 
 
@@ -128,9 +144,13 @@ def test_static_loads_of_many_robots_are_those_of_each(robot):
     robots = [random_robot(robot, rng) for _ in range(5)]
     robots = [dataclasses.replace(each, gravity=robot.gravity) for each in robots]
     q = rng.uniform(-1, 1, (5, 7, 4))
-    axes = np.array([[each.geometry.omega1, each.geometry.omega2, each.geometry.omega3] for each in robots])
+    axes = np.array(
+        [[each.geometry.omega1, each.geometry.omega2, each.geometry.omega3] for each in robots]
+    )
     masses = np.array([[body.mass for body in each.bodies] for each in robots])
     coms = np.array([[body.frame @ body.com for body in each.bodies] for each in robots])
     found = static_loads(axes, masses, coms, robot.gravity, q)
     for each, loads, configurations in zip(robots, found, q, strict=True):
-        assert np.allclose(loads, RigidBody.from_robot(each).gravity_load(configurations), rtol=0, atol=1e-12)
+        assert np.allclose(
+            loads, RigidBody.from_robot(each).gravity_load(configurations), rtol=0, atol=1e-12
+        )

@@ -15,7 +15,9 @@ from ssm_planner.loading.robots import robot_from
 
 def summed(points, masses):
     """Moments of point masses (n,) at points (n, 3)."""
-    return shapes.Moments(masses.sum(), masses @ points, np.einsum("n,ni,nj->ij", masses, points, points))
+    return shapes.Moments(
+        masses.sum(), masses @ points, np.einsum("n,ni,nj->ij", masses, points, points)
+    )
 
 
 def close(a, b, tolerance):
@@ -44,7 +46,8 @@ def test_an_arc_is_the_sum_of_its_cells(seed):
     )
     ahead = np.cross(normal, start)
     points = (
-        r[..., None] * (np.cos(phi)[..., None] * start + np.sin(phi)[..., None] * ahead) + z[..., None] * normal
+        r[..., None] * (np.cos(phi)[..., None] * start + np.sin(phi)[..., None] * ahead)
+        + z[..., None] * normal
     ).reshape(-1, 3)
     cell = width / 60 * angle / 300 * height / 60
     masses = density * (r * cell).ravel()
@@ -53,17 +56,24 @@ def test_an_arc_is_the_sum_of_its_cells(seed):
 
 def test_a_box_and_a_rod_are_the_sums_of_their_cells():
     at, size = np.array([0.02, -0.05, 0.11]), np.array([0.03, 0.07, 0.05])
-    grid = np.stack(np.meshgrid(*(middles(-side / 2, side / 2, 60) for side in size)), axis=-1).reshape(-1, 3)
+    grid = np.stack(
+        np.meshgrid(*(middles(-side / 2, side / 2, 60) for side in size)), axis=-1
+    ).reshape(-1, 3)
     close(shapes.box(0.3, at, size), summed(at + grid, np.full(len(grid), 0.3 / len(grid))), 1e-3)
     start, end, diameter = np.array([0.0, 0.01, 0.05]), np.array([0.04, 0.1, 0.2]), 0.03
     way = (end - start) / np.linalg.norm(end - start)
     side = np.cross(way, [1.0, 0, 0])
     side /= np.linalg.norm(side)
     share, r, phi = (
-        each.ravel() for each in np.meshgrid(middles(0, 1, 80), middles(0, diameter / 2, 80), middles(0, 2 * np.pi, 80))
+        each.ravel()
+        for each in np.meshgrid(
+            middles(0, 1, 80), middles(0, diameter / 2, 80), middles(0, 2 * np.pi, 80)
+        )
     )
     points = start + share[:, None] * (end - start)
-    points = points + r[:, None] * (np.cos(phi)[:, None] * side + np.sin(phi)[:, None] * np.cross(way, side))
+    points = points + r[:, None] * (
+        np.cos(phi)[:, None] * side + np.sin(phi)[:, None] * np.cross(way, side)
+    )
     rod = shapes.rod(start, end, diameter, 7850.0)
     close(rod, summed(points, rod.mass * r / r.sum()), 1e-3)
 
@@ -82,11 +92,25 @@ def tree(alpha="30 deg", parts=PARTS, **motor):
     said["geometry"] = {**said["geometry"], "alpha": alpha}
     said["joints"] = dict(said["joints"])
     for name, joint in said["joints"].items():
-        given = {part: follow(section, "joints", name, part).value for part in ("drive", "motor") if part in joint}
-        said["joints"][name] = {key: value for key, value in {**joint, **given}.items() if key != "alternatives"}
-    said["joints"]["tilt"]["motor"] = {**said["joints"]["tilt"]["motor"], "mass": "95 g", "source": "a test", **motor}
+        given = {
+            part: follow(section, "joints", name, part).value
+            for part in ("drive", "motor")
+            if part in joint
+        }
+        said["joints"][name] = {
+            key: value for key, value in {**joint, **given}.items() if key != "alternatives"
+        }
+    said["joints"]["tilt"]["motor"] = {
+        **said["joints"]["tilt"]["motor"],
+        "mass": "95 g",
+        "source": "a test",
+        **motor,
+    }
     first, *others = said["bodies"]
-    said["bodies"] = [{"name": "link 1", "frame": first["frame"], "parts": yaml.safe_load(parts)}, *others]
+    said["bodies"] = [
+        {"name": "link 1", "frame": first["frame"], "parts": yaml.safe_load(parts)},
+        *others,
+    ]
     return said
 
 
@@ -110,7 +134,13 @@ def test_a_body_of_parts_follows_the_geometry_and_the_motor():
 
 def test_an_arc_of_the_second_link_ends_on_the_third_axis():
     said = tree()
-    parts = {"shape": "arc", "radius": "150 mm", "width": "30 mm", "height": "10 mm", "density": "2700 kg/m^3"}
+    parts = {
+        "shape": "arc",
+        "radius": "150 mm",
+        "width": "30 mm",
+        "height": "10 mm",
+        "density": "2700 kg/m^3",
+    }
     said["bodies"][1] = {
         "name": "link 2",
         "frame": ["y alpha"],
@@ -154,7 +184,10 @@ def test_a_body_says_its_mass_once():
 
 def test_moments_add_up_and_turn():
     rng = np.random.default_rng(1)
-    one, other = shapes.box(0.2, rng.normal(size=3), np.ones(3)), shapes.point(0.1, rng.normal(size=3))
+    one, other = (
+        shapes.box(0.2, rng.normal(size=3), np.ones(3)),
+        shapes.point(0.1, rng.normal(size=3)),
+    )
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     both = (one + other).turned(turn)
     assert np.allclose(both.com, turn @ (one.first + other.first) / 0.3)

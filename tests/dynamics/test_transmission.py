@@ -80,7 +80,12 @@ def test_the_exact_law_is_the_formula(effort, speed, sign, wd):
 @given(effort=efforts, speed=speeds, sign=signs, wd=st.floats(-500, 500), mu=mus)
 def test_two_linear_rows_bound_the_torque_exactly(drive, effort, speed, sign, wd, mu):
     rows = tr.motor_torque_rows(drive, int(sign), mu)
-    each = np.array(rows.slope) * effort + rows.inertia * wd + rows.coulomb + rows.viscous * sign * speed
+    each = (
+        np.array(rows.slope) * effort
+        + rows.inertia * wd
+        + rows.coulomb
+        + rows.viscous * sign * speed
+    )
     exact = tr.motor_torque(drive, effort, sign * speed, wd, mu=mu)
     assert (each.max() if sign > 0 else each.min()) == pytest.approx(exact, rel=1e-12, abs=1e-16)
 
@@ -106,7 +111,9 @@ def test_the_laws_have_the_same_values_in_casadi_and_numpy(drive, law):
     def laws(F, w, wd, sign):
         return (
             tr.motor_torque(drive, F, w, wd),
-            tr.motor_torque(drive, F, w, wd, direction=sign, mu=breakaway_coefficient(drive.friction, w)),
+            tr.motor_torque(
+                drive, F, w, wd, direction=sign, mu=breakaway_coefficient(drive.friction, w)
+            ),
             tr.breakaway_torque(drive, F, sign),
             tr.holding_torque(drive, F),
         )
@@ -131,14 +138,18 @@ def test_broadcasting_and_standstill():
     tau = tr.motor_torque(drive, np.full((5, 1), 0.1), np.array([[-2.0, 0.0, 2.0]]), 0.0)
     assert tau.shape == (5, 3)
     assert np.all(tau[:, 1] == 0.0)
-    about_to_move = tr.motor_torque(drive, 0.1, 0.0, 0.0, direction=1.0, mu=drive.friction.mu_static)
+    about_to_move = tr.motor_torque(
+        drive, 0.1, 0.0, 0.0, direction=1.0, mu=drive.friction.mu_static
+    )
     assert about_to_move == pytest.approx(tr.breakaway_torque(drive, 0.1 - FRICTION.b_oc, 1.0))
 
 
 @given(st.floats(-1.0, 1.0))
 def test_a_self_locking_drive_holds_without_torque_and_another_does_not(load):
     assert tr.holding_torque(worm(), load) == 0.0
-    slippery = worm(friction=replace(FRICTION, mu=0.01, mu_static=0.01, b_c=0.0, b_oc=0.0), self_locking=False)
+    slippery = worm(
+        friction=replace(FRICTION, mu=0.01, mu_static=0.01, b_c=0.0, b_oc=0.0), self_locking=False
+    )
     held = tr.holding_torque(slippery, load)
     down = slippery.gamma * math.tan(LAM - math.atan(0.01 / math.cos(slippery.pressure_angle)))
     assert held == pytest.approx(down * load, rel=1e-9, abs=1e-15)
@@ -159,7 +170,9 @@ def test_efficiencies_are_power_ratios_of_the_mesh(drive, mu):
     lam, phi = drive.lead_angle, float(tr.friction_angle(drive, mu))
     assert forward == pytest.approx(math.tan(lam) / math.tan(lam + phi), rel=1e-9)
     assert backward == pytest.approx(math.tan(lam - phi) / math.tan(lam), rel=1e-9, abs=1e-12)
-    bare = replace(drive, friction=Friction(mu=mu, mu_static=mu, b_c=0.0, b_v=0.0), self_locking=False)
+    bare = replace(
+        drive, friction=Friction(mu=mu, mu_static=mu, b_c=0.0, b_v=0.0), self_locking=False
+    )
     power_in = tr.motor_torque(bare, 2.0, drive.ratio, 0.0) * drive.ratio
     assert 2.0 / power_in == pytest.approx(forward, rel=1e-9)
 
@@ -170,7 +183,11 @@ def test_self_locking_margin_changes_sign_where_tan_of_lead_meets_friction():
     in_mu, in_angle = tr.self_locking_margin(drive, critical)
     assert in_mu == pytest.approx(0.0, abs=1e-15)
     assert in_angle == pytest.approx(0.0, abs=1e-15)
-    assert min(tr.self_locking_margin(drive, critical + 1e-6)) > 0 > max(tr.self_locking_margin(drive, critical - 1e-6))
+    assert (
+        min(tr.self_locking_margin(drive, critical + 1e-6))
+        > 0
+        > max(tr.self_locking_margin(drive, critical - 1e-6))
+    )
     assert tr.mesh_coefficients(drive, critical)[1] == pytest.approx(0.0, abs=1e-15)
 
 
@@ -182,11 +199,17 @@ def test_antibacklash_screw_is_two_nuts_under_the_general_law(effort, sign, wd):
     each = Drive(
         **{
             **drive.__dict__,
-            **{"kind": "lead_screw", "input_inertia": 0.0, "friction": replace(f, b_c=0.0, b_v=0.0)},
+            **{
+                "kind": "lead_screw",
+                "input_inertia": 0.0,
+                "friction": replace(f, b_c=0.0, b_v=0.0),
+            },
             **{"preload": 0.0, "second_nut_mass": 0.0},
         }
     )
-    nuts = tr.motor_torque(each, effort - drive.preload, sign, 0.0) + tr.motor_torque(each, second, sign, 0.0)
+    nuts = tr.motor_torque(each, effort - drive.preload, sign, 0.0) + tr.motor_torque(
+        each, second, sign, 0.0
+    )
     expected = nuts + drive.input_inertia * wd + f.b_c * sign + f.b_v * sign
     assert tr.motor_torque(drive, effort, sign, wd) == pytest.approx(expected, rel=1e-10)
     assert tr.nut_contact(drive, effort, wd) == pytest.approx(min(drive.preload - effort, second))
@@ -200,9 +223,13 @@ def test_contact_is_lost_where_the_load_exceeds_the_preload():
 
 def test_friction_laws_by_name():
     assert friction_coefficient(FRICTION, 1.0) == 0.12
-    exponential = replace(FRICTION, law="stribeck_exponential", mu_stribeck=0.05, stribeck_speed=2.0)
+    exponential = replace(
+        FRICTION, law="stribeck_exponential", mu_stribeck=0.05, stribeck_speed=2.0
+    )
     gaussian = replace(exponential, law="stribeck_gaussian")
-    assert friction_coefficient(exponential, -1.0) == pytest.approx(0.12 + 0.05 * math.exp(-2 * 0.5))
+    assert friction_coefficient(exponential, -1.0) == pytest.approx(
+        0.12 + 0.05 * math.exp(-2 * 0.5)
+    )
     assert friction_coefficient(gaussian, 1.0) == pytest.approx(0.12 + 0.05 * math.exp(-0.25))
     for friction in (exponential, gaussian):
         assert friction_coefficient(friction, 0.0) == pytest.approx(0.17)
@@ -221,7 +248,9 @@ def test_friction_at_rest_grows_from_arrival_to_its_limit():
 def test_memory_delays_the_speed_by_a_constant():
     time = np.linspace(0, 2, 201)
     w = np.sin(time)
-    assert remembered_speed(replace(FRICTION, memory=0.5), time, w)[100] == pytest.approx(math.sin(0.5), abs=1e-6)
+    assert remembered_speed(replace(FRICTION, memory=0.5), time, w)[100] == pytest.approx(
+        math.sin(0.5), abs=1e-6
+    )
 
 
 def test_unidentified_friction_and_bad_directions_are_refused():

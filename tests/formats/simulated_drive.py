@@ -47,9 +47,21 @@ PRESENT_POSITION = 37
 MILLI_RPM = 0xFDB44700
 WINDOW = 40
 """SYNCs over which their period is judged."""
-STATES = {"disabled": 0x0240, "ready": 0x0221, "switched on": 0x0223, "enabled": 0x0227, "fault": 0x0208}
+STATES = {
+    "disabled": 0x0240,
+    "ready": 0x0221,
+    "switched on": 0x0223,
+    "enabled": 0x0227,
+    "fault": 0x0208,
+}
 HOMED = 0x1400
-PERIOD_FAULT, LIMIT_FAULT, SPEED_FAULT, LAG_FAULT, LENGTH_FAULT = 0x6320, 0x8612, 0x8402, 0x8611, 0x8210
+PERIOD_FAULT, LIMIT_FAULT, SPEED_FAULT, LAG_FAULT, LENGTH_FAULT = (
+    0x6320,
+    0x8612,
+    0x8402,
+    0x8611,
+    0x8210,
+)
 DISABLED = 1 << 31
 
 
@@ -106,7 +118,9 @@ class SimulatedDrive:
         self._put(READ_ONLY, rated_torque)
         self.node.add_write_callback(self._written)
         for k in range(PDOS):
-            self.network.subscribe(0x200 + 0x100 * k + node_id, lambda _, data, __, k=k: self._pdo(k, bytes(data)))
+            self.network.subscribe(
+                0x200 + 0x100 * k + node_id, lambda _, data, __, k=k: self._pdo(k, bytes(data))
+            )
         self.network.subscribe(0x80, self._sync)
         self.node.nmt.state = "PRE-OPERATIONAL"
 
@@ -119,14 +133,17 @@ class SimulatedDrive:
         return int(variable.decode_raw(self.node.get_data(index, sub)))
 
     def _put(self, index: int, value: int) -> None:
-        self.node.data_store.setdefault(index, {})[0] = self.node.object_dictionary[index].encode_raw(value)
+        self.node.data_store.setdefault(index, {})[0] = self.node.object_dictionary[
+            index
+        ].encode_raw(value)
 
     def _mapped(self, communication: int, k: int) -> list[tuple[int, int]]:
         """(index, bytes) of the objects of a PDO; none where it is disabled."""
         if self.value(communication + k, 1) & DISABLED:
             return []
         entries = [
-            self.value(communication + 0x200 + k, sub + 1) for sub in range(self.value(communication + 0x200 + k))
+            self.value(communication + 0x200 + k, sub + 1)
+            for sub in range(self.value(communication + 0x200 + k))
         ]
         return [(entry >> 16, (entry & 0xFF) // 8) for entry in entries]
 
@@ -176,7 +193,10 @@ class SimulatedDrive:
             self.position, self.homed = self.value(0x30B0), True
 
     def _report(self, synchronous: bool = False) -> None:
-        self._put(0x6041, STATES[self.state] | (HOMED if self.homed and self.value(0x6061) == HOMING else 0))
+        self._put(
+            0x6041,
+            STATES[self.state] | (HOMED if self.homed and self.value(0x6061) == HOMING else 0),
+        )
         self._put(0x6064, self.position)
         for k in range(PDOS):
             mapped = self._mapped(0x1800, k)

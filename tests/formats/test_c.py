@@ -29,8 +29,19 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples
 
 COMPILER = shutil.which("gcc") or shutil.which("cc")
-pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or cc) on this machine")
-STRICT = ["-std=c99", "-Wpedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wstrict-prototypes"]
+pytestmark = pytest.mark.skipif(
+    COMPILER is None, reason="no C compiler (gcc or cc) on this machine"
+)
+STRICT = [
+    "-std=c99",
+    "-Wpedantic",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-Wconversion",
+    "-Wshadow",
+    "-Wstrict-prototypes",
+]
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] or [COMPILER]
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 SINGLE = "-DSSM_FLOAT32"
@@ -90,7 +101,9 @@ int main(void)
 """
 
 
-def built(folder: Path, texts: dict[str, str], target: str, *flags: str, compiler: str | None = COMPILER) -> Path:
+def built(
+    folder: Path, texts: dict[str, str], target: str, *flags: str, compiler: str | None = COMPILER
+) -> Path:
     """The C texts by file name, compiled without a warning into a file."""
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -107,7 +120,11 @@ def texts_of(robot: Robot, plan: Plan | None = None) -> dict[str, str]:
     made = {"ssm_robot": c_code(robot)}
     if plan is not None:
         made["ssm_trajectory"] = c_trajectory(plan)
-    return {f"{name}.{ending}": text for name, pair in made.items() for ending, text in zip("hc", pair, strict=True)}
+    return {
+        f"{name}.{ending}": text
+        for name, pair in made.items()
+        for ending, text in zip("hc", pair, strict=True)
+    }
 
 
 def compiled(folder: Path, robot: Robot, *flags: str) -> ctypes.CDLL:
@@ -127,7 +144,9 @@ def library(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CD
 def states(count: int, seed: int) -> Samples:
     """Random states, many of them with joints that stand."""
     rng = np.random.default_rng(seed)
-    q, qd, qdd, qddd = (np.ascontiguousarray(rng.normal(size=(count, 4)) * [1, 1, 1, 0.05]) for _ in range(4))
+    q, qd, qdd, qddd = (
+        np.ascontiguousarray(rng.normal(size=(count, 4)) * [1, 1, 1, 0.05]) for _ in range(4)
+    )
     for values in (qd, qdd, qddd):
         values[rng.random(values.shape) < 0.2] = 0.0
     return Samples(np.arange(count, dtype=float), q, qd, qdd, qddd)
@@ -174,8 +193,12 @@ def test_c_equals_python_for_other_drives(robot: Robot, tmp_path: Path) -> None:
         joint.drive, kind="antibacklash_screw", preload=5.0, second_nut_mass=0.05, friction=friction
     )
     slippery = dataclasses.replace(robot.joints[0].drive.friction, mu=0.01, mu_static=0.015)
-    first = dataclasses.replace(robot.joints[0], drive=dataclasses.replace(robot.joints[0].drive, friction=slippery))
-    other = dataclasses.replace(robot, joints=(first, *robot.joints[1:3], dataclasses.replace(joint, drive=drive)))
+    first = dataclasses.replace(
+        robot.joints[0], drive=dataclasses.replace(robot.joints[0].drive, friction=slippery)
+    )
+    other = dataclasses.replace(
+        robot, joints=(first, *robot.joints[1:3], dataclasses.replace(joint, drive=drive))
+    )
     s = states(5000, 2)
     torque = run_all(compiled(tmp_path, other, "-O1"), s)[3]
     close(torque[:, [0, 1, 3]], expected_torque(other, s)[:, [0, 1, 3]])
@@ -196,12 +219,19 @@ def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:
     rng = np.random.default_rng(3)
     n = 20_000
     task = np.column_stack(
-        [rng.uniform(-3, 3, n), rng.uniform(low + 1e-3, high - 1e-3, n), rng.uniform(-3, 3, n), rng.uniform(0, 0.03, n)]
+        [
+            rng.uniform(-3, 3, n),
+            rng.uniform(low + 1e-3, high - 1e-3, n),
+            rng.uniform(-3, 3, n),
+            rng.uniform(0, 0.03, n),
+        ]
     )
     near = np.ascontiguousarray(rng.uniform(-9, 9, (n, 4)))
     for branch, k in ((1.0, 0), (-1.0, 1)):
         q = np.empty((n, 4))
-        library.inverse(ctypes.c_long(n), *pointers(np.ascontiguousarray(task), np.full(n, branch), near, q))
+        library.inverse(
+            ctypes.c_long(n), *pointers(np.ascontiguousarray(task), np.full(n, branch), near, q)
+        )
         solutions = inverse_task(mechanism, task)
         assert np.all(solutions.branch[:, k] == branch)
         turns = (q - solutions.joints[:, k])[:, :3] / (2 * np.pi)
@@ -216,7 +246,9 @@ def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:
     assert np.isnan(q[0, 1])
 
 
-def sampled(library: ctypes.CDLL, t: np.ndarray, dtype: type = np.float64) -> tuple[np.ndarray, ...]:
+def sampled(
+    library: ctypes.CDLL, t: np.ndarray, dtype: type = np.float64
+) -> tuple[np.ndarray, ...]:
     """q, qd, qdd and motor torque (n, 4) of the compiled sampler."""
     out = tuple(np.empty((len(t), 4), dtype) for _ in range(4))
     library.sample(ctypes.c_long(len(t)), *pointers(t.astype(dtype), *out))
@@ -224,7 +256,9 @@ def sampled(library: ctypes.CDLL, t: np.ndarray, dtype: type = np.float64) -> tu
 
 
 @pytest.mark.parametrize("which", ["plan", "smooth_plan"])
-def test_the_sampler_equals_python(which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path) -> None:
+def test_the_sampler_equals_python(
+    which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path
+) -> None:
     """At 1e5 instants and at every break; before the start and after the end the robot stands and is held."""
     plan: Plan = request.getfixturevalue(which)
     texts = {**texts_of(robot, plan), "driver.c": SAMPLER}
@@ -239,7 +273,10 @@ def test_the_sampler_equals_python(which: str, request: pytest.FixtureRequest, r
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
     close(found[3][:, driven], expected_torque(robot, s)[:, driven])
     begin, end = motion.sample(motion.breaks[[0, -1]], side="left").q
-    for instants, q in (([-1.0, -1e-9, np.nan, -np.inf], begin), ([motion.duration, 1e9, np.inf], end)):
+    for instants, q in (
+        ([-1.0, -1e-9, np.nan, -np.inf], begin),
+        ([motion.duration, 1e9, np.inf], end),
+    ):
         rest = sampled(library, np.array(instants))
         assert np.abs(rest[0] - q).max() <= AGREEMENT
         assert not np.any(rest[1:])
@@ -257,14 +294,20 @@ def test_single_precision(plan: Plan, robot: Robot, tmp_path: Path) -> None:
     bounds = np.array([[joint.velocity, joint.acceleration] for joint in robot.joints]).T
     rng = np.random.default_rng(6)
     shape = (STATES, 4)
-    drawn = (rng.uniform(low, high, shape), *(rng.uniform(-limit, limit, shape) for limit in bounds), np.zeros(shape))
+    drawn = (
+        rng.uniform(low, high, shape),
+        *(rng.uniform(-limit, limit, shape) for limit in bounds),
+        np.zeros(shape),
+    )
     state = [np.asarray(x, np.float32) for x in drawn]
     s = Samples(np.arange(float(STATES)), *(np.asarray(x, float) for x in state))
     rotation, position, tau, torque = run_all(library, s, np.float32)
     expected = forward(Mechanism.from_geometry(robot.geometry), s.q)
     assert np.abs(rotation - expected[0].reshape(-1, 9)).max() <= 2e-6
     assert np.abs(position - expected[1]).max() <= 1e-7
-    assert np.abs(tau - RigidBody.from_robot(robot).inverse_dynamics(s.q, s.qd, s.qdd)).max() <= 1e-6
+    assert (
+        np.abs(tau - RigidBody.from_robot(robot).inverse_dynamics(s.q, s.qd, s.qdd)).max() <= 1e-6
+    )
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
     assert np.abs(torque - expected_torque(robot, s))[:, driven].max() <= 1e-6
     t = rng.uniform(0, plan.trajectory.duration, 10_000)
@@ -275,25 +318,34 @@ def test_single_precision(plan: Plan, robot: Robot, tmp_path: Path) -> None:
 
 
 def test_limits_are_constants(robot: Robot, library: ctypes.CDLL) -> None:
-    found = {name: list((ctypes.c_double * 4).in_dll(library, name)) for name in joint_limits(robot)}
+    found = {
+        name: list((ctypes.c_double * 4).in_dll(library, name)) for name in joint_limits(robot)
+    }
     assert found == joint_limits(robot)
     assert found["ssm_velocity_max"] == [joint.velocity for joint in robot.joints]
     assert found["ssm_position_min"] == [joint.position[0] for joint in robot.joints]
     motors = [
-        np.inf if joint.motor is None or joint.drive is None else joint.motor.max_torque for joint in robot.joints
+        np.inf if joint.motor is None or joint.drive is None else joint.motor.max_torque
+        for joint in robot.joints
     ]
     assert found["ssm_motor_torque_max"] == motors
 
 
 @pytest.mark.parametrize("precision", [[], [SINGLE]], ids=["double", "single"])
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_sanitizers_find_nothing(compiler: str, precision: list[str], plan: Plan, tmp_path: Path) -> None:
+def test_sanitizers_find_nothing(
+    compiler: str, precision: list[str], plan: Plan, tmp_path: Path
+) -> None:
     (tmp_path / "try.c").write_text("int main(void) { return 0; }", encoding="utf-8")
-    trial = subprocess.run([compiler, *SANITIZERS, "try.c"], cwd=tmp_path, capture_output=True, check=False)
+    trial = subprocess.run(
+        [compiler, *SANITIZERS, "try.c"], cwd=tmp_path, capture_output=True, check=False
+    )
     if trial.returncode != 0:
         pytest.skip(f"{compiler} has no address and undefined-behaviour sanitizers here")
     texts = {**texts_of(plan.robot, plan), "main.c": HARSH}
-    program = built(tmp_path, texts, "harsh", "-g", "-O1", *precision, *SANITIZERS, compiler=compiler)
+    program = built(
+        tmp_path, texts, "harsh", "-g", "-O1", *precision, *SANITIZERS, compiler=compiler
+    )
     run = subprocess.run([str(program)], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert not run.stderr
@@ -311,14 +363,31 @@ def test_both_precisions_in_one_program(plan: Plan, tmp_path: Path) -> None:
         subprocess.run(command, cwd=tmp_path / name, check=True)
         objects[name] = [f"{name}/{each}.o" for each in ("ssm_robot", "ssm_trajectory")]
     (tmp_path / "main.c").write_text(HARSH, encoding="utf-8")
-    command = [COMPILER, *STRICT, "-Isingle", SINGLE, "main.c", *objects["single"], *objects["double"], "-lm"]
+    command = [
+        COMPILER,
+        *STRICT,
+        "-Isingle",
+        SINGLE,
+        "main.c",
+        *objects["single"],
+        *objects["double"],
+        "-lm",
+    ]
     subprocess.run(command, cwd=tmp_path, check=True)
     wrong = [COMPILER, "-Idouble", "main.c", *objects["single"], "-lm"]
     failed = subprocess.run(wrong, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "undefined reference" in failed.stderr
 
 
-HOSTILE = ("*/ int x; /*", "*\\\n/ int x;", "??/\n*/", '" x "', "\r\n#define double int", "//", "\u2028")
+HOSTILE = (
+    "*/ int x; /*",
+    "*\\\n/ int x;",
+    "??/\n*/",
+    '" x "',
+    "\r\n#define double int",
+    "//",
+    "\u2028",
+)
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -326,10 +395,16 @@ def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -
     """What the compiler sees is the same whatever the robot is called."""
     seen = []
     for each in ("plain", name):
-        for text in c_code(dataclasses.replace(robot, name=each), [f"Exported with {c_text(each)}."]):
+        for text in c_code(
+            dataclasses.replace(robot, name=each), [f"Exported with {c_text(each)}."]
+        ):
             (tmp_path / "x.c").write_text(text.replace("#include", "//"), encoding="utf-8")
             command = [str(COMPILER), "-trigraphs", "-E", "-P", "x.c"]
-            seen.append(subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout)
+            seen.append(
+                subprocess.run(
+                    command, cwd=tmp_path, capture_output=True, text=True, check=True
+                ).stdout
+            )
     assert seen[:2] == seen[2:]
 
 
@@ -358,18 +433,27 @@ int main(void)
 }
 """
     program = built(tmp_path, {**texts_of(robot), "main.c": main}, "time", "-O2")
-    best, _ = map(float, subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout.split())
+    best, _ = map(
+        float,
+        subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout.split(),
+    )
     assert best <= 5e-6
 
 
-def test_the_exported_files_compile_also_when_marked(plan: Plan, bad_plan: Plan, tmp_path: Path) -> None:
+def test_the_exported_files_compile_also_when_marked(
+    plan: Plan, bad_plan: Plan, tmp_path: Path
+) -> None:
     for source, suffix, force in ((plan, "", False), (bad_plan, "_unverified", True)):
         folder = tmp_path / f"c{suffix}"
         export(source, "c", folder, force=force)
         command = [COMPILER, *STRICT, "-c", f"ssm_robot{suffix}.c", f"ssm_trajectory{suffix}.c"]
         subprocess.run(command, cwd=folder, check=True)
-        included = re.findall(r"#include .*", "".join(path.read_text() for path in sorted(folder.glob("*.[ch]"))))
-        robot, trajectory = (f'#include "{name}{suffix}.h"' for name in ("ssm_robot", "ssm_trajectory"))
+        included = re.findall(
+            r"#include .*", "".join(path.read_text() for path in sorted(folder.glob("*.[ch]")))
+        )
+        robot, trajectory = (
+            f'#include "{name}{suffix}.h"' for name in ("ssm_robot", "ssm_trajectory")
+        )
         assert included == [robot, "#include <math.h>", trajectory, robot]
 
 
@@ -388,10 +472,15 @@ def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
     function = dense("table", [x], [ca.vertcat(*rows)])
     assert set(OPERATIONS) - {step.name for step in steps(function)} == {"assign"}
     text = write_function(
-        "void table(const ssm_real x[2], ssm_real y[40])", function, [Argument("x", 2)], [Argument("y", 40)]
+        "void table(const ssm_real x[2], ssm_real y[40])",
+        function,
+        [Argument("x", 2)],
+        [Argument("y", 40)],
     )
     prototype = "void table(const ssm_real x[2], ssm_real y[40]);\n"
-    (tmp_path / "table.c").write_text(f"#include <math.h>\n{REAL}{prototype}{SIGN}{text}", encoding="utf-8")
+    (tmp_path / "table.c").write_text(
+        f"#include <math.h>\n{REAL}{prototype}{SIGN}{text}", encoding="utf-8"
+    )
     command = [COMPILER, *STRICT, "-shared", "-fPIC", "-o", "table.so", "table.c", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     library = ctypes.CDLL(str(tmp_path / "table.so"))

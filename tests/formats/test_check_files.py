@@ -21,7 +21,17 @@ from ssm_planner.verification.check import check
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from plans import of_task, smooth
 
-OWN = ["time_s", "q1_rad", "q2_rad", "q3_rad", "q4_m", "qd1_rad_per_s", "qd2_rad_per_s", "qd3_rad_per_s", "qd4_m_per_s"]
+OWN = [
+    "time_s",
+    "q1_rad",
+    "q2_rad",
+    "q3_rad",
+    "q4_m",
+    "qd1_rad_per_s",
+    "qd2_rad_per_s",
+    "qd3_rad_per_s",
+    "qd4_m_per_s",
+]
 ACCELERATIONS = ["qdd1_rad_per_s2", "qdd2_rad_per_s2", "qdd3_rad_per_s2", "qdd4_m_per_s2"]
 
 
@@ -39,19 +49,34 @@ def write(path: Path, names: list[str], rows: np.ndarray, separator: str = ",") 
 
 def certificate_of(path: Path, robot: Robot) -> Certificate:
     reading = read_trajectory(path, robot)
-    return check(reading.trajectory, robot, interpolation=reading.interpolation, resolution=reading.resolution)
+    return check(
+        reading.trajectory,
+        robot,
+        interpolation=reading.interpolation,
+        resolution=reading.resolution,
+    )
 
 
 def margins(certificate: Certificate) -> dict[tuple[str, str | None], float]:
-    return {(limit.name, limit.joint): limit.margin for limit in certificate.limits if "jump" not in limit.name}
+    return {
+        (limit.name, limit.joint): limit.margin
+        for limit in certificate.limits
+        if "jump" not in limit.name
+    }
 
 
 @pytest.mark.parametrize(
-    ("columns", "word"), [(5, "linear"), (9, "cubic"), (13, "quintic")], ids=["q", "q qd", "q qd qdd"]
+    ("columns", "word"),
+    [(5, "linear"), (9, "cubic"), (13, "quintic")],
+    ids=["q", "q qd", "q qd qdd"],
 )
-def test_points_are_joined_by_what_is_given(robot: Robot, tmp_path: Path, columns: int, word: str) -> None:
+def test_points_are_joined_by_what_is_given(
+    robot: Robot, tmp_path: Path, columns: int, word: str
+) -> None:
     names = [*OWN, *ACCELERATIONS][:columns]
-    found = certificate_of(write(tmp_path / "t.csv", names, rows_of(robot, 401)[:, :columns]), robot)
+    found = certificate_of(
+        write(tmp_path / "t.csv", names, rows_of(robot, 401)[:, :columns]), robot
+    )
     assert found.interpolation.startswith(word)
     assert found.passed
     exact = margins(check(smooth(robot), robot))
@@ -129,9 +154,17 @@ def swapped(a: int, b: int):
         (OWN, at(30, 3, math.nan), r"t\.csv:32: position is not a finite number"),
         (OWN, at(30, 6, math.inf), r"t\.csv:32: velocity is not a finite number"),
         (OWN, scaled([1, 2, 3, 5, 6, 7], 180 / math.pi), "are these degrees"),
-        (OWN, scaled([5, 6, 7], 180 / math.pi), r"57\.\d+ times the slope of its positions: degrees where radians"),
+        (
+            OWN,
+            scaled([5, 6, 7], 180 / math.pi),
+            r"57\.\d+ times the slope of its positions: degrees where radians",
+        ),
         (OWN, scaled([4, 8], 2000.0), "are these millimetres"),
-        (OWN, scaled([8], 1e3), r"(999\.\d|1000) times the slope of its positions: millimetres where metres"),
+        (
+            OWN,
+            scaled([8], 1e3),
+            r"(999\.\d|1000) times the slope of its positions: millimetres where metres",
+        ),
         (OWN, swapped(5, 6), "swapped columns"),
         (OWN, lambda rows: rows[:1], "at least two"),
         (OWN, lambda rows: rows[:0], "no row follows"),
@@ -141,17 +174,27 @@ def swapped(a: int, b: int):
         (renamed("q1_rad", "q2 [deg]"), nothing, "are the same quantity"),
         (renamed("q3_rad", "elbow_rad"), nothing, "no position of joint spin"),
         (renamed("qd3_rad_per_s", "comment"), nothing, "no velocity of joint spin"),
-        (renamed("qd3_rad_per_s", "qd3_rad"), nothing, "a velocity with the unit 'rad' of a position"),
+        (
+            renamed("qd3_rad_per_s", "qd3_rad"),
+            nothing,
+            "a velocity with the unit 'rad' of a position",
+        ),
         (renamed("time_s", "time"), nothing, r"column 'time': no unit \(allowed: s"),
         (renamed("time_s", "t [h]"), nothing, "unit 'h' is not known"),
         (renamed("time_s", "index"), nothing, "no column of time"),
     ],
 )
-def test_bad_csv_files(robot: Robot, tmp_path: Path, names: list[str], change, message: str) -> None:
+def test_bad_csv_files(
+    robot: Robot, tmp_path: Path, names: list[str], change, message: str
+) -> None:
     path = write(tmp_path / "t.csv", names, change(rows_of(robot)[:, :9].copy()))
     with pytest.raises(TrajectoryError, match=message) as caught:
         read_trajectory(path, robot)
-    assert str(path) in str(caught.value) or "times the slope" in str(caught.value) or "swapped" in str(caught.value)
+    assert (
+        str(path) in str(caught.value)
+        or "times the slope" in str(caught.value)
+        or "swapped" in str(caught.value)
+    )
 
 
 @pytest.mark.parametrize(
@@ -160,14 +203,20 @@ def test_bad_csv_files(robot: Robot, tmp_path: Path, names: list[str], change, m
         ("", "the file is empty"),
         ("0.0,1,2,3,4\n0.1,1,2,3,4\n", "no header"),
         ("nothing here\n", "no columns"),
-        ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0,zero,0\n", r"t\.csv:3: q3_rad: 'zero' is not a number"),
+        (
+            "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0,zero,0\n",
+            r"t\.csv:3: q3_rad: 'zero' is not a number",
+        ),
         (
             "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0\n2,0,0,0,0\n",
             r"t\.csv:3: 3 columns where the header has 5",
         ),
         ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0,0,0\n1,0,0,0,0\n2,0,0", r"t\.csv:4: 3 columns"),
         ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0\n1,0,0\n2,0,0", r"t\.csv:2: 3 columns"),
-        ("time_s,q1_rad,q2_rad,q3_rad,q4_m\n" + "0," * 9 + "0\n" + "1," * 9 + "0\n", r"t\.csv:2: 10 columns"),
+        (
+            "time_s,q1_rad,q2_rad,q3_rad,q4_m\n" + "0," * 9 + "0\n" + "1," * 9 + "0\n",
+            r"t\.csv:2: 10 columns",
+        ),
     ],
 )
 def test_text_that_is_no_table(robot: Robot, tmp_path: Path, content: str, message: str) -> None:
@@ -213,24 +262,42 @@ def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> Non
             assert found.violations[0].margin == pytest.approx(-0.001, rel=0.1)
 
 
-def test_rounded_positions_are_not_charged_with_their_rounding(robot: Robot, tmp_path: Path) -> None:
+def test_rounded_positions_are_not_charged_with_their_rounding(
+    robot: Robot, tmp_path: Path
+) -> None:
     rows = rows_of(robot, 2001)[:, :5]
     path = tmp_path / "t.csv"
-    np.savetxt(path, rows, fmt=["%.6f", *["%.5f"] * 3, "%.7f"], delimiter=",", header=",".join(OWN[:5]), comments="")
+    np.savetxt(
+        path,
+        rows,
+        fmt=["%.6f", *["%.5f"] * 3, "%.7f"],
+        delimiter=",",
+        header=",".join(OWN[:5]),
+        comments="",
+    )
     reading = read_trajectory(path, robot)
     assert reading.resolution == pytest.approx([5e-6, 5e-6, 5e-6, 5e-8])
     assert check(reading.trajectory, robot, resolution=reading.resolution).passed
     assert not check(reading.trajectory, robot, resolution=np.zeros(4)).passed
 
 
-def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(robot: Robot, tmp_path: Path) -> None:
+def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
+    robot: Robot, tmp_path: Path
+) -> None:
     """Limits just above the true speeds hold for rounded points, limits below them do not."""
     exact = smooth(robot)
     loose = of_task(tip_speed=1.0, rates=dict.fromkeys(("roll", "tilt", "spin", "depth"), 10.0))
     worst = {limit.name: limit.worst for limit in check(exact, robot, loose).limits}
     rows = rows_of(robot, 2001)[:, :5]
     path = tmp_path / "t.csv"
-    np.savetxt(path, rows, fmt=["%.7f", *["%.6f"] * 3, "%.8f"], delimiter=",", header=",".join(OWN[:5]), comments="")
+    np.savetxt(
+        path,
+        rows,
+        fmt=["%.7f", *["%.6f"] * 3, "%.8f"],
+        delimiter=",",
+        header=",".join(OWN[:5]),
+        comments="",
+    )
     reading = read_trajectory(path, robot)
     for factor, kept in ((1.0001, True), (0.98, False)):
         tight = of_task(
@@ -240,7 +307,11 @@ def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(robot: Robo
         )
         found = check(reading.trajectory, robot, tight, resolution=reading.resolution)
         names = {v.name for v in found.violations}
-        assert names == (set() if kept else {"tip speed", "roll rate", "tilt rate", "spin rate", "insertion speed"})
+        assert names == (
+            set()
+            if kept
+            else {"tip speed", "roll rate", "tilt rate", "spin rate", "insertion speed"}
+        )
         for limit in found.limits:
             if limit.name in names:
                 assert limit.worst == pytest.approx(worst[limit.name], rel=0.01)
@@ -294,13 +365,22 @@ def test_points_with_and_without_velocities(robot: Robot, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.update(joint_names=["roll", "tilt", "spin", "depth"]), "joint 'depth' is not one of"),
+        (
+            lambda d: d.update(joint_names=["roll", "tilt", "spin", "depth"]),
+            "joint 'depth' is not one of",
+        ),
         (lambda d: d.update(joint_names=["roll", "tilt", "spin"]), "joint 'insertion' is missing"),
         (lambda d: d.update(joint_names=["roll", "tilt", "spin", "roll"]), "named twice"),
         (lambda d: d.update(points=[]), "no points"),
-        (lambda d: d["points"][4].update(positions=[1.0, 2.0]), "point 4: 2 positions for 4 joints"),
+        (
+            lambda d: d["points"][4].update(positions=[1.0, 2.0]),
+            "point 4: 2 positions for 4 joints",
+        ),
         (lambda d: d["points"][4].update(velocities=[1.0]), "point 4: 1 velocities for 4 joints"),
-        (lambda d: d["points"][4].update(positions=["a"] * 4), "point 4: positions is not a list of numbers"),
+        (
+            lambda d: d["points"][4].update(positions=["a"] * 4),
+            "point 4: positions is not a list of numbers",
+        ),
         (
             lambda d: d["points"][4].update(time_from_start={"sec": 0, "nanosec": 0}),
             "time_from_start does not increase",
@@ -350,7 +430,10 @@ def test_a_long_file_is_judged_from_a_file_like_a_short_one_from_memory(
         certificate_of(broken, robot)
     lines = broken.read_text(encoding="utf-8").splitlines()
     broken.write_text("\n".join([*lines[:251], lines[251] + ",5", *lines[252:]]), encoding="utf-8")
-    with pytest.raises(TrajectoryError, match=rf"broken.csv:252: {columns + 1} columns where the header has {columns}"):
+    with pytest.raises(
+        TrajectoryError,
+        match=rf"broken.csv:252: {columns + 1} columns where the header has {columns}",
+    ):
         certificate_of(broken, robot)
 
 

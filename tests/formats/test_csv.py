@@ -76,7 +76,9 @@ def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     assert len(rows) == int(plan.trajectory.duration * 1000) + 2
 
 
-def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(plan: Plan, tmp_path: Path) -> None:
+def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(
+    plan: Plan, tmp_path: Path
+) -> None:
     slow = plan.trajectory.slower(plan.trajectory.duration / 600)
     assert len(table(write_csv(tmp_path / "slow.csv", slow, plan.robot))["time_s"]) == 60_001
     assert len(table(write_csv(tmp_path / "chosen.csv", slow, plan.robot, 10.0))["time_s"]) == 6001
@@ -84,17 +86,26 @@ def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(pla
 
 def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     """One file for each driven joint, whole increments, the end held to the next whole period."""
-    files, manifest = export(plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096)
-    assert set(files) == {f"{name}_time_position.csv" for name in ("roll", "tilt", "insertion")} | {"manifest"}
+    files, manifest = export(
+        plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096
+    )
+    assert set(files) == {f"{name}_time_position.csv" for name in ("roll", "tilt", "insertion")} | {
+        "manifest"
+    }
     assert manifest["rate_hz"] == 300.0
     per_unit = plan.robot.joints[0].drive.ratio * 4096 / (2 * np.pi)
     rows = table(files["roll_time_position.csv"])
     assert set(rows) == {"time", "position"}
     assert np.diff(rows["time"]) == pytest.approx(1 / 300, abs=1e-8)
-    exact = plan.trajectory.sample(np.minimum(rows["time"], plan.trajectory.duration)).q[:, 0] * per_unit
+    exact = (
+        plan.trajectory.sample(np.minimum(rows["time"], plan.trajectory.duration)).q[:, 0]
+        * per_unit
+    )
     assert np.abs(rows["position"] - exact).max() <= 0.5 + 1e-3
     assert rows["position"][-1] == round(float(exact[-1]))
     files, _ = export(plan, "csv", tmp_path, columns=["q", "counts"], counts_per_turn=4096)
     assert "trajectory.csv" in files
     _, manifest = export(plan, "csv", tmp_path / "x", columns=["counts"])
-    assert any("encoder behind its increments is a placeholder" in note for note in manifest["notes"])
+    assert any(
+        "encoder behind its increments is a placeholder" in note for note in manifest["notes"]
+    )

@@ -41,7 +41,10 @@ def objects(folder: Path, joint: str) -> dict[tuple[int, int], int]:
     with (folder / "objects.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["joint"] == joint]
     assert all(row["reason"] for row in rows)
-    return {(int(row["object"][:6], 16), int(row["object"][7:], 16)): int(row["value"], 0) for row in rows}
+    return {
+        (int(row["object"][:6], 16), int(row["object"][7:], 16)): int(row["value"], 0)
+        for row in rows
+    }
 
 
 def test_positions_are_the_plan_s_to_half_an_increment(plan: Plan, tmp_path: Path) -> None:
@@ -57,7 +60,9 @@ def test_positions_are_the_plan_s_to_half_an_increment(plan: Plan, tmp_path: Pat
             per_unit = joint.drive.ratio * COUNTS / (2 * np.pi)
             counts = rows["target_position_inc"]
             assert np.abs(counts - exact * per_unit).max() <= 0.5 + 1e-9
-            assert counts[-1] == round(float(plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i] * per_unit))
+            assert counts[-1] == round(
+                float(plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i] * per_unit)
+            )
             effects = manifest["axes"][joint.name]["rounding"]
             assert effects["position"] <= 0.5 / per_unit * (1 + 1e-9)
             assert effects["speed"] <= rate / per_unit * (1 + 1e-9)
@@ -80,7 +85,9 @@ def test_offsets_are_the_motors_speed_and_torque(plan: Plan, tmp_path: Path) -> 
         inside = rows["time_s"] < plan.trajectory.duration
         samples = plan.trajectory.sample(rows["time_s"][inside])
         direction, breakaway = directions(plan.robot, samples, 1)
-        motor = motor_motion(plan.robot, RigidBody.from_robot(plan.robot), samples, direction, breakaway)
+        motor = motor_motion(
+            plan.robot, RigidBody.from_robot(plan.robot), samples, direction, breakaway
+        )
         rpm = motor.speed[:, i] * 60 / (2 * np.pi)
         assert np.abs(rows["velocity_offset_mrpm"][inside] / 1000 - rpm).max() <= 0.0005 + 1e-9
         share = motor.torque[:, i] / joint.motor.nominal_torque
@@ -101,7 +108,10 @@ def test_rounding_does_not_add_up(plan: Plan, tmp_path: Path) -> None:
 def test_the_direction_of_the_motor(plan: Plan, tmp_path: Path) -> None:
     joints = tuple(dataclasses.replace(joint, motor_direction=-1) for joint in plan.robot.joints)
     reversed_plan = dataclasses.replace(
-        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
+        plan,
+        problem=dataclasses.replace(
+            plan.problem, robot=dataclasses.replace(plan.robot, joints=joints)
+        ),
     )
     reversed_plan = certified(reversed_plan)
     export(plan, "epos4", tmp_path / "a", counts_per_turn=COUNTS)
@@ -114,7 +124,9 @@ def test_the_direction_of_the_motor(plan: Plan, tmp_path: Path) -> None:
         assert limits[0x607D, 1] <= b["target_position_inc"].min()
         assert limits[0x607D, 2] >= b["target_position_inc"].max()
     back = read_trajectory(tmp_path / "b", reversed_plan.robot)
-    assert back.trajectory.coefficients[0, 0] == pytest.approx(plan.trajectory.coefficients[0, 0], abs=1e-5)
+    assert back.trajectory.coefficients[0, 0] == pytest.approx(
+        plan.trajectory.coefficients[0, 0], abs=1e-5
+    )
 
 
 def with_encoders(plan: Plan, counts: int | None) -> Plan:
@@ -124,12 +136,16 @@ def with_encoders(plan: Plan, counts: int | None) -> Plan:
             joint,
             motor=None
             if joint.motor is None
-            else dataclasses.replace(joint.motor, encoder_counts=counts, placeholders=(), file="some_motor.yaml"),
+            else dataclasses.replace(
+                joint.motor, encoder_counts=counts, placeholders=(), file="some_motor.yaml"
+            ),
         )
         for joint in plan.robot.joints
     )
     robot = dataclasses.replace(plan.robot, joints=joints)
-    return certified(dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot)))
+    return certified(
+        dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot))
+    )
 
 
 def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
@@ -137,9 +153,14 @@ def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
     for name in DRIVEN:
         assert manifest["axes"][name]["increments_per_motor_turn"] == COUNTS
         assert manifest["axes"][name]["encoder"].startswith("PLACEHOLDER: not known")
-        assert any(f"joint {name}: the encoder behind its increments is a placeholder" in x for x in manifest["notes"])
+        assert any(
+            f"joint {name}: the encoder behind its increments is a placeholder" in x
+            for x in manifest["notes"]
+        )
     bare = with_encoders(plan, None)
-    with pytest.raises(ExportError, match=r"some_motor\.yaml: encoder_counts is missing .*--counts-per-turn"):
+    with pytest.raises(
+        ExportError, match=r"some_motor\.yaml: encoder_counts is missing .*--counts-per-turn"
+    ):
         export(bare, "epos4", tmp_path)
     with pytest.raises(ExportError, match="motor of joint insertion"):
         export(bare, "epos4", tmp_path, counts_per_turn={"roll": COUNTS, "tilt": COUNTS})
@@ -178,10 +199,14 @@ def test_the_form_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     lines = (tmp_path / "roll_time_position.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "time,position"
-    assert all(len(line.split(",")) == 2 and line.split(",")[1].lstrip("-").isdigit() for line in lines[1:])
+    assert all(
+        len(line.split(",")) == 2 and line.split(",")[1].lstrip("-").isdigit() for line in lines[1:]
+    )
 
 
-@pytest.mark.parametrize(("rate", "period"), [(1000.0, 1), (500.0, 2), (333.3333333333333, 3), (10.0, 100), (250.0, 4)])
+@pytest.mark.parametrize(
+    ("rate", "period"), [(1000.0, 1), (500.0, 2), (333.3333333333333, 3), (10.0, 100), (250.0, 4)]
+)
 def test_rates_that_are_whole_milliseconds(rate: float, period: int) -> None:
     assert period_ms(rate) == period
 
@@ -198,16 +223,28 @@ def changed(plan: Plan, **motor: float) -> Plan:
     return dataclasses.replace(
         plan,
         problem=dataclasses.replace(
-            plan.problem, robot=dataclasses.replace(plan.robot, joints=(joint, *plan.robot.joints[1:]))
+            plan.problem,
+            robot=dataclasses.replace(plan.robot, joints=(joint, *plan.robot.joints[1:])),
         ),
     )
 
 
 def test_numbers_that_do_not_fit_their_objects(plan: Plan, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match=r"joint roll: torque of .* per mille of rated torque \(INT16\) does not fit"):
+    with pytest.raises(
+        ExportError,
+        match=r"joint roll: torque of .* per mille of rated torque \(INT16\) does not fit",
+    ):
         # no motor with such a nominal torque passes the check
-        export(changed(plan, nominal_torque=1e-6), "epos4", tmp_path / "x", force=True, counts_per_turn=COUNTS)
-    with pytest.raises(ExportError, match=r"joint roll: target position of .* increments does not fit"):
+        export(
+            changed(plan, nominal_torque=1e-6),
+            "epos4",
+            tmp_path / "x",
+            force=True,
+            counts_per_turn=COUNTS,
+        )
+    with pytest.raises(
+        ExportError, match=r"joint roll: target position of .* increments does not fit"
+    ):
         export(plan, "epos4", tmp_path / "x", counts_per_turn=10**9)
     assert not list(tmp_path.iterdir())
 
@@ -255,7 +292,10 @@ def test_homing_pdo_mapping_and_sync(mode: str, plan: Plan, tmp_path: Path) -> N
         if joint.name in DRIVEN:
             axis = manifest["axes"][joint.name]
             start = plan.trajectory.sample(plan.trajectory.breaks[:1]).q[0, i]
-            assert abs(axis["homing"]["home_position"]["value"] - start * axis["increments_per_unit"]) <= 0.5 + 1e-9
+            assert (
+                abs(axis["homing"]["home_position"]["value"] - start * axis["increments_per_unit"])
+                <= 0.5 + 1e-9
+            )
 
 
 def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
@@ -279,15 +319,17 @@ def map_pdos(node, mapping: dict) -> None:
             target.cob_id = int(pdo["cob_id"].split()[0], 16) + node.id
             target.trans_type, target.enabled = pdo["transmission_type"], True
             target.save()
-            assert [m.raw for m in node.sdo[int(pdo["mapping"], 16)].values()][: len(pdo["objects"])] == [
-                int(entry["value"], 16) for entry in pdo["objects"]
-            ]
+            assert [m.raw for m in node.sdo[int(pdo["mapping"], 16)].values()][
+                : len(pdo["objects"])
+            ] == [int(entry["value"], 16) for entry in pdo["objects"]]
 
 
 @contextmanager
 def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple[dict, dict]]:
     """(drives, clients) of the driven joints on one virtual bus, set up, mapped and homed as the export says."""
-    canopen = pytest.importorskip("canopen", reason="the package canopen (extra test) plays the client")
+    canopen = pytest.importorskip(
+        "canopen", reason="the package canopen (extra test) plays the client"
+    )
     from canopen.profiles.p402 import BaseNode402
     from simulated_drive import SimulatedDrive, dictionary
 
@@ -297,7 +339,9 @@ def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple
     drives, clients = {}, {}
     try:
         for number, joint in enumerate(DRIVEN, start=1):
-            drives[joint] = SimulatedDrive(channel, number, position=17, rated_torque=round(rated[joint] * 1e6))
+            drives[joint] = SimulatedDrive(
+                channel, number, position=17, rated_torque=round(rated[joint] * 1e6)
+            )
             clients[joint] = network.add_node(BaseNode402(number, dictionary(number)))
         for joint, node in clients.items():
             node.nmt.state = "PRE-OPERATIONAL"
@@ -327,7 +371,11 @@ def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple
             drive.close()
 
 
-COLUMNS = {0x607A: "target_position_inc", 0x60B1: "velocity_offset_mrpm", 0x60B2: "torque_offset_permille"}
+COLUMNS = {
+    0x607A: "target_position_inc",
+    0x60B1: "velocity_offset_mrpm",
+    0x60B2: "torque_offset_permille",
+}
 
 
 def play(folder: Path, clients: dict, period: float) -> None:
@@ -359,7 +407,9 @@ def settled(condition) -> bool:
 
 
 def rated_torques(robot: Robot) -> dict[str, float]:
-    return {joint.name: joint.motor.nominal_torque for joint in robot.joints if joint.motor is not None}
+    return {
+        joint.name: joint.motor.nominal_torque for joint in robot.joints if joint.motor is not None
+    }
 
 
 LOOP_PERIOD = 4e-4
@@ -367,7 +417,9 @@ LOOP_PERIOD = 4e-4
 
 def told_to_simulation(plan: Plan) -> np.ndarray:
     """Motor angles (periods, 4) that `simulate` demands of its drives."""
-    return _Stage(plan, Scenario(), Controller(loop_period=LOOP_PERIOD, counts_per_turn=COUNTS)).told.demand
+    return _Stage(
+        plan, Scenario(), Controller(loop_period=LOOP_PERIOD, counts_per_turn=COUNTS)
+    ).told.demand
 
 
 def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
@@ -409,7 +461,11 @@ def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> 
         play(tmp_path, clients, 0.004)
         assert settled(lambda: any(drive.fault == PERIOD_FAULT for drive in drives.values()))
         assert settled(lambda: any(node.state == "FAULT" for node in clients.values()))
-        assert settled(lambda: any(log.code == PERIOD_FAULT for node in clients.values() for log in node.emcy.log))
+        assert settled(
+            lambda: any(
+                log.code == PERIOD_FAULT for node in clients.values() for log in node.emcy.log
+            )
+        )
 
 
 def test_a_limit_overrun_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
@@ -430,7 +486,9 @@ def test_a_limit_overrun_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None
         assert max(target for target, *_ in drives["insertion"].received) <= limit
 
 
-def test_the_manifest_names_the_stream_of_every_axis(plan: Plan, tmp_path: Path, robot: Robot) -> None:
+def test_the_manifest_names_the_stream_of_every_axis(
+    plan: Plan, tmp_path: Path, robot: Robot
+) -> None:
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
     assert set(manifest["axes"]) == {joint.name for joint in robot.joints}
@@ -442,7 +500,9 @@ def test_the_manifest_names_the_stream_of_every_axis(plan: Plan, tmp_path: Path,
 
 def test_a_plan_that_ends_between_setpoints(robot: Robot, tmp_path: Path) -> None:
     """The last setpoint is the target, a whole period after the last one before the end."""
-    plan = read_back(tmp_path / "plan.json", robot, trapezoids(robot, (np.array([0.0001, 0.0, 0.0, 0.0]),)))
+    plan = read_back(
+        tmp_path / "plan.json", robot, trapezoids(robot, (np.array([0.0001, 0.0, 0.0, 0.0]),))
+    )
     assert (plan.trajectory.duration * 1000) % 10 > 0.01
     export(plan, "epos4", tmp_path / "e", counts_per_turn=COUNTS, rate=100.0)
     rows = stream(tmp_path / "e", "roll")

@@ -54,7 +54,9 @@ def test_every_export_carries_a_manifest(plan: Plan, tmp_path: Path, to: str) ->
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_a_plan_without_a_passed_certificate_is_not_exported(bad_plan: Plan, tmp_path: Path, to: str) -> None:
+def test_a_plan_without_a_passed_certificate_is_not_exported(
+    bad_plan: Plan, tmp_path: Path, to: str
+) -> None:
     with pytest.raises(ExportError, match=r"does not pass the check: .* by 1"):
         export(bad_plan, to, tmp_path / to, **OPTIONS.get(to, {}))
     assert not list(tmp_path.iterdir())
@@ -63,11 +65,17 @@ def test_a_plan_without_a_passed_certificate_is_not_exported(bad_plan: Plan, tmp
     assert "UNVERIFIED" in manifest["warning"]
     named = [name for name in files if name != "manifest"]
     assert all("_unverified" in name for name in named)
-    texts = [files[name].read_text(encoding="utf-8") for name in named if name.endswith((".yaml", ".urdf", ".c", ".h"))]
+    texts = [
+        files[name].read_text(encoding="utf-8")
+        for name in named
+        if name.endswith((".yaml", ".urdf", ".c", ".h"))
+    ]
     assert all("UNVERIFIED" in text for text in texts if "rosbag2_bagfile_information" not in text)
 
 
-def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(bad_plan: Plan, tmp_path: Path) -> None:
+def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(
+    bad_plan: Plan, tmp_path: Path
+) -> None:
     """The plan is checked anew, whatever its file says."""
     document = json.loads(bad_plan.path.read_text(encoding="utf-8"))
     document["certificate"]["passed"] = True
@@ -98,7 +106,9 @@ def test_unknown_formats_and_options(plan: Plan, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("to", ["csv", "epos4", "ros2"])
 @pytest.mark.parametrize("which", ["plan", "smooth_plan"])
-def test_round_trip(to: str, which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path) -> None:
+def test_round_trip(
+    to: str, which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path
+) -> None:
     """plan → format → check: the same verdict, and margins within the rounding of the format."""
     source: Plan = request.getfixturevalue(which)
     export(source, to, tmp_path / to, **OPTIONS.get(to, {}))
@@ -108,7 +118,11 @@ def test_round_trip(to: str, which: str, request: pytest.FixtureRequest, robot: 
     original = {(limit.name, limit.joint): limit.margin for limit in source.certificate.limits}
     for reading in readings:
         found = check(
-            reading.trajectory, robot, source.limits, resolution=reading.resolution, interpolation=reading.interpolation
+            reading.trajectory,
+            robot,
+            source.limits,
+            resolution=reading.resolution,
+            interpolation=reading.interpolation,
         )
         assert found.passed
         compared = 0
@@ -199,7 +213,11 @@ def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
     )
     words = ["export", str(plan.path), "--to", "csv", "-o", str(tmp_path / "csv")]
     with subprocess.Popen(
-        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+        [sys.executable, "-c", code, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "writing\n"
@@ -212,7 +230,9 @@ def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_commands(plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands(
+    plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "csv"
     assert run(export_command, [str(plan.path), "--to", "csv", "-o", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
@@ -226,13 +246,24 @@ def test_the_commands(plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest
     assert "check: PASSED" in capsys.readouterr().out
     assert run(check_command, [str(bad_plan.path)]) == 1
     assert "EXCEEDED" in capsys.readouterr().out
-    words = [str(bad_plan.path), "--to", "epos4", "-o", str(tmp_path / "e"), "--force", "--counts-per-turn", "4096"]
+    words = [
+        str(bad_plan.path),
+        "--to",
+        "epos4",
+        "-o",
+        str(tmp_path / "e"),
+        "--force",
+        "--counts-per-turn",
+        "4096",
+    ]
     assert run(export_command, words) == 0
     assert "UNVERIFIED" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("words", [["--rate", "-5"], ["--rate", "fast"], ["--to", "dxf"]])
-def test_bad_words_on_the_command_line(plan: Plan, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_words_on_the_command_line(
+    plan: Plan, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as caught:
         run(export_command, [str(plan.path), "--to", "csv", *words])
     assert caught.value.code == 2
@@ -242,4 +273,7 @@ def test_bad_words_on_the_command_line(plan: Plan, words: list[str], capsys: pyt
 @pytest.mark.parametrize("counts", [["many"], ["4096", "roll=1024"], ["roll="]])
 def test_bad_counts_on_the_command_line(plan: Plan, tmp_path: Path, counts: list[str]) -> None:
     with pytest.raises(ExportError, match="--counts-per-turn"):
-        run(export_command, [str(plan.path), "--to", "epos4", "-o", str(tmp_path), "--counts-per-turn", *counts])
+        run(
+            export_command,
+            [str(plan.path), "--to", "epos4", "-o", str(tmp_path), "--counts-per-turn", *counts],
+        )

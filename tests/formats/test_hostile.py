@@ -74,7 +74,9 @@ def test_a_certificate_without_limits_is_none(robot: Robot, tmp_path: Path) -> N
 def test_limits_in_a_plan_are_compared_with_the_robot_s(
     robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    joints = tuple(dataclasses.replace(joint, velocity=2 * joint.velocity) for joint in robot.joints)
+    joints = tuple(
+        dataclasses.replace(joint, velocity=2 * joint.velocity) for joint in robot.joints
+    )
     fast = dataclasses.replace(robot, joints=joints, limits=())
     path = write_plan(tmp_path / "plan.json", fast, trapezoids(fast))
     assert main(["check", str(path)]) == 0
@@ -85,7 +87,9 @@ def test_limits_in_a_plan_are_compared_with_the_robot_s(
     assert "tilt range" in out
 
 
-@pytest.mark.parametrize(("column", "factor"), [(2, 50), (3, 9)], ids=["velocity offset", "torque offset"])
+@pytest.mark.parametrize(
+    ("column", "factor"), [(2, 50), (3, 9)], ids=["velocity offset", "torque offset"]
+)
 def test_offsets_of_a_drive_are_judged_with_and_without_the_hash(
     made: Plan, robot: Robot, tmp_path: Path, column: int, factor: int
 ) -> None:
@@ -105,8 +109,12 @@ def test_offsets_of_a_drive_are_judged_with_and_without_the_hash(
     }
 
 
-@pytest.mark.parametrize("name", [".", "..", "../x.csv", "/etc/passwd", "", "x\0.csv", "manifest.json"])
-def test_a_manifest_names_only_its_own_files(made: Plan, robot: Robot, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", [".", "..", "../x.csv", "/etc/passwd", "", "x\0.csv", "manifest.json"]
+)
+def test_a_manifest_names_only_its_own_files(
+    made: Plan, robot: Robot, tmp_path: Path, name: str
+) -> None:
     files, manifest = export(made, "csv", tmp_path / "csv")
     files["manifest"].write_text(json.dumps({**manifest, "trajectory": name}), encoding="utf-8")
     with pytest.raises(TrajectoryError, match="manifest"):
@@ -114,7 +122,9 @@ def test_a_manifest_names_only_its_own_files(made: Plan, robot: Robot, tmp_path:
 
 
 @pytest.mark.parametrize("kind", [{"x": 1}, ["epos4"], None, 3, "x" * 9000])
-def test_a_manifest_of_an_unknown_kind_is_named(made: Plan, robot: Robot, tmp_path: Path, kind: object) -> None:
+def test_a_manifest_of_an_unknown_kind_is_named(
+    made: Plan, robot: Robot, tmp_path: Path, kind: object
+) -> None:
     files, manifest = export(made, "epos4", tmp_path / "epos4", force=True, counts_per_turn=1024)
     files["manifest"].write_text(json.dumps({**manifest, "kind": kind}), encoding="utf-8")
     with pytest.raises(TrajectoryError, match=r"holds no trajectory|manifest\.json"):
@@ -164,14 +174,18 @@ def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
-    states = [_Messages(store.types).state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
+    states = [
+        _Messages(store.types).state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)
+    ]
     turned = _Messages(store.types).state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
     assert isinstance(whole := _of_states(states), Message)
     assert isinstance(mixed := _of_states([states[0], turned, states[2]]), Message)
     assert np.array_equal(mixed.positions, whole.positions)
     assert np.array_equal(mixed.velocities, whole.velocities)
     with pytest.raises(TrajectoryError, match="other joints"):
-        _of_states([states[0], _Messages(store.types).state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])])
+        _of_states(
+            [states[0], _Messages(store.types).state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])]
+        )
 
 
 def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:
@@ -205,7 +219,15 @@ def test_hostile_yaml_gets_one_message(robot: Robot, tmp_path: Path, text: str) 
 
 
 @pytest.mark.parametrize(
-    "value", ["1e-99999999999999999999", "1e99999999999999999999", "9" * 400, "-" + "9" * 5000, "0x10", "1_0"]
+    "value",
+    [
+        "1e-99999999999999999999",
+        "1e99999999999999999999",
+        "9" * 400,
+        "-" + "9" * 5000,
+        "0x10",
+        "1_0",
+    ],
 )
 def test_hostile_numbers_in_a_csv(robot: Robot, tmp_path: Path, value: str) -> None:
     path = tmp_path / "t.csv"
@@ -230,7 +252,8 @@ def test_points_on_a_curve_are_no_other_unit(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("breaks", "size"), [([0.0, 1.0], 1e300), ([0.0, 1e-300], 1.0), ([0.0, 1e300], 1.0), ([0.0, 1e8], 1.0)]
+    ("breaks", "size"),
+    [([0.0, 1.0], 1e300), ([0.0, 1e-300], 1.0), ([0.0, 1e300], 1.0), ([0.0, 1e8], 1.0)],
 )
 def test_coefficients_that_overflow_are_no_trajectory(breaks: list[float], size: float) -> None:
     with pytest.raises(TrajectoryError):
@@ -242,6 +265,8 @@ def test_streams_that_are_closed_or_plain(robot: Robot, tmp_path: Path, close: s
     path = write_plan(tmp_path / "plan.json", robot, trapezoids(robot))
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
     command = f"'{sys.executable}' -m ssm_planner check '{path}' {close}"
-    run = subprocess.run(["sh", "-c", command], cwd=ROOT, env=environment, capture_output=True, check=False)
+    run = subprocess.run(
+        ["sh", "-c", command], cwd=ROOT, env=environment, capture_output=True, check=False
+    )
     assert run.returncode == (2 if "full" in close else 0)
     assert b"Traceback" not in run.stderr

@@ -53,28 +53,78 @@ def test_the_shipped_plan_is_read(robot: Robot) -> None:
         (lambda text: "time_s,q1_rad\n0,0\n", TrajectoryError, "not JSON"),
         (lambda text: "[1, 2]", TrajectoryError, "not a plan.json"),
         (lambda text: '{"format": "something else"}', TrajectoryError, "not a plan.json"),
-        (lambda text: text.replace('"version": 1', '"version": 99'), TrajectoryError, "version 99; this program reads"),
-        (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [NaN'), TrajectoryError, "holds NaN"),
-        (lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [1e999'), TrajectoryError, "finite numbers"),
+        (
+            lambda text: text.replace('"version": 1', '"version": 99'),
+            TrajectoryError,
+            "version 99; this program reads",
+        ),
+        (
+            lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [NaN'),
+            TrajectoryError,
+            "holds NaN",
+        ),
+        (
+            lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [1e999'),
+            TrajectoryError,
+            "finite numbers",
+        ),
         (
             lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [50.0'),
             TrajectoryError,
             "breaks .* must increase",
         ),
-        (lambda text: text.replace('"breaks_s"', '"breaks"'), TrajectoryError, "not the pieces of a trajectory"),
-        (lambda text: text.replace('"mass": 0.7227848', '"mass": "heavy"'), ProblemError, "robot.bodies\\[0\\].mass"),
-        (lambda text: text.replace('"depth": [0.0, 0.03]', '"depth": 0.03'), ProblemError, "problem.limits"),
-        (lambda text: text.replace('"depth": [0.0, 0.03]', '"deep": [0.0, 0.03]'), ProblemError, "problem.limits"),
-        (lambda text: text.replace('"tip_speed": null', '"tip_speed": -1.0'), ProblemError, "tip_speed"),
-        (lambda text: text.replace('"rates": {}', '"rates": {"tilt": 0.0}'), ProblemError, "problem.rates.tilt"),
-        (lambda text: text.replace('"rates": {}', '"rates": {"tip": 1.0}'), ProblemError, "problem.rates.tip"),
-        (lambda text: text.replace('"eye": null', '"eye": {"centre": [0, 0]}'), ProblemError, "problem.eye.centre"),
+        (
+            lambda text: text.replace('"breaks_s"', '"breaks"'),
+            TrajectoryError,
+            "not the pieces of a trajectory",
+        ),
+        (
+            lambda text: text.replace('"mass": 0.7227848', '"mass": "heavy"'),
+            ProblemError,
+            "robot.bodies\\[0\\].mass",
+        ),
+        (
+            lambda text: text.replace('"depth": [0.0, 0.03]', '"depth": 0.03'),
+            ProblemError,
+            "problem.limits",
+        ),
+        (
+            lambda text: text.replace('"depth": [0.0, 0.03]', '"deep": [0.0, 0.03]'),
+            ProblemError,
+            "problem.limits",
+        ),
+        (
+            lambda text: text.replace('"tip_speed": null', '"tip_speed": -1.0'),
+            ProblemError,
+            "tip_speed",
+        ),
+        (
+            lambda text: text.replace('"rates": {}', '"rates": {"tilt": 0.0}'),
+            ProblemError,
+            "problem.rates.tilt",
+        ),
+        (
+            lambda text: text.replace('"rates": {}', '"rates": {"tip": 1.0}'),
+            ProblemError,
+            "problem.rates.tip",
+        ),
+        (
+            lambda text: text.replace('"eye": null', '"eye": {"centre": [0, 0]}'),
+            ProblemError,
+            "problem.eye.centre",
+        ),
         (lambda text: text.replace('"eye": null', '"eye": []'), ProblemError, "problem.eye"),
-        (lambda text: text.replace('"margin"', '"margins"'), TrajectoryError, "not a line of a certificate"),
+        (
+            lambda text: text.replace('"margin"', '"margins"'),
+            TrajectoryError,
+            "not a line of a certificate",
+        ),
         (lambda text: "[" * 100000, TrajectoryError, "nested too deeply|truncated"),
     ],
 )
-def test_files_that_are_no_plan(plan: Plan, tmp_path: Path, change, error: type[SsmPlannerError], message: str) -> None:
+def test_files_that_are_no_plan(
+    plan: Plan, tmp_path: Path, change, error: type[SsmPlannerError], message: str
+) -> None:
     text = plan.path.read_text(encoding="utf-8")
     changed = change(text)
     assert changed != text
@@ -109,9 +159,16 @@ def test_helpers_make_passing_plans(robot: Robot) -> None:
 def test_a_saved_folder_is_the_command_s_and_the_same_every_time(tmp_path: Path) -> None:
     problem = load_problem(ROOT / "problems/tilt_insert.yaml")
     first, second = (plan_problem(problem).save(tmp_path / name) for name in ("first", "second"))
-    assert main(["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "command")]) == 0
+    assert (
+        main(["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "command")])
+        == 0
+    )
     names = {path.name for path in first.values()}
-    assert {"plan.json", "report.html", "trajectory.csv"} < names == {path.name for path in second.values()}
+    assert (
+        {"plan.json", "report.html", "trajectory.csv"}
+        < names
+        == {path.name for path in second.values()}
+    )
     assert names | {"manifest.json"} == {path.name for path in (tmp_path / "command").iterdir()}
     for name in names:
         content = (tmp_path / "first" / name).read_bytes()
@@ -124,8 +181,15 @@ def test_a_loaded_plan_is_the_plan(tmp_path: Path) -> None:
     made.save(tmp_path)
     loaded = load_plan(tmp_path)
     assert loaded.to_json() == made.to_json()
-    assert loaded.sha256 == made.sha256 == hashlib.sha256((tmp_path / "plan.json").read_bytes()).hexdigest()
-    assert loaded.to_dict().keys() == json.loads((ROOT / "results/tilt_insert/plan.json").read_text("utf-8")).keys()
+    assert (
+        loaded.sha256
+        == made.sha256
+        == hashlib.sha256((tmp_path / "plan.json").read_bytes()).hexdigest()
+    )
+    assert (
+        loaded.to_dict().keys()
+        == json.loads((ROOT / "results/tilt_insert/plan.json").read_text("utf-8")).keys()
+    )
     assert loaded.trajectory is not None
     assert loaded.trajectory.sample(0.001).q.shape == (1, 4)
     assert replace(loaded, status="changed").file is None
@@ -163,7 +227,9 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int
 ) -> None:
     """The reader of very long plans and the ordinary one agree on what is a plan, and on all of its numbers."""
-    data = json.dumps({key: plan.document[key] for key in ("format", "version", "trajectory")}, indent=1).encode()
+    data = json.dumps(
+        {key: plan.document[key] for key in ("format", "version", "trajectory")}, indent=1
+    ).encode()
     path, rng = tmp_path / "plan.json", np.random.default_rng(chunk)
     monkeypatch.setattr("ssm_planner.loading.json_files.CHUNK", chunk)
     monkeypatch.setattr("ssm_planner.loading.json_files.BATCH", 2)
@@ -187,7 +253,9 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
     assert 0 < refused < 199
 
 
-def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(tmp_path: Path, robot: Robot) -> None:
+def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
+    tmp_path: Path, robot: Robot
+) -> None:
     """192 bytes a piece, twice while they are put together, and no text: as Python's numbers they would take 770."""
 
     def peak(count: int) -> int:

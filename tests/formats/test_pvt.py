@@ -46,21 +46,34 @@ def run(table: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
     p1, p0, v1, v0 = position[n], position[n - 1], velocity[n], velocity[n - 1]
     b = (-3 * (p1 - p0) + h * (2 * v1 + v0)) / h**2
     a = (-2 * (p1 - p0) + h * (v1 + v0)) / h**3
-    return a * s**3 + b * s**2 + v1 * s + p1, 3 * a * s**2 + 2 * b * s + v1, 6 * a * s + 2 * b, 6 * a
+    return (
+        a * s**3 + b * s**2 + v1 * s + p1,
+        3 * a * s**2 + 2 * b * s + v1,
+        6 * a * s + 2 * b,
+        6 * a,
+    )
 
 
 @pytest.mark.parametrize("which", ["plan", "smooth_plan"])
-def test_what_the_drives_run_keeps_the_limits(which: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+def test_what_the_drives_run_keeps_the_limits(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     plan: Plan = request.getfixturevalue(which)
     _, manifest = export(plan, "pvt", tmp_path, counts_per_turn=COUNTS)
     robot = plan.robot
     first = rows(tmp_path, "roll")[0]
     assert first[0] == 0
-    assert np.all((first[1:] >= 1) & (first[1:] <= LARGEST_TIME) & (first[1:] == np.round(first[1:])))
+    assert np.all(
+        (first[1:] >= 1) & (first[1:] <= LARGEST_TIME) & (first[1:] == np.round(first[1:]))
+    )
     end = first.sum() / 1000
     t = np.unique(
         np.concatenate(
-            [np.linspace(0, end, 50_001)[:-1], np.cumsum(first)[:-1] / 1000, np.cumsum(first)[1:] / 1000 - 1e-12]
+            [
+                np.linspace(0, end, 50_001)[:-1],
+                np.cumsum(first)[:-1] / 1000,
+                np.cumsum(first)[1:] / 1000 - 1e-12,
+            ]
         )
     )
     motion = np.empty((4, len(t), 4))
@@ -72,7 +85,8 @@ def test_what_the_drives_run_keeps_the_limits(which: str, request: pytest.Fixtur
             assert np.array_equal(table, np.round(table))
             assert np.abs(table[2]).max() <= INT24
             assert abs(
-                table[1, -1] / per_unit - plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i]
+                table[1, -1] / per_unit
+                - plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i]
             ) <= 0.5 / abs(per_unit)
         assert np.abs(table[2, [0, -1]]).max() <= 1e-12
         for order, values in enumerate(run(table, t)):
@@ -80,7 +94,9 @@ def test_what_the_drives_run_keeps_the_limits(which: str, request: pytest.Fixtur
         assert np.abs(motion[1, :, i]).max() <= joint.velocity * (1 + ROUNDING)
         assert np.abs(motion[2, :, i]).max() <= joint.acceleration * (1 + ROUNDING)
         slowed = plan.trajectory.sample(plan.trajectory.breaks[0] + t / manifest["stretch"]).q[:, i]
-        assert np.abs(motion[0, :, i] - slowed).max() <= 1e-3 * np.ptp(slowed) + 1e-4 * joint.velocity
+        assert (
+            np.abs(motion[0, :, i] - slowed).max() <= 1e-3 * np.ptp(slowed) + 1e-4 * joint.velocity
+        )
     samples = Samples(t, *motion)
     direction, breakaway = directions(robot, samples, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), samples, direction, breakaway).torque
@@ -90,7 +106,9 @@ def test_what_the_drives_run_keeps_the_limits(which: str, request: pytest.Fixtur
     assert 1 <= manifest["stretch"] <= 1.05
 
 
-def test_round_trip_with_the_same_verdict(plan: Plan, bad_plan: Plan, robot: Robot, tmp_path: Path) -> None:
+def test_round_trip_with_the_same_verdict(
+    plan: Plan, bad_plan: Plan, robot: Robot, tmp_path: Path
+) -> None:
     for source, force in ((plan, False), (bad_plan, True)):
         folder = tmp_path / str(force)
         _, manifest = export(source, "pvt", folder, force=force, counts_per_turn=COUNTS)
@@ -105,7 +123,9 @@ def test_round_trip_with_the_same_verdict(plan: Plan, bad_plan: Plan, robot: Rob
 def test_other_encoders_and_directions(plan: Plan, tmp_path: Path) -> None:
     joints = tuple(dataclasses.replace(joint, motor_direction=-1) for joint in plan.robot.joints)
     robot = dataclasses.replace(plan.robot, joints=joints)
-    turned = certified(dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot)))
+    turned = certified(
+        dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, robot=robot))
+    )
     for counts in (2048, 65536):
         _, manifest = export(turned, "pvt", tmp_path / str(counts), counts_per_turn=counts)
         assert manifest["axes"]["roll"]["increments_per_unit"] < 0
@@ -117,7 +137,11 @@ def test_a_jerk_limit_is_refused(smooth_plan: Plan, tmp_path: Path) -> None:
     """Cubics between whole increments jump in acceleration: said, not hidden."""
     joints = tuple(dataclasses.replace(joint, jerk=1e4) for joint in smooth_plan.robot.joints)
     robot = dataclasses.replace(smooth_plan.robot, joints=joints, limits=smooth_plan.robot.limits)
-    limited = certified(dataclasses.replace(smooth_plan, problem=dataclasses.replace(smooth_plan.problem, robot=robot)))
+    limited = certified(
+        dataclasses.replace(
+            smooth_plan, problem=dataclasses.replace(smooth_plan.problem, robot=robot)
+        )
+    )
     assert limited.passed
     with pytest.raises(ExportError, match=r"no PVT table was found .*acceleration jump"):
         export(limited, "pvt", tmp_path / "x", counts_per_turn=COUNTS)

@@ -27,12 +27,16 @@ def message(path: Path, under: str | None = None) -> dict:
     return data if under is None else data[under]
 
 
-def controller_spline(points: list[dict], t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def controller_spline(
+    points: list[dict], t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q, qd, qdd as joint_trajectory_controller interpolates: cubic from velocities, quintic from accelerations.
 
     Written out from the controller's documentation, apart from the program's own interpolation.
     """
-    times = np.array([p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] * 1e-9 for p in points])
+    times = np.array(
+        [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] * 1e-9 for p in points]
+    )
     q, qd, qdd = [], [], []
     for at in t:
         k = int(np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(points) - 2))
@@ -45,7 +49,12 @@ def controller_spline(points: list[dict], t: np.ndarray) -> tuple[np.ndarray, np
                 rows.append((derivative, x))
                 values.append(point[key])
         degree = len(rows)
-        matrix = np.array([[falling(n, d) * (x ** (n - d) if n >= d else 0.0) for n in range(degree)] for d, x in rows])
+        matrix = np.array(
+            [
+                [falling(n, d) * (x ** (n - d) if n >= d else 0.0) for n in range(degree)]
+                for d, x in rows
+            ]
+        )
         c = np.linalg.solve(matrix, np.array(values))
         for out, d in ((q, 0), (qd, 1), (qdd, 2)):
             out.append(sum(falling(n, d) * c[n] * s ** (n - d) for n in range(d, degree)))
@@ -65,7 +74,9 @@ def test_the_controller_s_own_spline_keeps_the_limits(
     export(source, "ros2", tmp_path, bag=False)
     points = message(tmp_path / "joint_trajectory.yaml")["points"]
     assert sum(bool(points[1][key]) for key in ("positions", "velocities", "accelerations")) == keys
-    duration = points[-1]["time_from_start"]["sec"] + points[-1]["time_from_start"]["nanosec"] * 1e-9
+    duration = (
+        points[-1]["time_from_start"]["sec"] + points[-1]["time_from_start"]["nanosec"] * 1e-9
+    )
     q, qd, qdd = controller_spline(points, np.linspace(0, duration, 3000))
     for i, joint in enumerate(source.robot.joints):
         low, high = joint.position
@@ -78,19 +89,33 @@ def test_the_controller_s_own_spline_keeps_the_limits(
 def test_joint_trajectory_controller_would_accept_it(plan: Plan, tmp_path: Path) -> None:
     """Its rules, one by one, on the files as written."""
     export(plan, "ros2", tmp_path, bag=False)
-    for data in (message(tmp_path / "joint_trajectory.yaml"), message(tmp_path / "goal.yaml", "trajectory")):
+    for data in (
+        message(tmp_path / "joint_trajectory.yaml"),
+        message(tmp_path / "goal.yaml", "trajectory"),
+    ):
         assert set(data) == {"header", "joint_names", "points"}
         assert set(data["header"]) == {"stamp", "frame_id"}
         assert data["joint_names"] == [joint.name for joint in plan.robot.joints]
-        assert set(data["points"][0]) == {"positions", "velocities", "accelerations", "effort", "time_from_start"}
-        ticks = [p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"] for p in data["points"]]
+        assert set(data["points"][0]) == {
+            "positions",
+            "velocities",
+            "accelerations",
+            "effort",
+            "time_from_start",
+        }
+        ticks = [
+            p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"]
+            for p in data["points"]
+        ]
         assert ticks[0] == 0
         assert all(b > a for a, b in itertools.pairwise(ticks))
         assert all(0 <= p["time_from_start"]["nanosec"] < 10**9 for p in data["points"])
         assert max(map(abs, data["points"][-1]["velocities"])) <= REST
         assert all(not p["effort"] for p in data["points"])
         assert all(len(p["positions"]) == len(p["velocities"]) == 4 for p in data["points"])
-        assert all(isinstance(x, float) for p in data["points"] for x in p["positions"] + p["velocities"])
+        assert all(
+            isinstance(x, float) for p in data["points"] for x in p["positions"] + p["velocities"]
+        )
         faults, remarks = controller_faults(message_from(data, "file"), data["joint_names"])
         assert not faults
         assert not remarks
@@ -111,8 +136,12 @@ def test_the_stretch_is_small_and_stated(plan: Plan, tmp_path: Path) -> None:
     assert manifest["spline"]["certificate"]["passed"]
 
 
-def test_the_bag_is_read_by_an_independent_library(plan: Plan, robot: Robot, tmp_path: Path) -> None:
-    pytest.importorskip("mcap_ros2", reason="the package mcap-ros2-support (extra test) reads the bag")
+def test_the_bag_is_read_by_an_independent_library(
+    plan: Plan, robot: Robot, tmp_path: Path
+) -> None:
+    pytest.importorskip(
+        "mcap_ros2", reason="the package mcap-ros2-support (extra test) reads the bag"
+    )
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -120,7 +149,9 @@ def test_the_bag_is_read_by_an_independent_library(plan: Plan, robot: Robot, tmp
     export(plan, "ros2", tmp_path, rate=rate)
     found: dict[str, list] = {}
     with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
-        for _, channel, raw, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        for _, channel, raw, decoded in make_reader(
+            file, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
             found.setdefault(channel.topic, []).append((raw.log_time, decoded))
     assert set(found) == {"/robot_description", "/joint_trajectory", "/joint_states", "/tf"}
     points = message(tmp_path / "joint_trajectory.yaml")["points"]
@@ -205,16 +236,23 @@ def test_rates_that_make_no_bag(plan: Plan, tmp_path: Path, rate: float) -> None
         export(plan, "ros2", tmp_path / "x", rate=rate)
 
 
-def test_a_spline_that_no_points_mend_is_refused(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_spline_that_no_points_mend_is_refused(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
     monkeypatch.setattr("ssm_planner.formats.spline_points.PARTS", (1,))
     monkeypatch.setattr("ssm_planner.formats.spline_points.LARGEST_STRETCH", 1e-9)
     joints = tuple(
-        dataclasses.replace(joint, velocity=joint.velocity * 0.96) if joint.name == "tilt" else joint
+        dataclasses.replace(joint, velocity=joint.velocity * 0.96)
+        if joint.name == "tilt"
+        else joint
         for joint in plan.robot.joints
     )
     slower = dataclasses.replace(
-        plan, problem=dataclasses.replace(plan.problem, robot=dataclasses.replace(plan.robot, joints=joints))
+        plan,
+        problem=dataclasses.replace(
+            plan.problem, robot=dataclasses.replace(plan.robot, joints=joints)
+        ),
     )
     with pytest.raises(ExportError, match=r"exceeds the velocity limit of tilt by 1\.\d+ %"):
         spline_points(slower, plan.certificate)

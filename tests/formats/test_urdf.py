@@ -34,21 +34,37 @@ def another_robot(robot: Robot, seed: int) -> Robot:
 
     tool = turned()
     axes = [vector / np.linalg.norm(vector) for vector in rng.normal(size=(2, 3))]
-    geometry = Geometry(frozen(axes[0], (3,)), frozen(axes[1], (3,)), frozen(tool[:, 2], (3,)), frozen(tool, (3, 3)), 1)
+    geometry = Geometry(
+        frozen(axes[0], (3,)),
+        frozen(axes[1], (3,)),
+        frozen(tool[:, 2], (3,)),
+        frozen(tool, (3, 3)),
+        1,
+    )
     bodies = []
     for k in range(4):
         com, mass = rng.normal(size=3) * 0.1, rng.uniform(0.1, 1.0)
         spread = turned()
         about_com = spread @ np.diag([3.0, 4.0, 5.0]) @ spread.T * 1e-3 * mass
         inertia = about_com + mass * (com @ com * np.eye(3) - np.outer(com, com))
-        bodies.append(Body(f"body {k}", mass, frozen(com, (3,)), frozen(inertia, (3, 3)), frozen(turned(), (3, 3))))
+        bodies.append(
+            Body(
+                f"body {k}",
+                mass,
+                frozen(com, (3,)),
+                frozen(inertia, (3, 3)),
+                frozen(turned(), (3, 3)),
+            )
+        )
     return dataclasses.replace(robot, geometry=geometry, bodies=tuple(bodies))
 
 
 def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Robot) -> None:
     """Without one MuJoCo refuses the link, and PyBullet takes 1 kg for it."""
     links = ElementTree.fromstring(urdf(robot)).findall("link")
-    masses = {link.get("name"): link.find("inertial/mass") for link in links if link.get("name") != "base"}
+    masses = {
+        link.get("name"): link.find("inertial/mass") for link in links if link.get("name") != "base"
+    }
     assert all(mass is not None and float(mass.get("value", 0)) > 0 for mass in masses.values())
     total = sum(float(mass.get("value", 0)) for mass in masses.values() if mass is not None)
     assert total == pytest.approx(sum(body.mass for body in robot.bodies), abs=1e-8)
@@ -61,12 +77,18 @@ def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     data, tool = model.createData(), model.getFrameId("tool")
     assert [model.names[k] for k in range(1, 5)] == [joint.name for joint in robot.joints]
     for k, joint in enumerate(robot.joints):
-        assert (model.lowerPositionLimit[k], model.upperPositionLimit[k]) == pytest.approx(joint.position, abs=1e-12)
+        assert (model.lowerPositionLimit[k], model.upperPositionLimit[k]) == pytest.approx(
+            joint.position, abs=1e-12
+        )
         assert model.velocityLimit[k] == pytest.approx(joint.velocity, abs=1e-12)
 
     def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
         pin.framesForwardKinematics(model, data, q)
-        return data.oMf[tool].rotation, data.oMf[tool].translation, pin.rnea(model, data, q, qd, qdd)
+        return (
+            data.oMf[tool].rotation,
+            data.oMf[tool].translation,
+            pin.rnea(model, data, q, qd, qdd),
+        )
 
     masses = {link: model.inertias[k + 1].mass for k, link in enumerate(LINKS)}
     masses["stage"] -= SMALLEST_MASS  # it is one body with the tool
@@ -90,7 +112,9 @@ def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
 
 
 def pybullet(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
-    bullet = pytest.importorskip("pybullet", reason="package pybullet, extra test: wheels for Linux up to Python 3.11")
+    bullet = pytest.importorskip(
+        "pybullet", reason="package pybullet, extra test: wheels for Linux up to Python 3.11"
+    )
     client = bullet.connect(bullet.DIRECT)
     bullet.setGravity(*robot.gravity, physicsClientId=client)
     flags = bullet.URDF_USE_INERTIA_FROM_FILE
@@ -102,14 +126,24 @@ def pybullet(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
             bullet.resetJointState(body, k, q[k], qd[k], client)
         # of the centre of mass, which is the tool's origin: that of the frame comes in single precision
         place, turn, *_ = bullet.getLinkState(body, links.index("tool"), 0, True, client)
-        torque = bullet.calculateInverseDynamics(body, q.tolist(), qd.tolist(), qdd.tolist(), physicsClientId=client)
-        return np.reshape(bullet.getMatrixFromQuaternion(turn), (3, 3)), np.array(place), np.array(torque)
+        torque = bullet.calculateInverseDynamics(
+            body, q.tolist(), qd.tolist(), qdd.tolist(), physicsClientId=client
+        )
+        return (
+            np.reshape(bullet.getMatrixFromQuaternion(turn), (3, 3)),
+            np.array(place),
+            np.array(torque),
+        )
 
-    return {link: bullet.getDynamicsInfo(body, links.index(link), client)[0] for link in LINKS}, evaluate
+    return {
+        link: bullet.getDynamicsInfo(body, links.index(link), client)[0] for link in LINKS
+    }, evaluate
 
 
 def yourdfpy(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
-    model = pytest.importorskip("yourdfpy", reason="package yourdfpy, extra test").URDF.load(str(path))
+    model = pytest.importorskip("yourdfpy", reason="package yourdfpy, extra test").URDF.load(
+        str(path)
+    )
 
     def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
         model.update_cfg(q)
@@ -122,7 +156,10 @@ def yourdfpy(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
 @pytest.mark.parametrize("reader", [pinocchio, mujoco, pybullet, yourdfpy])
 @pytest.mark.parametrize("seed", [None, 1, 2, 3])
 def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
-    robot: Robot, tmp_path: Path, seed: int | None, reader: Callable[[Path, Robot], tuple[dict[str, float], Evaluate]]
+    robot: Robot,
+    tmp_path: Path,
+    seed: int | None,
+    reader: Callable[[Path, Robot], tuple[dict[str, float], Evaluate]],
 ) -> None:
     robot = robot if seed is None else another_robot(robot, seed)
     path = tmp_path / "robot.urdf"
@@ -142,7 +179,12 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
 
 def test_rpy_is_accurate_next_to_its_singularity() -> None:
     """Also where the pitch is ±90° exactly, as in the shipped robot's first frame, and at all distances from it."""
-    for pitch in (0.0, np.pi / 2, -np.pi / 2, *(np.pi / 2 + RNG.choice([-1, 1], 40) * 10.0 ** RNG.uniform(-17, 0, 40))):
+    for pitch in (
+        0.0,
+        np.pi / 2,
+        -np.pi / 2,
+        *(np.pi / 2 + RNG.choice([-1, 1], 40) * 10.0 ** RNG.uniform(-17, 0, 40)),
+    ):
         x, y = RNG.uniform(-3, 3, 2)
         matrix = rotation((0, 0, 1), x) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), y)
         roll, turned, yaw = rpy(matrix)

@@ -25,7 +25,9 @@ RIGS = {
     "rig2_antibacklash_screw": ("drive2_antibacklash_screw", 0.035),
     "rig3_worm": ("drive3_worm", 0.045),
 }
-needs_recordings = pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+needs_recordings = pytest.mark.skipif(
+    not RECORDINGS.is_dir(), reason="the recordings are not beside the project"
+)
 
 
 def recordings_of(rig: str, kind: str):
@@ -71,7 +73,9 @@ def test_every_second_recording_predicts_the_others(rig, first):
     steady = sorted(steady, key=lambda r: r.w.mean())
     found = predicted(drive, steady[first::2], steady[1 - first :: 2] + moving)
     assert found.pop().nrmsd <= RIGS[rig][1]
-    beyond = [np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found]
+    beyond = [
+        np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found
+    ]
     assert np.mean(beyond) <= 0.03
     assert np.mean([p.mean_inside for p in found]) >= 0.90
 
@@ -107,7 +111,9 @@ def test_the_wrong_sign_of_the_channels_is_remarked(rig):
 
     def notes(recordings):
         data, load = torque_map(recordings), drive.rig.F_payload
-        return fit_map(drive, data, load, law="stribeck_exponential", reference=drive.rig.published).notes
+        return fit_map(
+            drive, data, load, law="stribeck_exponential", reference=drive.rig.published
+        ).notes
 
     assert notes(steady) == ()
     turned = notes([replace(r, w=-r.w, tau=-r.tau) for r in steady])
@@ -119,7 +125,10 @@ def test_recordings_of_another_rig_are_remarked(tmp_path):
     drive = identify(DRIVES / "rig3_worm.yaml").save(tmp_path / "drive.yaml")
     own = predict(drive, [RECORDINGS / "drive3_worm"])
     assert not any(p.remarks for p in own)
-    assert all(p.remarks for p in predict(drive, [RECORDINGS / "drive2_antibacklash_screw" / "steady_state"]))
+    assert all(
+        p.remarks
+        for p in predict(drive, [RECORDINGS / "drive2_antibacklash_screw" / "steady_state"])
+    )
     began = clock.process_time()
     assert len(predict(drive, [RECORDINGS])) == 87
     assert clock.process_time() - began <= 10.0

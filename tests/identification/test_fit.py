@@ -26,10 +26,19 @@ from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET
 
 DRIVES = Path(__file__).parents[2] / "problems" / "drives"
 RPM = np.pi / 30
-SPEEDS = RPM * np.array([1, 2, 4, 6, 8, 10, 13, 17, 20, 25, 40, 50, 60, 80, 90, 100, 140, 180, 200.0])
+SPEEDS = RPM * np.array(
+    [1, 2, 4, 6, 8, 10, 13, 17, 20, 25, 40, 50, 60, 80, 90, 100, 140, 180, 200.0]
+)
 WORM = {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12}
 STRIBECK = {**WORM, "mu_stribeck": 0.06, "stribeck_speed": 0.688}
-SCREW = {"b_c": 1e-3, "b_v": 3e-5, "b_oc": 3e-2, "mu": 0.27, "mu_stribeck": 0.1, "stribeck_speed": 6.4}
+SCREW = {
+    "b_c": 1e-3,
+    "b_v": 3e-5,
+    "b_oc": 3e-2,
+    "mu": 0.27,
+    "mu_stribeck": 0.1,
+    "stribeck_speed": 6.4,
+}
 CASES = {
     f"{name}, load offset {offset:g}": (rig, law, {**truth, LOAD_OFFSET: offset})
     for name, rig, law, truth, offsets in (
@@ -67,7 +76,14 @@ def synthetic(drive, load, law, truth, noise=0.0, rng=None, speeds=SPEEDS) -> To
         (
             "rig1_lead_screw",
             "stribeck_exponential",
-            {"b_c": 1e-3, "b_v": 3e-5, "b_oc": 3e-2, "mu": 0.27, "mu_stribeck": 0.1, "stribeck_speed": 6.4},
+            {
+                "b_c": 1e-3,
+                "b_v": 3e-5,
+                "b_oc": 3e-2,
+                "mu": 0.27,
+                "mu_stribeck": 0.1,
+                "stribeck_speed": 6.4,
+            },
             {"b_oc": 3e-2},
         ),
     ],
@@ -101,7 +117,12 @@ def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
 
 def test_what_the_map_gives_only_together_is_called_so():
     drive, load = rig("rig3_worm")
-    fit = fit_map(drive, synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(1)), load, law="coulomb")
+    fit = fit_map(
+        drive,
+        synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(1)),
+        load,
+        law="coulomb",
+    )
     assert [set(group) for group in fit.inseparable] == [{"b_c", "mu", "b_oc"}]
     assert not fit.estimates["mu"].separable
     assert fit.estimates["b_v"].separable
@@ -112,8 +133,14 @@ def test_what_the_map_gives_only_together_is_called_so():
     ):
         known = fit.combinations[way]
         assert known.low <= torque <= known.high
-        assert known.high - known.low < 0.05 * abs(torque) < fit.estimates["b_c"].high - fit.estimates["b_c"].low
-    held = fit_map(drive, synthetic(drive, load, "coulomb", WORM), load, law="coulomb", fixed={"mu": 0.12})
+        assert (
+            known.high - known.low
+            < 0.05 * abs(torque)
+            < fit.estimates["b_c"].high - fit.estimates["b_c"].low
+        )
+    held = fit_map(
+        drive, synthetic(drive, load, "coulomb", WORM), load, law="coulomb", fixed={"mu": 0.12}
+    )
     assert held.inseparable == ()
     assert held.estimates["mu"].fixed
 
@@ -122,7 +149,9 @@ def test_preload_and_mu_of_the_antibacklash_screw_trade_off():
     drive, load = rig("rig2_antibacklash_screw")
     truth = {"b_c": 2e-3, "b_v": 3e-5, "b_oc": 2e-2, "mu": 0.2, "preload": 0.8}
     data = synthetic(drive, load, "coulomb", truth, 0.005, np.random.default_rng(2))
-    fit = fit_map(drive, data, load, law="coulomb", fixed={"b_c": 2e-3, "b_oc": 2e-2}, free=("preload",))
+    fit = fit_map(
+        drive, data, load, law="coulomb", fixed={"b_c": 2e-3, "b_oc": 2e-2}, free=("preload",)
+    )
     k, j = (fit.correlation_names.index(n) for n in ("mu", "preload"))
     assert abs(fit.correlation[k, j]) > 0.98
     assert fit.estimates["preload"].low <= 0.8 <= fit.estimates["preload"].high
@@ -144,14 +173,23 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     # What is open follows the reference within half of what is expected of it; what is known does not, 7 deviations off.
     assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * SPREADS["mu"]
     known = alone.estimates["b_v"]
-    assert told.estimates["b_v"].value == pytest.approx(known.value, abs=0.1 * (known.high - known.low))
+    assert told.estimates["b_v"].value == pytest.approx(
+        known.value, abs=0.1 * (known.high - known.low)
+    )
     np.testing.assert_allclose(told.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10)
 
 
 def test_the_criterion_finds_the_law():
     drive, load = rig("rig1_lead_screw")
     rng = np.random.default_rng(4)
-    truth = {"b_c": 1e-3, "b_v": 3e-5, "b_oc": 3e-2, "mu": 0.27, "mu_stribeck": 0.1, "stribeck_speed": 6.4}
+    truth = {
+        "b_c": 1e-3,
+        "b_v": 3e-5,
+        "b_oc": 3e-2,
+        "mu": 0.27,
+        "mu_stribeck": 0.1,
+        "stribeck_speed": 6.4,
+    }
     for law in ("coulomb", "stribeck_exponential", "stribeck_gaussian"):
         fit = fit_map(drive, synthetic(drive, load, law, truth, 0.003, rng), load, law="auto")
         assert fit.law == law, fit.criterion
@@ -166,7 +204,9 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     assert sum(fit.law_shares.values()) == pytest.approx(1.0)
     w = RPM * np.array([-199.0, -20.0, -1.0, 0.0, 1.0, 5.0, 50.0, 199.0])
     sets = {name: column for name, column in posterior.values().items() if name != LOAD_OFFSET}
-    torque = map_torque(drawn(fit.drive, {name: column[:, None] for name, column in sets.items()}), w, load)
+    torque = map_torque(
+        drawn(fit.drive, {name: column[:, None] for name, column in sets.items()}), w, load
+    )
     for k in range(0, 1000, 25):
         one = {name: float(column[k]) for name, column in sets.items()}
         law = LAWS[int(one.pop(LAW))]
@@ -194,9 +234,16 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
 def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch):
     drive, load = rig("rig3_worm")
     data = synthetic(
-        drive, load, "stribeck_gaussian", {**STRIBECK, "mu_stribeck": 0.2}, 0.005, np.random.default_rng(6)
+        drive,
+        load,
+        "stribeck_gaussian",
+        {**STRIBECK, "mu_stribeck": 0.2},
+        0.005,
+        np.random.default_rng(6),
     )
-    monkeypatch.setattr(fit_module, "simplest", lambda models, _: [model.law for model in models].index(law))
+    monkeypatch.setattr(
+        fit_module, "simplest", lambda models, _: [model.law for model in models].index(law)
+    )
     fit = fit_map(drive, data, load)
     assert fit.law == law
     assert fit.law_shares[law] >= 0.9 * POSSIBLE
@@ -218,7 +265,10 @@ def test_an_outlier_is_listed_and_hardly_counts():
 
 def test_a_law_that_fits_badly_makes_no_outliers():
     w = np.sort(np.concatenate([-SPEEDS, SPEEDS]))
-    assert find_outliers(w, np.sign(w) * (1.0 + 3.0 * np.exp(-np.abs(w))) + 1e-3 * np.sin(40 * w)) == []
+    assert (
+        find_outliers(w, np.sign(w) * (1.0 + 3.0 * np.exp(-np.abs(w))) + 1e-3 * np.sin(40 * w))
+        == []
+    )
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -227,7 +277,11 @@ def test_shipped_figures_are_fitted_within_two_percent(name):
     data = read_figures(DRIVES / "rig_figures.csv", name)
     fit = fit_map(drive, data, load, reference=drive.rig.published)
     assert fit.nrmsd <= 0.02
-    assert friction_of(fit.drive).identified_speed == np.abs(data.w).max() == pytest.approx(200 * RPM, rel=0.01)
+    assert (
+        friction_of(fit.drive).identified_speed
+        == np.abs(data.w).max()
+        == pytest.approx(200 * RPM, rel=0.01)
+    )
 
 
 def test_coulomb_fit_of_the_worm_rig_gives_the_published_numbers():
@@ -256,7 +310,10 @@ def test_maps_that_cannot_support_a_fit_are_refused():
     data = synthetic(drive, load, "coulomb", WORM)
 
     def part(mask):
-        columns = {n: getattr(data, n)[mask] for n in ("w", "tau", "w_deviation", "tau_deviation", "samples")}
+        columns = {
+            n: getattr(data, n)[mask]
+            for n in ("w", "tau", "w_deviation", "tau_deviation", "samples")
+        }
         return TorqueMap(tuple(np.array(data.names)[mask]), **columns)
 
     with pytest.raises(RecordingError, match="positive direction"):
@@ -296,7 +353,16 @@ def covered(case: str, told: str, rng: np.random.Generator) -> dict[str, bool]:
     load = drive.rig.F_payload + truth[LOAD_OFFSET]
     data = synthetic(drive, load, law, truth, 0.01, rng)
     fit = fit_map(drive, data, drive.rig.F_payload, law=law if told == "given" else told)
-    found = {name: fit.estimates[name] for name in truth if name in fit.estimates and fit.estimates[name].separable}
-    slow = map_torque(with_parameters(drive, law, truth), 1e-3 * SPEEDS[0] * np.array([1.0, -1.0]), load)
+    found = {
+        name: fit.estimates[name]
+        for name in truth
+        if name in fit.estimates and fit.estimates[name].separable
+    }
+    slow = map_torque(
+        with_parameters(drive, law, truth), 1e-3 * SPEEDS[0] * np.array([1.0, -1.0]), load
+    )
     true = {**truth, **dict(zip(("forwards", "backwards"), slow, strict=True))}
-    return {name: each.low <= true[name] <= each.high for name, each in {**found, **fit.combinations}.items()}
+    return {
+        name: each.low <= true[name] <= each.high
+        for name, each in {**found, **fit.combinations}.items()
+    }

@@ -21,7 +21,9 @@ TURN = 2 * np.pi
 SCREW = {1: 2e-4, 2: -1e-4, 3: 0.5e-4}
 
 
-def simulated(direction: int, start: float, position: bool, wheel: float = 0.0, turns: float = 80.0) -> Recording:
+def simulated(
+    direction: int, start: float, position: bool, wheel: float = 0.0, turns: float = 80.0
+) -> Recording:
     """A recording of known harmonics: cosines of the screw's angle, a sine of the wheel's, of opposite sign backwards."""
     rng = np.random.default_rng(int(10 * abs(start)) + direction + 1)
     time = np.linspace(0.0, turns * TURN / 10.0, 2000)
@@ -34,11 +36,15 @@ def simulated(direction: int, start: float, position: bool, wheel: float = 0.0, 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_recorded_angles_give_the_harmonics_of_screw_and_wheel_back(direction):
-    recordings = [simulated(sign, start, True, 3e-4) for sign in (1, -1) for start in (0.3, 41.0, 200.0)]
+    recordings = [
+        simulated(sign, start, True, 3e-4) for sign in (1, -1) for start in (0.3, 41.0, 200.0)
+    ]
     found = fit_harmonics(recordings, direction, RATIO)
     assert found.phased
     assert found.orders == pytest.approx((1 / RATIO, 2 / RATIO, 3 / RATIO, 1.0, 2.0, 3.0))
-    np.testing.assert_allclose(found.cosine[3:], direction * np.array(list(SCREW.values())), atol=1e-5)
+    np.testing.assert_allclose(
+        found.cosine[3:], direction * np.array(list(SCREW.values())), atol=1e-5
+    )
     np.testing.assert_allclose(found.sine, [3e-4, 0, 0, 0, 0, 0], atol=1.5e-5)
 
 
@@ -68,15 +74,29 @@ def file_of(path: Path, rpm: float, start: float, seed: int, position: bool) -> 
     w = rpm * np.pi / 30
     time = np.linspace(0.0, 4 * TURN / abs(w), 500)
     angle = start + w * time
-    truth = with_parameters(drive, "coulomb", {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12})
+    truth = with_parameters(
+        drive, "coulomb", {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12}
+    )
     tau = map_torque(truth, np.full_like(time, w), drive.rig.F_payload)
     tau = tau + sum(a * np.cos(k * angle) for k, a in SCREW.items())
     tau += np.random.default_rng(seed).normal(0, 2e-5, len(time))
-    columns = [1e3 * time, np.full_like(time, -rpm), -100 * tau / drive.rig.motor_nominal_torque, -4096 * angle / TURN]
-    names = ["", "Velocity actual value averaged", "Torque actual value averaged", "Position actual value"]
+    columns = [
+        1e3 * time,
+        np.full_like(time, -rpm),
+        -100 * tau / drive.rig.motor_nominal_torque,
+        -4096 * angle / TURN,
+    ]
+    names = [
+        "",
+        "Velocity actual value averaged",
+        "Torque actual value averaged",
+        "Position actual value",
+    ]
     count = 4 if position else 3
     lines = [";".join(names[:count]), ";".join(["ms", "rpm", "%", "inc"][:count])]
-    lines += [";".join(f"{value:.7g}" for value in row[:count]) for row in zip(*columns, strict=True)]
+    lines += [
+        ";".join(f"{value:.7g}" for value in row[:count]) for row in zip(*columns, strict=True)
+    ]
     path.write_text("\n".join(lines))
 
 
@@ -95,7 +115,9 @@ def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_
     file_of(tmp_path / "known.csv", 90, start=2.0, seed=20, position=True)
     file_of(tmp_path / "unknown.csv", 90, start=2.0, seed=20, position=False)
     file_of(tmp_path / "slow.csv", 5, start=2.0, seed=21, position=True)
-    known, unknown, slow = predict(file, [tmp_path / f"{name}.csv" for name in ("known", "unknown", "slow")])
+    known, unknown, slow = predict(
+        file, [tmp_path / f"{name}.csv" for name in ("known", "unknown", "slow")]
+    )
     error, without = (float(np.std(p.tau - p.recording.tau)) for p in (known, unknown))
     assert error < 2.5e-5 < 1.5e-4 < without
     assert known.mean_inside
@@ -110,10 +132,13 @@ def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
 @pytest.mark.parametrize(
-    ("rig", "most"), [("drive1_lead_screw", 0.155), ("drive2_antibacklash_screw", 0.1185), ("drive3_worm", 0.118)]
+    ("rig", "most"),
+    [("drive1_lead_screw", 0.155), ("drive2_antibacklash_screw", 0.1185), ("drive3_worm", 0.118)],
 )
 def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
-    steady = read_recordings([RECORDINGS / rig / "steady_state"], nominal_torque=9.84e-3, direction=-1)
+    steady = read_recordings(
+        [RECORDINGS / rig / "steady_state"], nominal_torque=9.84e-3, direction=-1
+    )
     errors, constant = [], []
     for recording in steady:
         angle = travelled(recording)
@@ -122,7 +147,9 @@ def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
         others = [r for r in steady if r is not recording]
         found = fit_harmonics(others, int(np.sign(recording.w.mean())))
         first = np.abs(angle) <= 2 * TURN
-        wave = found.turned(start_in(found, angle[first], recording.tau[first])).torque(angle[~first])
+        wave = found.turned(start_in(found, angle[first], recording.tau[first])).torque(
+            angle[~first]
+        )
         mean, span = recording.tau.mean(), np.ptp(recording.tau) / np.ptp(recording.tau[~first])
         errors.append(nrmsd(mean + wave, recording.tau[~first]) / span)
         constant.append(nrmsd(np.full(len(wave), mean), recording.tau[~first]) / span)

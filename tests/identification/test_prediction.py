@@ -32,7 +32,9 @@ FOLDERS = {
     "rig2_antibacklash_screw": "drive2_antibacklash_screw",
     "rig3_worm": "drive3_worm",
 }
-needs_recordings = pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+needs_recordings = pytest.mark.skipif(
+    not RECORDINGS.is_dir(), reason="the recordings are not beside the project"
+)
 
 
 def identified(name="rig3_worm"):
@@ -68,7 +70,9 @@ def test_rest_needs_no_torque_and_starts_with_breakaway():
     first = int(np.flatnonzero(w)[0])
     assert np.all(tau[: first - 3] == 0.0)
     assert tau[first - 1] == pytest.approx(float(breakaway_torque(drive, -0.0188, 1.0)), rel=0.01)
-    assert np.all(np.sign(tau[motion.direction != 0]) == np.sign(motion.direction[motion.direction != 0]))
+    assert np.all(
+        np.sign(tau[motion.direction != 0]) == np.sign(motion.direction[motion.direction != 0])
+    )
 
 
 def test_nrmsd_is_scaled_by_the_measured_range():
@@ -109,9 +113,9 @@ def test_start_stop_recordings_that_the_fit_has_not_seen(name, tmp_path):
     found = identify(DRIVES / f"{name}.yaml", [folder])
     both = found.to_dict()
     assert all(each["nrmsd"] <= each["nrmsd_map_only"] for each in both["start_stop"])
-    assert predict(found.save(tmp_path / "dynamic.yaml"), [folder / "start_stop"])[0].nrmsd == pytest.approx(
-        both["start_stop"][0]["nrmsd"], rel=1e-4
-    )
+    assert predict(found.save(tmp_path / "dynamic.yaml"), [folder / "start_stop"])[
+        0
+    ].nrmsd == pytest.approx(both["start_stop"][0]["nrmsd"], rel=1e-4)
 
 
 @needs_recordings
@@ -135,7 +139,9 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     assert drive.friction.law == result["law"]
     for parameter in ("mu", "b_c", "b_v", "b_oc"):
         estimate = result["parameters"][parameter]
-        assert getattr(drive.friction, parameter) == pytest.approx(estimate["value"], rel=1e-6, abs=1e-12)
+        assert getattr(drive.friction, parameter) == pytest.approx(
+            estimate["value"], rel=1e-6, abs=1e-12
+        )
         assert estimate["low"] <= estimate["value"] <= estimate["high"]
     assert "steady-state recordings" in drive.friction.source
     assert drive.rig.load == pytest.approx(found.fit.load, rel=1e-6)
@@ -145,7 +151,10 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     for name in set(drive.friction.posterior.names) - unused:
         low, high = drive.friction.posterior.interval(name)
         shown = result["parameters"][name]
-        assert (min(low, shown["value"]), max(high, shown["value"])) == (shown["low"], shown["high"])
+        assert (min(low, shown["value"]), max(high, shown["value"])) == (
+            shown["low"],
+            shown["high"],
+        )
 
 
 def test_commands_refuse_what_they_cannot_use(tmp_path):
@@ -175,7 +184,9 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
     assert sorted(np.sign(line.get_xdata()[0]) for line in dashed) == [-1, 1]
     time, w = start_stop()
-    prediction = predict_recording(fit.drive, Recording("a", time, w, np.sign(w) * 1e-3), drive.rig.F_payload)
+    prediction = predict_recording(
+        fit.drive, Recording("a", time, w, np.sign(w) * 1e-3), drive.rig.F_payload
+    )
     figure = prediction_figure(prediction)
     assert len(figure.axes) == 2
     assert figure.axes[0].get_ylabel().endswith("(mN·m)")
@@ -184,11 +195,16 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
 def test_the_map_shows_what_further_recordings_stay_within() -> None:
     """A narrow band for their means, in which the measured ones lie, within a wide one for their samples."""
     found = identify("rig1_lead_screw")
-    outlines = [band.get_paths()[0] for band in map_figure(found.fit, found.data, found.load).axes[0].collections]
+    outlines = [
+        band.get_paths()[0]
+        for band in map_figure(found.fit, found.data, found.load).axes[0].collections
+    ]
     speeds = np.abs(found.data.w)
     between = (speeds > speeds.min() * 1.1) & (speeds < speeds.max() * 0.99)
     points = np.column_stack([RPM * found.data.w, 1e3 * found.data.tau])[between]
-    samples, means = ([path.contains_points(points) for path in outlines[kind::2]] for kind in (0, 1))
+    samples, means = (
+        [path.contains_points(points) for path in outlines[kind::2]] for kind in (0, 1)
+    )
     assert np.any(samples, axis=0).all()
     assert np.any(means, axis=0).mean() > 0.9
     for wide, narrow in zip(outlines[0::2], outlines[1::2], strict=True):

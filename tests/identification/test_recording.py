@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.recordings import MAX_BYTES, find_spikes, read_recording, read_recordings
+from ssm_planner.identification.recordings import (
+    MAX_BYTES,
+    find_spikes,
+    read_recording,
+    read_recordings,
+)
 from ssm_planner.identification.torque_map import kind_of, rest_mask, torque_map
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
@@ -61,9 +66,16 @@ def test_a_recorder_export_in_si(tmp_path):
 )
 def test_named_columns_in_any_order(tmp_path, header):
     plain = read(write(tmp_path / "a.csv", samples()))
-    order = [["time", "velocity", "torque"], ["torque", "time", "velocity"]][header.lower().startswith("torque")]
-    rows = [dict(zip(("time", "velocity", "torque"), line.split(";"), strict=True)) for line in samples()]
-    r = read(write(tmp_path / "b.csv", [",".join(row[name] for name in order) for row in rows], header))
+    order = [["time", "velocity", "torque"], ["torque", "time", "velocity"]][
+        header.lower().startswith("torque")
+    ]
+    rows = [
+        dict(zip(("time", "velocity", "torque"), line.split(";"), strict=True))
+        for line in samples()
+    ]
+    r = read(
+        write(tmp_path / "b.csv", [",".join(row[name] for name in order) for row in rows], header)
+    )
     np.testing.assert_allclose(r.w, plain.w)
     np.testing.assert_allclose(r.tau, plain.tau)
     np.testing.assert_allclose(r.time, plain.time)
@@ -137,7 +149,10 @@ def test_decimal_commas_with_units_in_the_header_and_quoted(tmp_path, header, li
     [
         ("time [ms];velocity [rpm];torque [%]\n", "{t_dot};{w};{tau_comma}"),  # 1.000,000 ms
         ("time [ms];velocity [rpm];torque [%]\n", "{t_int_dot};{w};{tau_comma}"),  # 1.000 ms
-        ("time [ms];velocity [rpm];torque [%]\n", "{t_int_comma};{w};{tau_comma}"),  # 1,000 ms, but 20,1 %
+        (
+            "time [ms];velocity [rpm];torque [%]\n",
+            "{t_int_comma};{w};{tau_comma}",
+        ),  # 1,000 ms, but 20,1 %
         ("time [ms]\tvelocity [rpm]\ttorque [‰]\n", "{t_int_comma}\t{w}\t{permille}"),
         ("time [ms]\tvelocity [rpm]\ttorque [%]\r\n", "{t_swiss}\t{w}\t{tau}"),
         ("\ufefftime [ms];velocity [rpm];torque [%]\n", "{t_blank};{w};{tau_comma}"),
@@ -173,10 +188,14 @@ def test_marks_of_decimals_and_thousands_are_told_by_column(tmp_path, header, li
     np.testing.assert_allclose(np.abs(r.tau), expected.tau, atol=1e-5 * NOMINAL)
 
 
-@pytest.mark.parametrize("line", ["10.5;50;20,1 %", "10.5;50;20,100", "10.5;50;20,1rpm", "10;5.204;20,100"])
+@pytest.mark.parametrize(
+    "line", ["10.5;50;20,1 %", "10.5;50;20,100", "10.5;50;20,1rpm", "10;5.204;20,100"]
+)
 def test_a_number_that_is_not_clear_is_refused(tmp_path, line):
     lines = [f"1{k}{line}" for k in range(20)]
-    with pytest.raises(RecordingError, match=r"a\.csv:8: .*(is not a number|decimals or thousands)"):
+    with pytest.raises(
+        RecordingError, match=r"a\.csv:8: .*(is not a number|decimals or thousands)"
+    ):
         read(write(tmp_path / "a.csv", lines))
 
 
@@ -202,7 +221,11 @@ def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
     doubts = ("stays at", "does not change", "‰", "unit of time")
     assert not any(doubt in text for repairs in said for text in repairs for doubt in doubts)
     for rig in ("drive1_lead_screw", "drive3_worm"):
-        lines = (RECORDINGS / rig / "steady_state" / "40.csv").read_text(encoding="utf-8-sig").splitlines()
+        lines = (
+            (RECORDINGS / rig / "steady_state" / "40.csv")
+            .read_text(encoding="utf-8-sig")
+            .splitlines()
+        )
         first = next(k for k, line in enumerate(lines) if line.startswith("ms;")) + 1
         rows = [line.split(";") for line in lines[first:]]
         tenfold = [f"{t};{w};{10 * float(tau):.0f}" for t, w, tau in rows]
@@ -212,7 +235,10 @@ def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
         for altered, said in (
             (lambda k, tau: 40.0 if 100 <= k < 200 else tau, "stays at its largest"),
             (lambda k, tau: -40.0 if 100 <= k < 200 else tau, "stays at its largest"),
-            (lambda k, tau: 40.0 + 0.1 * (k % 2) if 100 <= k < 200 else tau, "stays at its largest"),
+            (
+                lambda k, tau: 40.0 + 0.1 * (k % 2) if 100 <= k < 200 else tau,
+                "stays at its largest",
+            ),
             (lambda _, tau: max(min(tau, most), -most), "stays at its largest"),  # noqa: B023
             (lambda k, tau: -7.3 if 100 <= k < 200 else tau, "does not change for 100 samples"),
         ):
@@ -246,11 +272,26 @@ def test_fewer_samples_than_promised_is_said(tmp_path):
         ((HEADER.replace("rpm", "furlong") + "\n".join(samples())).encode(), "furlong"),
         ((HEADER.replace("ms;rpm;%", "ms;rpm;V") + "\n".join(samples())).encode(), "allowed: %"),
         (b"time,velocity,torque\n" + b"\n".join(b"%d,1,2" % k for k in range(20)), "no unit"),
-        (b"time [s],velocity [rpm]\n" + b"\n".join(b"%d,1" % k for k in range(20)), "no torque column"),
-        ((HEADER + "\n".join(replaced(5, "20.0;50;20.0"))).encode(), r"a\.csv:13: time does not increase"),
-        ((HEADER + "\n".join(replaced(5, "50.0;50;twenty"))).encode(), r"a\.csv:13: 'twenty' is not a number"),
-        ((HEADER + "\n".join(line.rsplit(";", 1)[0] + ";nan" for line in samples())).encode(), "not finite"),
-        ((HEADER + "\n".join(line.rsplit(";", 1)[0] + ";20.0" for line in samples())).encode(), "constant"),
+        (
+            b"time [s],velocity [rpm]\n" + b"\n".join(b"%d,1" % k for k in range(20)),
+            "no torque column",
+        ),
+        (
+            (HEADER + "\n".join(replaced(5, "20.0;50;20.0"))).encode(),
+            r"a\.csv:13: time does not increase",
+        ),
+        (
+            (HEADER + "\n".join(replaced(5, "50.0;50;twenty"))).encode(),
+            r"a\.csv:13: 'twenty' is not a number",
+        ),
+        (
+            (HEADER + "\n".join(line.rsplit(";", 1)[0] + ";nan" for line in samples())).encode(),
+            "not finite",
+        ),
+        (
+            (HEADER + "\n".join(line.rsplit(";", 1)[0] + ";20.0" for line in samples())).encode(),
+            "constant",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_with_a_message(tmp_path, content, message):
@@ -264,7 +305,9 @@ def test_huge_and_missing_files_are_refused_at_once(tmp_path):
     path = tmp_path / "huge.csv"
     with path.open("wb") as stream:
         stream.truncate(1_000_000_000)
-    with pytest.raises(RecordingError, match=f"1000 MB; recordings up to {MAX_BYTES // 1_000_000} MB"):
+    with pytest.raises(
+        RecordingError, match=f"1000 MB; recordings up to {MAX_BYTES // 1_000_000} MB"
+    ):
         read(path)
     with pytest.raises(RecordingError, match="cannot be read"):
         read(tmp_path / "absent.csv")
@@ -297,8 +340,12 @@ def test_slow_motion_below_the_resolution_is_not_rest():
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
 @pytest.mark.parametrize("rig", ["drive1_lead_screw", "drive2_antibacklash_screw", "drive3_worm"])
 def test_every_real_recording_is_read_and_told_apart(rig):
-    steady = read_recordings([RECORDINGS / rig / "steady_state"], nominal_torque=NOMINAL, direction=-1)
-    moving = read_recordings([RECORDINGS / rig / "start_stop"], nominal_torque=NOMINAL, direction=-1)
+    steady = read_recordings(
+        [RECORDINGS / rig / "steady_state"], nominal_torque=NOMINAL, direction=-1
+    )
+    moving = read_recordings(
+        [RECORDINGS / rig / "start_stop"], nominal_torque=NOMINAL, direction=-1
+    )
     assert {kind_of(r) for r in steady} == {"steady"}
     assert {kind_of(r) for r in moving} == {"start_stop"}
     assert all(len(r.time) == 500 for r in (*steady, *moving))

@@ -12,7 +12,9 @@ from ssm_planner.interior.solve import available
 from ssm_planner.native import library
 from ssm_planner.typing import Array
 
-pytestmark = pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
+pytestmark = pytest.mark.skipif(
+    not available(), reason="the package is built without its compiled part"
+)
 P, L = ctypes.POINTER(ctypes.c_double), ctypes.c_long
 
 
@@ -21,7 +23,19 @@ class System(ctypes.Structure):
 
     _fields_ = (
         *((name, L) for name in ("size", "wide", "high", "columns", "padded")),
-        *((name, P) for name in ("band", "border", "corner", "factor", "solved", "schur", "shifted", "right")),
+        *(
+            (name, P)
+            for name in (
+                "band",
+                "border",
+                "corner",
+                "factor",
+                "solved",
+                "schur",
+                "shifted",
+                "right",
+            )
+        ),
         *(("pivots", ctypes.POINTER(L)), ("last", ctypes.c_double)),
     )
 
@@ -43,7 +57,9 @@ def solved(
     (size, columns), pairs = border.shape, local.shape[1] // 4
     here = ctypes.byref(system)
     try:
-        assert native.ssm_system_new(here, ctypes.byref(memory), *map(L, (size, columns, pairs, stride)))
+        assert native.ssm_system_new(
+            here, ctypes.byref(memory), *map(L, (size, columns, pairs, stride))
+        )
         band = np.ctypeslib.as_array(system.band, (size, 4 * pairs))
         wide = stride * pairs
         for k, block in enumerate(local):
@@ -76,7 +92,9 @@ def whole_matrix(local: Array, border: Array, corner: Array, free: Array, stride
 @pytest.mark.parametrize("stride", [1, 2])
 @pytest.mark.parametrize(("blocks", "equalities"), [(1, 0), (3, 0), (2, 3)])
 @pytest.mark.parametrize("convex", [True, False])
-def test_against_dense_linear_algebra(stride: int, blocks: int, equalities: int, convex: bool) -> None:
+def test_against_dense_linear_algebra(
+    stride: int, blocks: int, equalities: int, convex: bool
+) -> None:
     random, pairs, count = np.random.default_rng(stride + 10 * blocks), 3, 7
     factors = random.normal(size=(count, 4 * pairs, 20))
     local = factors @ factors.transpose(0, 2, 1) - (0.0 if convex else 10.0) * np.eye(4 * pairs)
@@ -107,7 +125,15 @@ def test_equalities_that_depend_on_one_another_have_no_step() -> None:
     border = np.random.default_rng(1).normal(size=(8, 3))
     border[:, 2] = border[:, 1]
     assert (
-        solved(np.eye(4)[None].repeat(3, 0), border[:6], np.diag([1.0, 0, 0]), np.ones(9), np.ones(6, bool), 1, 1)
+        solved(
+            np.eye(4)[None].repeat(3, 0),
+            border[:6],
+            np.diag([1.0, 0, 0]),
+            np.ones(9),
+            np.ones(6, bool),
+            1,
+            1,
+        )
         is None
     )
 
@@ -124,9 +150,15 @@ def test_symmetric_factors(size: int) -> None:
             continue
         right, factors = random.normal(size=size), matrix.copy()
         pivots, inertia = np.zeros(size, dtype=np.int_), np.zeros(3, dtype=np.int_)
-        assert native.ssm_symmetric_factor(pointer(factors), L(size), pointer(pivots), pointer(inertia))
+        assert native.ssm_symmetric_factor(
+            pointer(factors), L(size), pointer(pivots), pointer(inertia)
+        )
         eigenvalues = np.linalg.eigvalsh(matrix)
-        assert inertia.tolist() == [np.count_nonzero(eigenvalues > 0), np.count_nonzero(eigenvalues < 0), 0]
+        assert inertia.tolist() == [
+            np.count_nonzero(eigenvalues > 0),
+            np.count_nonzero(eigenvalues < 0),
+            0,
+        ]
         solution = right.copy()
         native.ssm_symmetric_solve(pointer(factors), L(size), pointer(pivots), pointer(solution))
         assert matrix @ solution == pytest.approx(right, rel=1e-5, abs=1e-5)

@@ -18,17 +18,30 @@ from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.typing import Array
 
-pytestmark = pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
+pytestmark = pytest.mark.skipif(
+    not available(), reason="the package is built without its compiled part"
+)
 some = st.floats(0.1, 10.0)
 
 
 def chain(
-    fractions: Array, distance: float, *, velocity: float = np.inf, acceleration: float = np.inf, jerk: float = np.inf
+    fractions: Array,
+    distance: float,
+    *,
+    velocity: float = np.inf,
+    acceleration: float = np.inf,
+    jerk: float = np.inf,
 ) -> Program:
     """One coordinate from rest at 0 to rest at `distance` > 0, as fast as possible."""
     n = len(fractions)
     smooth = np.isfinite(jerk)
-    spline = Spline("bspline" if smooth else "hermite", 1, fractions, np.zeros(n, dtype=int), None if smooth else 1.0)
+    spline = Spline(
+        "bspline" if smooth else "hermite",
+        1,
+        fractions,
+        np.zeros(n, dtype=int),
+        None if smooth else 1.0,
+    )
     # z = (u, u̇, ü_0, ü_1, h, u̇_b)
     matrix = np.array(
         [
@@ -62,7 +75,9 @@ def start(program: Program, distance: float, time: float) -> Point:
     rest = np.array([1.0, *np.ones(len(s) - 2), 1.0])
     if program.spline.kind == "bspline":
         a = a * np.concatenate([[0.0], rest[1:-1], [0.0]])
-    c = program.spline.unknowns(*(distance * x[:, None] for x in (u, v, a)), program.spline.fractions * time)
+    c = program.spline.unknowns(
+        *(distance * x[:, None] for x in (u, v, a)), program.spline.fractions * time
+    )
     if program.spline.kind == "bspline":
         c[:3], c[-3:] = 0.0, distance
     return Point(c, np.array([time]))
@@ -71,21 +86,27 @@ def start(program: Program, distance: float, time: float) -> Point:
 def pieces(*lengths: float, each: int = 4) -> Array:
     """Fractions of a mesh whose elements end where pieces of these lengths do."""
     total = sum(lengths)
-    return np.concatenate([np.full(each, length / each / total) for length in lengths if length > 1e-9 * total])
+    return np.concatenate(
+        [np.full(each, length / each / total) for length in lengths if length > 1e-9 * total]
+    )
 
 
 def fastest(program: Program, distance: float, guess: float) -> Outcome:
     return solve(program, start(program, distance, guess))
 
 
-def rows_of(symbolic: Callable[[ca.SX], list[ca.SX]], fractions: Array, at: tuple[float, ...] = (0.0, 1.0)) -> RowGroup:
+def rows_of(
+    symbolic: Callable[[ca.SX], list[ca.SX]], fractions: Array, at: tuple[float, ...] = (0.0, 1.0)
+) -> RowGroup:
     """Rows of (u, u̇, ü) at these shares of every element, each at most 1."""
     z = ca.SX.sym("z", 5)
     u, v, a0, a1, h = ca.vertsplit(z)
     rows = []
     for c in at:
         rise = c * (a1 - a0)
-        state = ca.vertcat(u + c * h * (v + c * h * (a0 / 2 + rise / 6)), v + c * h * (a0 + rise / 2), a0 + rise)
+        state = ca.vertcat(
+            u + c * h * (v + c * h * (a0 / 2 + rise / 6)), v + c * h * (a0 + rise / 2), a0 + rise
+        )
         rows += symbolic(state)
     value = ca.vertcat(*rows)
     lam = ca.SX.sym("lam", value.numel())
@@ -94,16 +115,22 @@ def rows_of(symbolic: Callable[[ca.SX], list[ca.SX]], fractions: Array, at: tupl
         "jacobian": ca.Function("jacobian", [z], [ca.jacobian(value, z)]),
         "hessian": ca.Function("hessian", [z, lam], [ca.hessian(ca.dot(lam, value), z)[0]]),
     }
-    return RowGroup(functions, (), np.arange(len(fractions)), np.ones((len(fractions), value.numel())))
+    return RowGroup(
+        functions, (), np.arange(len(fractions)), np.ones((len(fractions), value.numel()))
+    )
 
 
 @settings(deadline=None, max_examples=40)
 @given(distance=some, velocity=some, acceleration=some)
 @example(distance=5.0, velocity=0.5, acceleration=6.0)  # it begins with a dozen short steps
-def test_bang_bang_with_a_velocity_limit(distance: float, velocity: float, acceleration: float) -> None:
+def test_bang_bang_with_a_velocity_limit(
+    distance: float, velocity: float, acceleration: float
+) -> None:
     """T = D/v + v/a where the limit is reached, else 2 √(D/a); elements end where the acceleration switches."""
     profile = rest_to_rest(distance, velocity, acceleration)
-    program = chain(pieces(*profile.lengths), distance, velocity=velocity, acceleration=acceleration)
+    program = chain(
+        pieces(*profile.lengths), distance, velocity=velocity, acceleration=acceleration
+    )
     program = replace(program, least_times=np.array([0.1 * profile.duration]))
     found = fastest(program, distance, 1.5 * profile.duration)
     assert found.converged
@@ -124,7 +151,9 @@ def test_jerk_limited_rest_to_rest_is_ruckigs(
     lengths = rest_to_rest(distance, velocity, acceleration, jerk).lengths
     if lengths.min() < 1e-2 * lengths.sum():  # the mesh would be a test of its own
         return
-    program = chain(pieces(*lengths), distance, velocity=velocity, acceleration=acceleration, jerk=jerk)
+    program = chain(
+        pieces(*lengths), distance, velocity=velocity, acceleration=acceleration, jerk=jerk
+    )
     program = replace(program, least_times=np.array([0.1 * reference.duration]))
     found = fastest(program, distance, 1.5 * reference.duration)
     assert found.converged
@@ -166,7 +195,12 @@ def test_least_effort_in_a_given_time() -> None:
     """∫ ü² dt from rest to rest is least for the cubic: 12 D²/T³."""
     fractions, distance, time = pieces(1.0, 2.0, each=5), 2.0, 1.7
     # h (a_0² + a_0 a_1 + a_1²) / 3 is the integral over an element
-    program = replace(chain(fractions, distance), duration=(time, time), time_weight=0.0, smoothing=np.full(1, 1 / 3))
+    program = replace(
+        chain(fractions, distance),
+        duration=(time, time),
+        time_weight=0.0,
+        smoothing=np.full(1, 1 / 3),
+    )
     guess = start(program, distance, time)
     found = solve(program, Point(guess.c + 0.1 * program.free, guess.times))
     assert found.converged
@@ -197,17 +231,25 @@ def test_time_scales_with_the_limits(distance: float, faster: float) -> None:
     """Velocity limits λ times and acceleration limits λ² times as large: 1/λ of the time, on any mesh."""
     fractions = np.full(17, 1 / 17)
     times = [
-        fastest(chain(fractions, distance, velocity=x, acceleration=2 * x**2), distance, 4 * (distance + 1) / x)
+        fastest(
+            chain(fractions, distance, velocity=x, acceleration=2 * x**2),
+            distance,
+            4 * (distance + 1) / x,
+        )
         for x in (1.0, faster)
     ]
     assert all(found.converged for found in times)
-    assert times[0].state.point.times[0] == pytest.approx(faster * times[1].state.point.times[0], rel=1e-5)
+    assert times[0].state.point.times[0] == pytest.approx(
+        faster * times[1].state.point.times[0], rel=1e-5
+    )
 
 
 def test_what_cannot_be_kept_does_not_converge() -> None:
     fractions = pieces(1.0, 1.0)
     group = rows_of(lambda x: [x[0] + 3.0], fractions)
-    assert not fastest(replace(chain(fractions, 2.0, acceleration=1.0), groups=(group,)), 2.0, 5.0).converged
+    assert not fastest(
+        replace(chain(fractions, 2.0, acceleration=1.0), groups=(group,)), 2.0, 5.0
+    ).converged
 
 
 def test_a_small_first_barrier_stays_near_a_good_guess() -> None:

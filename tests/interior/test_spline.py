@@ -13,7 +13,9 @@ from ssm_planner.interior.spline import Kind, Spline
 from ssm_planner.native import library
 from ssm_planner.typing import Array
 
-pytestmark = pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
+pytestmark = pytest.mark.skipif(
+    not available(), reason="the package is built without its compiled part"
+)
 TERMS, WIDEST = 9, 5
 LOOKS: tuple[tuple[str, tuple[int, ...]], ...] = (("values", (TERMS,)), ("slopes", (TERMS, WIDEST)))
 
@@ -31,7 +33,10 @@ def spline(kind: Kind) -> Spline:
 def called(name: str, kind: Kind, eta: Array, shape: tuple[int, ...], *given: Array) -> Array:
     """What a function of native/spline.c writes."""
     found = np.zeros(shape)
-    pointers = [values.ctypes.data_as(ctypes.c_void_p) for values in (np.ascontiguousarray(eta), *given, found)]
+    pointers = [
+        values.ctypes.data_as(ctypes.c_void_p)
+        for values in (np.ascontiguousarray(eta), *given, found)
+    ]
     getattr(library.load(), name)(("hermite", "bspline").index(kind), *pointers)
     return found
 
@@ -66,7 +71,9 @@ def test_elements_are_scipys(kind: Kind) -> None:
         assert states[:, row] == pytest.approx(reference.derivative(2)(at), abs=1e-4)
     # the middle Bernstein coefficient of a parabola
     velocity = reference.derivative()
-    middle = 2 * velocity((ENDS[1:] + ENDS[:-1]) / 2) - (velocity(ENDS[:-1]) + velocity(ENDS[1:])) / 2
+    middle = (
+        2 * velocity((ENDS[1:] + ENDS[:-1]) / 2) - (velocity(ENDS[:-1]) + velocity(ENDS[1:])) / 2
+    )
     assert states[:, 4] == pytest.approx(middle, abs=1e-9)
 
 
@@ -92,7 +99,10 @@ def test_derivatives_of_the_maps(kind: Kind) -> None:
         for k in range(2 if kind == "hermite" else WIDEST):
             step = 1e-6 * (np.arange(WIDEST) == k)
             up, down = (
-                [called(f"ssm_term_{name}", kind, eta + side * step, shape) for name, shape in LOOKS]
+                [
+                    called(f"ssm_term_{name}", kind, eta + side * step, shape)
+                    for name, shape in LOOKS
+                ]
                 for side in (1, -1)
             )
             of_value, of_first = ((x - y) / 2e-6 for x, y in zip(up, down, strict=True))

@@ -36,20 +36,26 @@ def vitreoretinal() -> Mechanism:
 def random_mechanism() -> RandomMechanism:
     """A function of (generator, alpha=None, beta=None): a mechanism anywhere in space, any home, either insertion sign."""
 
-    def make(rng: np.random.Generator, alpha: float | None = None, beta: float | None = None) -> Mechanism:
+    def make(
+        rng: np.random.Generator, alpha: float | None = None, beta: float | None = None
+    ) -> Mechanism:
         alpha = rng.uniform(0.02, math.pi - 0.02) if alpha is None else alpha
         beta = rng.uniform(0.02, math.pi - 0.02) if beta is None else beta
         turned, place = random_rotation(rng), rng.uniform(-math.pi, math.pi)
         omega2 = np.array([math.cos(alpha), math.sin(alpha), 0.0])
         toward = np.array([math.sin(alpha), -math.cos(alpha), 0.0])
         across = np.array([0.0, 0.0, -1.0])
-        omega3 = math.cos(beta) * omega2 + math.sin(beta) * (math.cos(place) * toward + math.sin(place) * across)
+        omega3 = math.cos(beta) * omega2 + math.sin(beta) * (
+            math.cos(place) * toward + math.sin(place) * across
+        )
         tool_z = turned @ omega3
         tool_x = np.cross(tool_z, random_rotation(rng)[:, 0])
         tool_x /= np.linalg.norm(tool_x)
         tool = np.column_stack((tool_x, np.cross(tool_z, tool_x), tool_z))
         return Mechanism.from_geometry(
-            Geometry(turned[:, 0], turned @ omega2, tool_z, tool, insertion_sign=int(rng.choice([-1, 1])))
+            Geometry(
+                turned[:, 0], turned @ omega2, tool_z, tool, insertion_sign=int(rng.choice([-1, 1]))
+            )
         )
 
     return make

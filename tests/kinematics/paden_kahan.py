@@ -59,7 +59,9 @@ def subproblem_2(
     return theta1, theta2, count
 
 
-def subproblem_3_prime(v: ArrayLike, p: ArrayLike, q: ArrayLike, delta: ArrayLike) -> tuple[Array, NDArray[np.int_]]:
+def subproblem_3_prime(
+    v: ArrayLike, p: ArrayLike, q: ArrayLike, delta: ArrayLike
+) -> tuple[Array, NDArray[np.int_]]:
     """Translation to a given distance: all θ with |q − (p + v θ)| = δ, for a unit v and δ ≥ 0.
 
     With u = q − p: θ = uᵀv ± √((uᵀv)² + δ² − |u|²) (paper, eq. app-3), where the root is taken as
@@ -70,7 +72,9 @@ def subproblem_3_prime(v: ArrayLike, p: ArrayLike, q: ArrayLike, delta: ArrayLik
     v, p, q = _vectors(v=v, p=p, q=q)
     delta = np.asarray(delta, dtype=float)
     if np.any(delta < 0.0) or not np.all(np.isfinite(delta)):
-        raise GeometryError(f"delta of shape {delta.shape}: distances must be finite and not negative")
+        raise GeometryError(
+            f"delta of shape {delta.shape}: distances must be finite and not negative"
+        )
     u = q - p
     along = np.sum(u * v, axis=-1)
     height = np.linalg.norm(np.cross(u, v), axis=-1)
@@ -98,7 +102,9 @@ def _vectors(**arguments: ArrayLike) -> list[Array]:
 def _directions(name: str, vectors: Array) -> Array:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if np.any(length == 0.0) or not np.all(np.isfinite(length)):
-        raise GeometryError(f"{name} of shape {vectors.shape}: directions must be finite and not zero")
+        raise GeometryError(
+            f"{name} of shape {vectors.shape}: directions must be finite and not zero"
+        )
     unit: Array = vectors / length
     return unit
 

@@ -45,7 +45,14 @@ def random_eye(rng: np.random.Generator) -> Eye:
         semi_axes = rng.uniform(0.001, 0.005, 3)
         lens_centre = centre + random_rotation(rng)[:, 0] * rng.uniform(0.002, 0.008)
         lens = Lens(frozen(lens_centre, (3,)), frozen(semi_axes, (3,)), frozen(frame, (3, 3)))
-        eye = Eye(frozen(centre, (3,)), 0.012, rng.uniform(0.0, 0.0015), 0.003, rng.uniform(0.0, 0.0005), lens)
+        eye = Eye(
+            frozen(centre, (3,)),
+            0.012,
+            rng.uniform(0.0, 0.0015),
+            0.003,
+            rng.uniform(0.0, 0.0005),
+            lens,
+        )
         if np.linalg.norm(frame.T @ lens_centre / semi_axes) > lens_limit(eye):
             return eye
 
@@ -78,7 +85,9 @@ def test_lens_ratio_is_the_nearest_of_dense_points_along_the_shaft() -> None:
         lens = random_eye(rng).lens
         for tip in lens.centre + rng.uniform(-1.5, 1.5, (20, 3)) * 0.006:
             points = SHARES[:, None] * tip
-            dense = np.linalg.norm((points - lens.centre) @ lens.frame / lens.semi_axes, axis=1).min()
+            dense = np.linalg.norm(
+                (points - lens.centre) @ lens.frame / lens.semi_axes, axis=1
+            ).min()
             found = float(lens_ratio(NUMPY, lens, tip))
             assert found <= dense + 1e-12
             assert found == pytest.approx(dense, abs=1e-3)
@@ -88,7 +97,9 @@ def surface(lens: Lens, enlarged: float, count: int = 20_000) -> np.ndarray:
     """Points all over the lens, (count, 3)."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), math.pi * (1 + math.sqrt(5)) * k
-    ball = np.stack((np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)), axis=1)
+    ball = np.stack(
+        (np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)), axis=1
+    )
     return lens.centre + (enlarged * ball * lens.semi_axes) @ lens.frame.T
 
 
@@ -109,7 +120,9 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
         if size <= 0.05:
             continue
         grown = dataclasses.replace(eye.lens, semi_axes=frozen(eye.lens.semi_axes * size, (3,)))
-        at_limit = unchecked(eye, lens=grown)  # a lens of any size, also one that the eye has no room for
+        at_limit = unchecked(
+            eye, lens=grown
+        )  # a lens of any size, also one that the eye has no room for
         value, least = eye_limits(NUMPY, at_limit, tip)["lens clearance"]
         assert value == pytest.approx(least, rel=1e-12)
         nearest = to_segment(surface(grown, 1.0), tip).min()
@@ -123,7 +136,11 @@ def test_everything_turns_with_the_eye() -> None:
     eye = random_eye(rng)
     tips = tips_in(rng, eye)
     turned = random_rotation(rng)
-    lens = Lens(frozen(turned @ eye.lens.centre, (3,)), eye.lens.semi_axes, frozen(turned @ eye.lens.frame, (3, 3)))
+    lens = Lens(
+        frozen(turned @ eye.lens.centre, (3,)),
+        eye.lens.semi_axes,
+        frozen(turned @ eye.lens.frame, (3, 3)),
+    )
     other = dataclasses.replace(eye, centre=frozen(turned @ eye.centre, (3,)), lens=lens)
     for evaluate in (
         lambda e, p: [v for v, _ in eye_limits(NUMPY, e, p).values()],
@@ -140,9 +157,13 @@ def test_symbolic_equals_numeric(kind) -> None:
         eye = random_eye(rng)
         symbol = kind.sym("p", 3)
         xp = casadi_namespace()
-        values = [value for value, _ in eye_limits(xp, eye, symbol).values()] + list(eye_rows(xp, eye, symbol).values())
+        values = [value for value, _ in eye_limits(xp, eye, symbol).values()] + list(
+            eye_rows(xp, eye, symbol).values()
+        )
         function = casadi.Function("eye", [symbol], [casadi.vertcat(*values)])
-        tips = np.vstack((tips_in(rng, eye, 100), np.zeros((1, 3)), 1e-3 * rng.uniform(-1, 1, (50, 3))))
+        tips = np.vstack(
+            (tips_in(rng, eye, 100), np.zeros((1, 3)), 1e-3 * rng.uniform(-1, 1, (50, 3)))
+        )
         numeric = [value for value, _ in eye_limits(NUMPY, eye, tips.T).values()] + list(
             eye_rows(NUMPY, eye, tips.T).values()
         )
@@ -168,7 +189,9 @@ def test_a_tip_as_near_to_the_retina_as_allowed_is_on_the_edge_of_the_row() -> N
     for _ in range(50):
         eye = random_eye(rng)
         away = rng.standard_normal((100, 3))
-        tips = eye.centre + (eye.radius - eye.clearance) * away / np.linalg.norm(away, axis=1)[:, None]
+        tips = (
+            eye.centre + (eye.radius - eye.clearance) * away / np.linalg.norm(away, axis=1)[:, None]
+        )
         assert np.abs(retina_row(NUMPY, eye, tips.T)).max() < 1e-12
 
 
@@ -230,5 +253,9 @@ def test_the_shipped_eye_lies_as_its_comments_say() -> None:
 
 def test_without_a_lens_only_the_retina_counts() -> None:
     eye = dataclasses.replace(random_eye(np.random.default_rng(10)), lens=None)
-    assert list(eye_limits(NUMPY, eye, np.ones(3))) == list(eye_rows(NUMPY, eye, np.ones(3))) == ["retina clearance"]
+    assert (
+        list(eye_limits(NUMPY, eye, np.ones(3)))
+        == list(eye_rows(NUMPY, eye, np.ones(3)))
+        == ["retina clearance"]
+    )
     assert lens_limit(eye) == 1.0

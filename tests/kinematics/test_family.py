@@ -23,7 +23,9 @@ def _member(family, i):
     x = np.cross([0, 1.0, 0], family.omega3[i])
     x /= np.linalg.norm(x)
     tool = np.column_stack((x, np.cross(family.omega3[i], x), family.omega3[i]))
-    return Mechanism.from_geometry(Geometry(family.omega1[i], family.omega2[i], family.omega3[i], tool))
+    return Mechanism.from_geometry(
+        Geometry(family.omega1[i], family.omega2[i], family.omega3[i], tool)
+    )
 
 
 def test_angles_and_joints_agree_with_every_member():
@@ -32,14 +34,20 @@ def test_angles_and_joints_agree_with_every_member():
     found = {branch: family.joints(task, branch) for branch in (1, -1)}
     for i in range(len(family.alpha)):
         member = _member(family, i)
-        assert np.allclose((family.beta[i], family.delta[i]), (member.beta, member.delta), rtol=0, atol=1e-12)
+        assert np.allclose(
+            (family.beta[i], family.delta[i]), (member.beta, member.delta), rtol=0, atol=1e-12
+        )
         assert family.side[i] == member.side
         low, high = (ends[i] for ends in family.tilt_magnitudes)
-        assert np.allclose((low, high), tilt_magnitudes(member.alpha, member.beta), rtol=0, atol=1e-12)
+        assert np.allclose(
+            (low, high), tilt_magnitudes(member.alpha, member.beta), rtol=0, atol=1e-12
+        )
         for branch in (1, -1):
             theta = joints_of_task(NUMPY, member, tuple(task.T), branch * member.home_branch)
             wanted = np.stack(np.broadcast_arrays(*theta), axis=-1)
-            away = np.angle(np.exp(1j * (found[branch][i] - wanted)[:, :3]))  # whole turns are alike
+            away = np.angle(
+                np.exp(1j * (found[branch][i] - wanted)[:, :3])
+            )  # whole turns are alike
             assert np.abs(away).max() < 1e-9
             assert np.allclose(found[branch][i][:, 3], wanted[:, 3])
 
@@ -49,7 +57,9 @@ def test_distance_to_the_boundary_is_that_of_the_worst_tilt():
     tilts = np.radians([-85.0, -110.0, -130.0])
     distance = family.boundary_distance(tilts)
     for i in range(len(family.alpha)):
-        assert np.isclose(distance[i], boundary_distance(_member(family, i), tilts).min(), atol=1e-12)
+        assert np.isclose(
+            distance[i], boundary_distance(_member(family, i), tilts).min(), atol=1e-12
+        )
 
 
 def test_tilts_on_the_other_side_are_out_of_reach():

@@ -19,12 +19,16 @@ from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 
 
-def worst_miss(mech: Mechanism, found: Solutions, rotations: np.ndarray, positions: np.ndarray) -> float:
+def worst_miss(
+    mech: Mechanism, found: Solutions, rotations: np.ndarray, positions: np.ndarray
+) -> float:
     """Largest difference between the poses of all branches and the poses asked for."""
     worst = 0.0
     for k in range(found.joints.shape[1]):
         reached = forward(mech, found.joints[:, k])
-        worst = max(worst, np.abs(reached[0] - rotations).max(), np.abs(reached[1] - positions).max())
+        worst = max(
+            worst, np.abs(reached[0] - rotations).max(), np.abs(reached[1] - positions).max()
+        )
     return worst
 
 
@@ -45,7 +49,9 @@ def test_a_million_random_poses_of_random_mechanisms(random_mechanism):
         branch = np.sin(found.joints[..., 1] - mech.delta)
         assert np.all(branch[:, 0] >= 0.0)
         assert np.all(branch[:, 1] <= 0.0)
-        assert np.all(angle_gap(found.joints[..., :3], q[:, np.newaxis, :3]).max(axis=2).min(axis=1) < 1e-5)
+        assert np.all(
+            angle_gap(found.joints[..., :3], q[:, np.newaxis, :3]).max(axis=2).min(axis=1) < 1e-5
+        )
 
 
 def test_task_and_pose_agree_on_every_branch(random_mechanism):
@@ -63,7 +69,8 @@ def test_task_and_pose_agree_on_every_branch(random_mechanism):
         # near the boundary θ2 itself is known to half the digits only
         gap = angle_gap(from_pose.joints[..., :3], from_task.joints[..., :3]).max(axis=(1, 2))
         inside = np.minimum(
-            magnitude - np.abs(tilt_interval(mech)).min(), np.abs(tilt_interval(mech)).max() - magnitude
+            magnitude - np.abs(tilt_interval(mech)).min(),
+            np.abs(tilt_interval(mech)).max() - magnitude,
         )
         assert np.all(gap[inside > 1e-2] < 1e-11)
 
@@ -105,7 +112,9 @@ def test_steps_of_the_paper_give_the_same_joints(random_mechanism):
             elbow = rotation(mech.omega1, theta1[k]) @ rotation(mech.omega2, theta2[k])
             theta3 = subproblem_1(mech.omega3, p3, elbow.T @ turned @ p3)
             joints = np.array([theta1[k], theta2[k], theta3, chosen])
-            gap = np.append(angle_gap(found.joints[0, k, :3], joints[:3]), found.joints[0, k, 3] - chosen)
+            gap = np.append(
+                angle_gap(found.joints[0, k, :3], joints[:3]), found.joints[0, k, 3] - chosen
+            )
             assert np.abs(gap).max() < 1e-10
 
 
@@ -115,7 +124,9 @@ def test_joints_from_task_are_continuous_along_a_path(random_mechanism):
     for _ in range(30):
         mech = random_mechanism(rng, rng.uniform(0.3, 2.8), rng.uniform(0.3, 2.8))
         low, high = tilt_interval(mech)
-        task = np.column_stack((12.0 * way, low + (high - low) * (0.02 + 0.96 * way), -9.0 * way, way))
+        task = np.column_stack(
+            (12.0 * way, low + (high - low) * (0.02 + 0.96 * way), -9.0 * way, way)
+        )
         joints = inverse_task(mech, task).joints
         assert np.abs(np.diff(joints[..., :3], axis=0)).max() < 0.2
 
@@ -127,10 +138,13 @@ def test_an_unreachable_pointing_is_moved_to_the_nearest(random_mechanism):
         mech = random_mechanism(rng, rng.uniform(0.3, 1.2), rng.uniform(0.3, 1.2))
         high = np.abs(tilt_interval(mech)).max()
         tilt = high + rng.uniform(0.05, math.pi - high - 0.1, 5)
-        task = np.column_stack((*rng.uniform(-3.0, 3.0, (1, 5)), tilt, rng.uniform(-3.0, 3.0, 5), np.full(5, 0.02)))
+        task = np.column_stack(
+            (*rng.uniform(-3.0, 3.0, (1, 5)), tilt, rng.uniform(-3.0, 3.0, 5), np.full(5, 0.02))
+        )
         rotations, positions = pose_from_task(mech, task)
         places = (
-            rotation(mech.omega1, grid)[:, np.newaxis] @ (rotation(mech.omega2, grid) @ mech.omega3)[..., np.newaxis]
+            rotation(mech.omega1, grid)[:, np.newaxis]
+            @ (rotation(mech.omega2, grid) @ mech.omega3)[..., np.newaxis]
         )
         for found in (inverse(mech, rotations, positions), inverse_task(mech, task)):
             assert not found.reachable.any()
@@ -140,7 +154,9 @@ def test_an_unreachable_pointing_is_moved_to_the_nearest(random_mechanism):
                 reached, tips = forward(mech, found.joints[:, k])
                 turned = Rotation.from_matrix(np.swapaxes(reached, 1, 2) @ rotations).magnitude()
                 assert np.abs(turned - found.orientation_error).max() < 1e-7
-                assert np.abs(np.linalg.norm(tips - positions, axis=1) - found.tip_error).max() < 1e-12
+                assert (
+                    np.abs(np.linalg.norm(tips - positions, axis=1) - found.tip_error).max() < 1e-12
+                )
             for i in range(5):
                 nearest = np.linalg.norm(places[..., 0] - rotations[i, :, 2], axis=-1).min()
                 assert 2.0 * math.sin(found.orientation_error[i] / 2.0) <= nearest + 1e-12
@@ -201,9 +217,14 @@ def test_tip_targets_out_of_reach_are_flagged(vitreoretinal):
     on_roll_axis = np.array([[0.01, 0.0, 0.0]])
     found = inverse_tip(vitreoretinal, on_roll_axis)
     assert not found.reachable[0]
-    misses = [np.linalg.norm(forward(vitreoretinal, found.joints[:, k])[1] - on_roll_axis) for k in range(4)]
+    misses = [
+        np.linalg.norm(forward(vitreoretinal, found.joints[:, k])[1] - on_roll_axis)
+        for k in range(4)
+    ]
     assert min(misses) == pytest.approx(float(found.tip_error[0]), abs=1e-15)
-    assert found.tip_error[0] == pytest.approx(0.01 * math.sin(math.radians(180.0 - 139.7783933)), abs=1e-9)
+    assert found.tip_error[0] == pytest.approx(
+        0.01 * math.sin(math.radians(180.0 - 139.7783933)), abs=1e-9
+    )
 
 
 def test_a_tip_at_the_rcm_keeps_the_pointing(vitreoretinal):
@@ -223,10 +244,22 @@ EYE = np.eye(3)[np.newaxis]
     [
         (EYE, np.zeros((2, 3)), r"rotations of shape \(1, 3, 3\) and positions of shape \(2, 3\)"),
         (np.repeat(EYE, 5, axis=0), np.zeros((3, 5)), r"positions has shape \(3, 5\).*transposed"),
-        (2.0 * EYE, np.zeros(3), r"rotations\[0\] of shape \(1, 3, 3\) is not a rotation: RᵀR differs from 1 by 3"),
+        (
+            2.0 * EYE,
+            np.zeros(3),
+            r"rotations\[0\] of shape \(1, 3, 3\) is not a rotation: RᵀR differs from 1 by 3",
+        ),
         (-EYE, np.zeros(3), r"rotations\[0\] .*reflection"),
-        (np.full((1, 3, 3), math.nan), np.zeros(3), r"rotations of shape \(1, 3, 3\) is not finite"),
-        (EYE, np.array([0.0, math.nan, 0.0]), r"positions of shape \(1, 3\) is not finite at \[0, 1\]"),
+        (
+            np.full((1, 3, 3), math.nan),
+            np.zeros(3),
+            r"rotations of shape \(1, 3, 3\) is not finite",
+        ),
+        (
+            EYE,
+            np.array([0.0, math.nan, 0.0]),
+            r"positions of shape \(1, 3\) is not finite at \[0, 1\]",
+        ),
         (np.zeros((2, 9)), np.zeros((2, 3)), r"rotations has shape \(2, 9\)"),
         (
             np.zeros((2, 4, 4)),
@@ -248,7 +281,9 @@ def test_one_bad_pose_in_a_batch_is_named(vitreoretinal):
 
 
 def test_parallel_axes_have_no_inverse():
-    with pytest.raises(GeometryError, match=r"beta = 3.14159 rad: joints 2 and 3 turn about one axis"):
+    with pytest.raises(
+        GeometryError, match=r"beta = 3.14159 rad: joints 2 and 3 turn about one axis"
+    ):
         inverse_task(Mechanism.from_angles(1.0, math.pi), np.zeros(4))
 
 

@@ -39,7 +39,9 @@ def test_joint_speeds_are_the_derivatives_of_the_inverse(random_mechanism):
 def test_joint_speeds_move_the_tool_about_the_rolled_tilt_axis(vitreoretinal):
     tilt = np.radians([-130.0, -100.0, -85.0])
     speeds = joint_speed_per_tilt_speed(vitreoretinal, tilt, -1)
-    joints = inverse_task(vitreoretinal, np.column_stack((np.zeros(3), tilt, np.zeros((3, 2))))).joints[:, 1]
+    joints = inverse_task(
+        vitreoretinal, np.column_stack((np.zeros(3), tilt, np.zeros((3, 2))))
+    ).joints[:, 1]
     omega = np.einsum("nij,nj->ni", space_jacobian(vitreoretinal, joints)[:, 3:, :3], speeds)
     assert np.abs(omega - vitreoretinal.tilt_axis).max() < 1e-12
 
@@ -53,10 +55,14 @@ def test_joint_speed_has_no_bound_at_the_boundary(random_mechanism):
             np.isinf(joint_speed_per_tilt_speed(mech, low, 1)[1])
             or np.abs(joint_speed_per_tilt_speed(mech, low, 1)[1]) > 1e6
         )
-        near = np.abs(joint_speed_per_tilt_speed(mech, high - np.array([1e-2, 1e-4, 1e-6]), 1)[:, 1])
+        near = np.abs(
+            joint_speed_per_tilt_speed(mech, high - np.array([1e-2, 1e-4, 1e-6]), 1)[:, 1]
+        )
         # θ2 goes with the square root of the distance to the boundary
         assert near[1:] / near[:-1] == pytest.approx([10.0, 10.0], rel=0.1)
-        assert np.isnan(joint_speed_per_tilt_speed(mech, np.array([low - 1e-3, high + 1e-3]), 1)).all()
+        assert np.isnan(
+            joint_speed_per_tilt_speed(mech, np.array([low - 1e-3, high + 1e-3]), 1)
+        ).all()
 
 
 def test_smallest_singular_value_vanishes_at_the_boundary_only(random_mechanism):
@@ -70,7 +76,9 @@ def test_smallest_singular_value_vanishes_at_the_boundary_only(random_mechanism)
         values = smallest_singular_value(mech, q)
         assert values[[0, -1]] == pytest.approx([0.0, 0.0], abs=1e-7)
         assert np.all(values[1:-1] > 1e-3)
-        product = np.prod(np.linalg.svd(space_jacobian(mech, q)[:, 3:, :3], compute_uv=False), axis=1)
+        product = np.prod(
+            np.linalg.svd(space_jacobian(mech, q)[:, 3:, :3], compute_uv=False), axis=1
+        )
         expected = math.sin(mech.alpha) * math.sin(mech.beta) * np.abs(np.sin(q[:, 1] - mech.delta))
         assert np.abs(product - expected).max() < 1e-12
 

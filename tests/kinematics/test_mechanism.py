@@ -32,8 +32,12 @@ def pinocchio_model(mechanism: Mechanism):
     model = pin.Model()
     joint = 0
     for i, axis in enumerate((mechanism.omega1, mechanism.omega2, mechanism.omega3)):
-        joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(axis), pin.SE3.Identity(), f"revolute{i}")
-    joint = model.addJoint(joint, pin.JointModelPrismaticUnaligned(mechanism.omega3), pin.SE3.Identity(), "slide")
+        joint = model.addJoint(
+            joint, pin.JointModelRevoluteUnaligned(axis), pin.SE3.Identity(), f"revolute{i}"
+        )
+    joint = model.addJoint(
+        joint, pin.JointModelPrismaticUnaligned(mechanism.omega3), pin.SE3.Identity(), "slide"
+    )
     placement = pin.SE3(np.array(mechanism.tool_home), np.zeros(3))
     frame = model.addFrame(pin.Frame("tool", joint, placement, pin.FrameType.OP_FRAME))
     return model, frame
@@ -41,7 +45,9 @@ def pinocchio_model(mechanism: Mechanism):
 
 def test_published_robot_has_its_published_angles(vitreoretinal):
     assert math.degrees(vitreoretinal.alpha) == pytest.approx(30.0, abs=1e-12)
-    assert math.cos(vitreoretinal.beta) == pytest.approx(float(vitreoretinal.omega2 @ vitreoretinal.omega3), abs=1e-15)
+    assert math.cos(vitreoretinal.beta) == pytest.approx(
+        float(vitreoretinal.omega2 @ vitreoretinal.omega3), abs=1e-15
+    )
     assert math.degrees(vitreoretinal.beta) == pytest.approx(109.778, abs=5e-4)
     assert math.degrees(vitreoretinal.home_tilt) == pytest.approx(-113.0, abs=1e-12)
     assert vitreoretinal.home_roll == 0.0
@@ -51,7 +57,11 @@ def test_home_roll_and_tilt_point_at_omega3(random_mechanism):
     rng = np.random.default_rng(RNG_SEED)
     for _ in range(200):
         mech = random_mechanism(rng)
-        pointing = rotation(mech.omega1, mech.home_roll) @ rotation(mech.tilt_axis, mech.home_tilt) @ mech.omega1
+        pointing = (
+            rotation(mech.omega1, mech.home_roll)
+            @ rotation(mech.tilt_axis, mech.home_tilt)
+            @ mech.omega1
+        )
         assert np.abs(pointing - mech.omega3).max() < 1e-14
         assert -math.pi / 2 < mech.home_roll <= math.pi / 2 + 1e-12
         assert abs(mech.tilt_axis @ mech.omega1) < 1e-15
@@ -74,7 +84,9 @@ def test_from_angles_is_the_published_robot(vitreoretinal):
         assert np.abs(getattr(made, name) - getattr(vitreoretinal, name)).max() < 1e-15
 
 
-@pytest.mark.parametrize(("alpha", "beta"), [(0.5, 0.5), (2.8, 2.0), (2.0, 0.4), (0.0, 1.0), (1.0, math.pi)])
+@pytest.mark.parametrize(
+    ("alpha", "beta"), [(0.5, 0.5), (2.8, 2.0), (2.0, 0.4), (0.0, 1.0), (1.0, math.pi)]
+)
 def test_from_angles_keeps_its_angles(alpha, beta):
     mech = Mechanism.from_angles(alpha, beta)
     assert mech.alpha == pytest.approx(alpha, abs=1e-15)
@@ -131,7 +143,10 @@ def test_rotation_is_that_of_scipy():
     angle = np.array([0.0, 1e-9, 1.0, math.pi - 1e-9, math.pi, -2.0])
     expected = Rotation.from_rotvec(axis * angle[:, np.newaxis])
     assert np.abs(rotation(axis, angle) - expected.as_matrix()).max() < 1e-15
-    assert np.abs(hat(axis) @ np.array([1.0, 2.0, 3.0]) - np.cross(axis, [1.0, 2.0, 3.0])).max() < 1e-15
+    assert (
+        np.abs(hat(axis) @ np.array([1.0, 2.0, 3.0]) - np.cross(axis, [1.0, 2.0, 3.0])).max()
+        < 1e-15
+    )
 
 
 GEOMETRY = Geometry(
@@ -145,13 +160,22 @@ GEOMETRY = Geometry(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"omega1": np.array([1.0, 0.1, 0.0])}, r"Geometry\.omega1 = .*length 1\.004988 .*unit vector"),
+        (
+            {"omega1": np.array([1.0, 0.1, 0.0])},
+            r"Geometry\.omega1 = .*length 1\.004988 .*unit vector",
+        ),
         ({"omega2": np.array([-1.0, 0.0, 0.0])}, "joints 1 and 2 are parallel"),
         ({"omega3": np.array([0.0, 1.0, 0.0])}, "joints 2 and 3 are parallel"),
-        ({"omega3": np.array([0.0, math.nan, 1.0])}, r"Geometry\.omega3 .*finite numbers of shape \(3,\)"),
+        (
+            {"omega3": np.array([0.0, math.nan, 1.0])},
+            r"Geometry\.omega3 .*finite numbers of shape \(3,\)",
+        ),
         ({"omega1": np.eye(3)}, r"(?s)Geometry\.omega1 .*shape \(3,\)"),
         ({"tool_home": np.diag([1.0, 1.0, -1.0])}, r"Geometry\.tool_home .*right-handed"),
-        ({"tool_home": np.diag([1.0, -1.0, -1.0])}, r"(?s)Geometry\.tool_home .*the z axis of the tool"),
+        (
+            {"tool_home": np.diag([1.0, -1.0, -1.0])},
+            r"(?s)Geometry\.tool_home .*the z axis of the tool",
+        ),
         ({"tool_home": 2.0 * np.eye(3)}, r"Geometry\.tool_home .*not a rotation"),
         ({"insertion_sign": 2}, r"Geometry\.insertion_sign = 2"),
     ],
@@ -174,7 +198,9 @@ def test_bad_tool_frames_are_refused(tool_home, message):
         Mechanism.from_angles(0.5, 1.9, tool_home=tool_home)
 
 
-@pytest.mark.parametrize(("alpha", "beta", "tilt"), [(30.0, 1.9, None), (0.5, -0.1, None), (0.5, 1.9, -113.0)])
+@pytest.mark.parametrize(
+    ("alpha", "beta", "tilt"), [(30.0, 1.9, None), (0.5, -0.1, None), (0.5, 1.9, -113.0)]
+)
 def test_angles_in_degrees_are_refused(alpha, beta, tilt):
     with pytest.raises(GeometryError, match=r"alpha|beta|home_tilt"):
         Mechanism.from_angles(alpha, beta, tilt)

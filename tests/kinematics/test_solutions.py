@@ -102,6 +102,8 @@ def test_bad_arguments_are_named(vitreoretinal):
 
 def test_joints_without_limits_may_turn_without_end(vitreoretinal):
     unlimited = [(-math.inf, math.inf)] * 3 + [(-0.03, 0.0)]
-    found = inverse_task(vitreoretinal, [[40.0, -2.0, 0.0, 0.02]], limits=unlimited, reference=np.full(4, 37.0))
+    found = inverse_task(
+        vitreoretinal, [[40.0, -2.0, 0.0, 0.02]], limits=unlimited, reference=np.full(4, 37.0)
+    )
     assert found.valid.all()
     assert np.abs(found.joints[..., :3] - 37.0).max() <= math.pi

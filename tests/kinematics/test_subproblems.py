@@ -32,7 +32,9 @@ def test_subproblem_1_recovers_the_rotation(seed, theta):
     rng = np.random.default_rng(seed)
     omega, p = unit(rng), rng.standard_normal(3)
     q = turn(omega, theta, p)
-    assert np.abs(turn(omega, subproblem_1(omega, p, q), p) - q).max() < 1e-14 * (1.0 + np.linalg.norm(p))
+    assert np.abs(turn(omega, subproblem_1(omega, p, q), p) - q).max() < 1e-14 * (
+        1.0 + np.linalg.norm(p)
+    )
 
 
 @settings(max_examples=50, deadline=None)
@@ -79,8 +81,16 @@ def test_subproblem_2_is_least_squares_out_of_reach(seed):
 
 def test_subproblem_2_counts_two_one_and_none():
     x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    tool = np.array([math.sin(0.5), math.cos(0.5), 0.0])  # 0.5 rad from y, so |φ| is in [π/2 − 0.5, π/2 + 0.5]
-    for phi, expected in ((math.pi / 2, 2), (math.pi / 2 + 0.5, 1), (math.pi / 2 - 0.5, 1), (0.3, 0), (3.0, 0)):
+    tool = np.array(
+        [math.sin(0.5), math.cos(0.5), 0.0]
+    )  # 0.5 rad from y, so |φ| is in [π/2 − 0.5, π/2 + 0.5]
+    for phi, expected in (
+        (math.pi / 2, 2),
+        (math.pi / 2 + 0.5, 1),
+        (math.pi / 2 - 0.5, 1),
+        (0.3, 0),
+        (3.0, 0),
+    ):
         q = np.array([math.cos(phi), 0.0, math.sin(phi)])
         _, theta2, count = subproblem_2(x, y, tool, q)
         assert count == expected
@@ -95,7 +105,9 @@ def test_subproblem_3_prime_finds_the_translation(seed, theta):
     delta = np.linalg.norm(q - p - v * theta)
     solutions, count = subproblem_3_prime(v, p, q, delta)
     assert count >= 1
-    assert np.abs(np.linalg.norm(q - p - solutions[:, np.newaxis] * v, axis=-1) - delta).max() < 1e-6
+    assert (
+        np.abs(np.linalg.norm(q - p - solutions[:, np.newaxis] * v, axis=-1) - delta).max() < 1e-6
+    )
     assert np.abs(solutions - theta).min() < 1e-6
 
 
@@ -113,10 +125,19 @@ def test_subproblem_3_prime_counts_two_one_and_none():
     ("call", "message"),
     [
         (lambda: subproblem_1([0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]), "omega .*unit"),
-        (lambda: subproblem_1([0.0, 0.0, math.nan], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]), "omega .*unit"),
+        (
+            lambda: subproblem_1([0.0, 0.0, math.nan], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+            "omega .*unit",
+        ),
         (lambda: subproblem_1([0.0, 0.0, 1.0], [1.0, 0.0], [1.0, 0.0, 0.0]), r"p has shape \(2,\)"),
-        (lambda: subproblem_1([0.0, 0.0, 1.0], np.zeros((2, 3)), np.zeros((3, 3))), "shapes do not fit together"),
-        (lambda: subproblem_2([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], np.zeros(3), [1.0, 0.0, 0.0]), "p of shape"),
+        (
+            lambda: subproblem_1([0.0, 0.0, 1.0], np.zeros((2, 3)), np.zeros((3, 3))),
+            "shapes do not fit together",
+        ),
+        (
+            lambda: subproblem_2([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], np.zeros(3), [1.0, 0.0, 0.0]),
+            "p of shape",
+        ),
         (lambda: subproblem_3_prime([0.0, 0.0, 1.0], np.zeros(3), np.zeros(3), -1.0), "delta"),
     ],
 )

@@ -27,7 +27,9 @@ def tasks_inside(rng: np.random.Generator, mech, count: int) -> np.ndarray:
     """Task coordinates with tilts on both sides of ω1, not nearer to the boundary than a tenth of the interval."""
     low, high = tilt_interval(mech)
     task = rng.uniform(-4.0, 4.0, (count, 4))
-    task[:, 1] = (low + (high - low) * rng.uniform(0.1, 0.9, count)) * rng.choice([-1.0, 1.0], count)
+    task[:, 1] = (low + (high - low) * rng.uniform(0.1, 0.9, count)) * rng.choice(
+        [-1.0, 1.0], count
+    )
     return task
 
 
@@ -57,7 +59,10 @@ def test_first_derivatives_agree_with_finite_differences(random_mechanism):
                 for j in range(4):
                     for k, weight in weights.items():
                         shift = k * step * np.eye(4)[j]
-                        ahead, behind = function(task + shift)[0].full(), function(task - shift)[0].full()
+                        ahead, behind = (
+                            function(task + shift)[0].full(),
+                            function(task - shift)[0].full(),
+                        )
                         difference[:, j] += weight * (ahead - behind)[:, 0] / step
                 assert np.abs(exact - difference).max() <= 1e-6 * np.abs(exact).max()
 
@@ -73,7 +78,10 @@ def test_second_derivatives_agree_with_differences_of_the_first(random_mechanism
     for task in tasks_inside(rng, mech, 10):
         exact = function(task)[1].full()
         shifts = step * np.eye(4)
-        columns = [(function(task + each)[0] - function(task - each)[0]).full()[:, 0] / (2.0 * step) for each in shifts]
+        columns = [
+            (function(task + each)[0] - function(task - each)[0]).full()[:, 0] / (2.0 * step)
+            for each in shifts
+        ]
         assert np.abs(exact - np.stack(columns, axis=1)).max() <= 1e-6 * np.abs(exact).max()
 
 

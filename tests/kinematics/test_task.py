@@ -128,7 +128,9 @@ def test_the_tip_follows_from_task_coordinates_by_two_ways(random_mechanism):
 
 def test_the_tilt_rate_vanishes_at_the_workspace_boundary(vitreoretinal):
     for x in (0.0, math.pi):
-        rates = task_rates(vitreoretinal, [0.3, vitreoretinal.delta + x, 0.2, -0.01], [0.1, 0.7, -0.2, -0.02])[0]
+        rates = task_rates(
+            vitreoretinal, [0.3, vitreoretinal.delta + x, 0.2, -0.01], [0.1, 0.7, -0.2, -0.02]
+        )[0]
         assert rates[1] == pytest.approx(0.0, abs=1e-12)
         assert np.isfinite(rates).all()
         assert rates[3] == pytest.approx(0.02)
@@ -137,7 +139,10 @@ def test_the_tilt_rate_vanishes_at_the_workspace_boundary(vitreoretinal):
 @pytest.mark.parametrize(
     ("task", "message"),
     [
-        (np.array([[0.0, -113.0, 0.0, 0.0]]), r"task\[0, 1\] of shape \(1, 4\): tilt = -113 rad.*degrees"),
+        (
+            np.array([[0.0, -113.0, 0.0, 0.0]]),
+            r"task\[0, 1\] of shape \(1, 4\): tilt = -113 rad.*degrees",
+        ),
         (np.zeros((4, 9)), r"task has shape \(4, 9\).*transposed"),
         (np.full((3, 4), math.inf), r"task of shape \(3, 4\) is not finite"),
     ],

@@ -25,7 +25,9 @@ def mechanism() -> Mechanism:
 ENDS = (math.radians(-135.0), math.radians(-85.0))
 
 
-def test_joint_2_at_full_acceleration_both_ways_meets_the_bound_that_it_sets(mechanism: Mechanism) -> None:
+def test_joint_2_at_full_acceleration_both_ways_meets_the_bound_that_it_sets(
+    mechanism: Mechanism,
+) -> None:
     """Half way at +a, half way at −a: the fastest that joint 2 can go, by simulation."""
     a = 3.0
     start, end = (float(theta2_from_tilt(mechanism, tilt, mechanism.home_branch)) for tilt in ENDS)
@@ -40,7 +42,9 @@ def test_joint_2_at_full_acceleration_both_ways_meets_the_bound_that_it_sets(mec
     assert bound.rate == pytest.approx(float((speed / per).max()), rel=1e-6)
 
 
-def test_the_bound_grows_with_the_root_of_the_acceleration_and_with_the_range(mechanism: Mechanism) -> None:
+def test_the_bound_grows_with_the_root_of_the_acceleration_and_with_the_range(
+    mechanism: Mechanism,
+) -> None:
     bound = tilt_rate_bound(mechanism, ENDS, 2.0)
     assert tilt_rate_bound(mechanism, ENDS, 8.0).rate == pytest.approx(2.0 * bound.rate)
     back = tilt_rate_bound(mechanism, ENDS[::-1], 2.0)
@@ -50,6 +54,8 @@ def test_the_bound_grows_with_the_root_of_the_acceleration_and_with_the_range(me
 
 
 @pytest.mark.parametrize("ends", [(-2.0, -2.0), (-3.0, -2.0), (-2.0, 1.0)])
-def test_tilts_outside_the_workspace_are_refused(mechanism: Mechanism, ends: tuple[float, float]) -> None:
+def test_tilts_outside_the_workspace_are_refused(
+    mechanism: Mechanism, ends: tuple[float, float]
+) -> None:
     with pytest.raises(GeometryError, match="workspace"):
         tilt_rate_bound(mechanism, ends, 1.0)

@@ -25,7 +25,9 @@ from ssm_planner.kinematics.workspace import (
 axis_angles = st.floats(0.0, math.pi)
 
 
-def tilt_cosine(mechanism: Mechanism, theta2: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def tilt_cosine(
+    mechanism: Mechanism, theta2: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """f(θ2) = ω1ᵀ e^{ω̂2θ2} v4 = cos φ and its first two derivatives (paper, eqs. 4 and 5), any shape."""
     angle = np.asarray(theta2, dtype=float)[..., np.newaxis]
     still, cosine, sine = mechanism.exponentials[1] @ mechanism.omega3 @ mechanism.omega1
@@ -51,7 +53,9 @@ def swept_extreme(alpha: np.ndarray, beta: np.ndarray, sign: int) -> np.ndarray:
     for _ in range(9):
         theta2 = best[:, np.newaxis] + np.linspace(-width, width, 201)
         tilt = swept_tilt(alpha[:, np.newaxis], beta[:, np.newaxis], theta2)
-        best = np.take_along_axis(theta2, np.argmax(sign * tilt, axis=1)[:, np.newaxis], axis=1)[:, 0]
+        best = np.take_along_axis(theta2, np.argmax(sign * tilt, axis=1)[:, np.newaxis], axis=1)[
+            :, 0
+        ]
         width /= 30.0
     return swept_tilt(alpha, beta, best)
 
@@ -67,10 +71,12 @@ def test_limits_are_the_extremes_of_a_dense_sweep():
 
 
 def test_published_robot(vitreoretinal):
-    assert np.degrees(tilt_interval(vitreoretinal)) == pytest.approx([-139.778393, -79.778393], abs=1e-6)
-    assert tilt_interval(Mechanism.from_angles(math.radians(30.0), math.radians(110.0))) == pytest.approx(
-        [math.radians(-140.0), math.radians(-80.0)], abs=1e-14
+    assert np.degrees(tilt_interval(vitreoretinal)) == pytest.approx(
+        [-139.778393, -79.778393], abs=1e-6
     )
+    assert tilt_interval(
+        Mechanism.from_angles(math.radians(30.0), math.radians(110.0))
+    ) == pytest.approx([math.radians(-140.0), math.radians(-80.0)], abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -158,13 +164,21 @@ def test_the_design_question_returns_the_published_design():
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi), st.floats(0.0, 0.5), axis_angles, axis_angles)
+@given(
+    st.floats(-math.pi, math.pi),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.0, 0.5),
+    axis_angles,
+    axis_angles,
+)
 def test_design_region_holds_exactly_the_mechanisms_that_reach(one, other, margin, alpha, beta):
     low, high = min(one, other), max(one, other)
     region = design_region(low, high, margin)
     nearest, farthest = tilt_magnitudes(alpha, beta)
     asked = np.abs(np.linspace(low, high, 3))
-    spare = min(farthest - asked.max(), (0.0 if low < 0.0 < high else asked.min()) - nearest) - margin
+    spare = (
+        min(farthest - asked.max(), (0.0 if low < 0.0 < high else asked.min()) - nearest) - margin
+    )
     assume(abs(spare) > 1e-9)
     reaches = spare > 0.0
     assert region.contains(alpha, beta) == reaches

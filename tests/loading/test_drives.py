@@ -43,12 +43,21 @@ def test_any_sufficient_set_gives_the_same_worm(worm: float, wheel: float, lead:
 
 @given(diameters, st.floats(0.0003, 0.01), st.integers(1, 4))
 def test_any_sufficient_set_gives_the_same_screw(diameter: float, lead: float, starts: int) -> None:
-    full = {"diameter": diameter, "lead": lead, "lead_angle": math.atan(lead / (math.pi * diameter))}
+    full = {
+        "diameter": diameter,
+        "lead": lead,
+        "lead_angle": math.atan(lead / (math.pi * diameter)),
+    }
     for names in itertools.combinations(full, 2):
         result = resolve("screw", {name: full[name] for name in names})
         assert_same(result, full)
         assert result["ratio"] == pytest.approx(2 * math.pi / lead)
-    assert_same(resolve("screw", {"effective_diameter": diameter, "starts": starts, "pitch": lead / starts}), full)
+    assert_same(
+        resolve(
+            "screw", {"effective_diameter": diameter, "starts": starts, "pitch": lead / starts}
+        ),
+        full,
+    )
 
 
 @given(diameters, diameters, st.floats(0.0003, 0.01))
@@ -70,8 +79,16 @@ def assert_same(result: dict[str, float], full: dict[str, float]) -> None:
         ("worm", {"ratio": 120.0, "worm_diameter": 0.01}, "do not fix the worm"),
         ("screw", {"lead": 0.002}, "do not fix the screw"),
         ("screw", {"starts": 1.0, "pitch": 0.002}, "do not fix the screw"),
-        ("screw", {"diameter": 0.012, "effective_diameter": 0.011, "lead": 0.002}, "differs from diameter"),
-        ("screw", {"diameter": 0.012, "lead": 0.002, "lead_angle": 0.1}, "contradicts the other dimensions"),
+        (
+            "screw",
+            {"diameter": 0.012, "effective_diameter": 0.011, "lead": 0.002},
+            "differs from diameter",
+        ),
+        (
+            "screw",
+            {"diameter": 0.012, "lead": 0.002, "lead_angle": 0.1},
+            "contradicts the other dimensions",
+        ),
         ("screw", {"diameter": 0.012, "lead": 0.002, "starts": 2.0, "pitch": 0.002}, "contradicts"),
         ("screw", {"diameter": 0.012, "lead_angle": 1.2}, "between 0 and 60 deg"),
     ],
@@ -93,35 +110,120 @@ def test_consistent_surplus_is_accepted_and_an_inconsistent_one_is_not() -> None
     [
         (WORM, "kind: worm", "kind: wurm", ("kind = wurm", "worm, lead_screw, antibacklash_screw")),
         (WORM, "kind: worm", "kind: [worm]", ("kind", "worm, lead_screw")),
-        (WORM, "geometry:", "geomtry:", ("geomtry", "unknown key; did you mean 'geometry'?", "allowed: ")),
-        (WORM, "mu: {value: 0.13,", "mu: {value: 0.13 N,", ("friction.mu.value = 0.13 N", "has no unit")),
-        (WORM, "mu: {value: 0.13,", "mu: {value: -0.13,", ("friction.mu.value = -0.13", "negative")),
+        (
+            WORM,
+            "geometry:",
+            "geomtry:",
+            ("geomtry", "unknown key; did you mean 'geometry'?", "allowed: "),
+        ),
+        (
+            WORM,
+            "mu: {value: 0.13,",
+            "mu: {value: 0.13 N,",
+            ("friction.mu.value = 0.13 N", "has no unit"),
+        ),
+        (
+            WORM,
+            "mu: {value: 0.13,",
+            "mu: {value: -0.13,",
+            ("friction.mu.value = -0.13", "negative"),
+        ),
         (WORM, "mu: {value: 0.13,", "mu: {value: 13,", ("friction.mu", "implausible", "0 to 1.5")),
-        (WORM, "mu: {value: 0.13,", "mu: {val: 0.13,", ("friction.mu.val", "unknown key; did you mean 'value'?")),
+        (
+            WORM,
+            "mu: {value: 0.13,",
+            "mu: {val: 0.13,",
+            ("friction.mu.val", "unknown key; did you mean 'value'?"),
+        ),
         (WORM, "mu: {value: 0.13,", "mu: {source: x} # ", ("friction.mu.value", "missing")),
-        (WORM, "mu: {value: 0.13,", "mu: {placeholder: maybe, value: 0.13,", ("placeholder", "true or false")),
-        (WORM, "mu_static: {value: 0.15,", "mu_static: {value: 0.1,", ("mu_static", "smaller than mu", "0.13")),
+        (
+            WORM,
+            "mu: {value: 0.13,",
+            "mu: {placeholder: maybe, value: 0.13,",
+            ("placeholder", "true or false"),
+        ),
+        (
+            WORM,
+            "mu_static: {value: 0.15,",
+            "mu_static: {value: 0.1,",
+            ("mu_static", "smaller than mu", "0.13"),
+        ),
         (WORM, "law: coulomb", "law: coulom", ("friction.law = coulom", "stribeck_gaussian")),
-        (WORM, "law: coulomb", "law: stribeck_gaussian", ("friction.law", "mu_stribeck and stribeck_speed")),
+        (
+            WORM,
+            "law: coulomb",
+            "law: stribeck_gaussian",
+            ("friction.law", "mu_stribeck and stribeck_speed"),
+        ),
         (WORM, "  law: coulomb", "  mu_lowest: 0.2", ("mu_lowest = 0.2", "larger than mu")),
-        (WORM, "  law: coulomb", "  mu_stribeck: 0.1", ("mu_stribeck", "not a parameter of the coulomb law")),
-        (WORM, "b_oc: {value: 4e-3 N*m,", "b_oc: {value: 4e-3 N,", ("b_oc.value = 4e-3 N", "a force, not a torque")),
-        (SCREW, "b_oc: {value: 4e-3 N,", "b_oc: {value: 4e-3 N*m,", ("b_oc.value = 4e-3 N*m", "not a force")),
-        (WORM, "b_c: {value: 3.82e-3 N*m", "b_c: {value: 3.82e-3 mm", ("a length, not a torque", "80 mN*m")),
+        (
+            WORM,
+            "  law: coulomb",
+            "  mu_stribeck: 0.1",
+            ("mu_stribeck", "not a parameter of the coulomb law"),
+        ),
+        (
+            WORM,
+            "b_oc: {value: 4e-3 N*m,",
+            "b_oc: {value: 4e-3 N,",
+            ("b_oc.value = 4e-3 N", "a force, not a torque"),
+        ),
+        (
+            SCREW,
+            "b_oc: {value: 4e-3 N,",
+            "b_oc: {value: 4e-3 N*m,",
+            ("b_oc.value = 4e-3 N*m", "not a force"),
+        ),
+        (
+            WORM,
+            "b_c: {value: 3.82e-3 N*m",
+            "b_c: {value: 3.82e-3 mm",
+            ("a length, not a torque", "80 mN*m"),
+        ),
         (
             WORM,
             "self_locking: required",
             "self_locking: maybe",
             ("self_locking = maybe", "'required' or 'not required'"),
         ),
-        (WORM, "ratio: {value: 120", "ratio: {value: 0", ("geometry.ratio.value = 0", "not greater than zero")),
-        (WORM, "thread_angle: {value: 40 deg", "thread_angle: {value: 140 deg", ("implausible", "below 120 deg")),
-        (WORM, "output_inertia: {value: 8.5e-6 kg*m^2", "output_inertia: {value: 8.5e-6 kg", ("a mass, not a moment",)),
+        (
+            WORM,
+            "ratio: {value: 120",
+            "ratio: {value: 0",
+            ("geometry.ratio.value = 0", "not greater than zero"),
+        ),
+        (
+            WORM,
+            "thread_angle: {value: 40 deg",
+            "thread_angle: {value: 140 deg",
+            ("implausible", "below 120 deg"),
+        ),
+        (
+            WORM,
+            "output_inertia: {value: 8.5e-6 kg*m^2",
+            "output_inertia: {value: 8.5e-6 kg",
+            ("a mass, not a moment",),
+        ),
         (WORM, "self_locking: required", "preload: 1 N", ("preload", "unknown key")),
-        (RIG, "friction: to_identify", "friction: to_indentify", ("friction = to_indentify", "to_identify")),
+        (
+            RIG,
+            "friction: to_identify",
+            "friction: to_indentify",
+            ("friction = to_indentify", "to_identify"),
+        ),
         (RIG, "direction: -1", "direction: -2", ("rig.direction = -2", "-1 or 1")),
-        (RIG, "payload_arm: 20 mm", "payload_arm: 0 mm", ("rig.payload_arm = 0 mm", "not greater than zero")),
-        (RIG, "payload_mass: 0.096 kg", "payload_mass: 0.096", ("rig.payload_mass = 0.096", "without a unit")),
+        (
+            RIG,
+            "payload_arm: 20 mm",
+            "payload_arm: 0 mm",
+            ("rig.payload_arm = 0 mm", "not greater than zero"),
+        ),
+        (
+            RIG,
+            "payload_mass: 0.096 kg",
+            "payload_mass: 0.096",
+            ("rig.payload_mass = 0.096", "without a unit"),
+        ),
     ],
 )
 def test_bad_drives(files: Any, file: str, old: str, new: str, parts: tuple[str, ...]) -> None:
@@ -131,9 +233,14 @@ def test_bad_drives(files: Any, file: str, old: str, new: str, parts: tuple[str,
 
 
 def test_contradicting_geometry_names_file_line_and_what_would_fit(files: Any) -> None:
-    message = files.rejection(WORM, "  thread_angle", "  lead: 2 mm\n  thread_angle", at="  wheel_diameter")
+    message = files.rejection(
+        WORM, "  thread_angle", "  lead: 2 mm\n  thread_angle", at="  wheel_diameter"
+    )
     # ratio and lead are kept; the wheel that goes with them has 120 · 2 mm / π
-    assert "geometry.wheel_diameter = 30 mm: contradicts the other dimensions, which give 76.394 mm" in message
+    assert (
+        "geometry.wheel_diameter = 30 mm: contradicts the other dimensions, which give 76.394 mm"
+        in message
+    )
 
 
 def test_insufficient_geometry(files: Any) -> None:
@@ -229,7 +336,9 @@ class TestRigs:
 
     def test_without_friction_not_in_a_robot(self, files: Any) -> None:
         message = files.rejection(
-            "robots/vitreoretinal.yaml", "../drives/vitreoretinal_joint1_worm.yaml", "../drives/rig3_worm.yaml"
+            "robots/vitreoretinal.yaml",
+            "../drives/vitreoretinal_joint1_worm.yaml",
+            "../drives/rig3_worm.yaml",
         )
         assert "joints.roll.drive" in message
         assert "still to be identified" in message

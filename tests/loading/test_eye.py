@@ -40,11 +40,18 @@ def test_what_is_written_is_what_holds(files: Any) -> None:
     problem = files.load(NAME)
     limits = problem.task_limits
     assert limits.rates == pytest.approx(
-        {"roll": math.radians(10), "tilt": math.radians(20), "spin": math.radians(30), "depth": 0.01}
+        {
+            "roll": math.radians(10),
+            "tilt": math.radians(20),
+            "spin": math.radians(30),
+            "depth": 0.01,
+        }
     )
     eye = limits.eye
     assert eye.centre == pytest.approx([0.009, 0.0, -0.008])
-    assert (eye.radius, eye.clearance, eye.port, eye.shaft_radius) == pytest.approx((0.0115, 0.001, 0.0025, 0.00025))
+    assert (eye.radius, eye.clearance, eye.port, eye.shaft_radius) == pytest.approx(
+        (0.0115, 0.001, 0.0025, 0.00025)
+    )
     assert eye.lens.semi_axes == pytest.approx([0.0048, 0.0048, 0.002])
     assert eye.lens.frame[:, 2] == pytest.approx([0.0, 0.0, 1.0])
 
@@ -68,7 +75,9 @@ def test_the_frame_of_a_lens_is_a_rotation_with_the_axes_given(files: Any, seed:
     third = rng.normal(size=3)
     first = np.cross(third, rng.normal(size=3)) * rng.uniform(0.1, 10)
     axes = f"axis: {third.tolist()}\n    first_axis: {first.tolist()}"
-    text = EYE.replace("axis: [0, 0, 2]", axes).replace("[4.8 mm, 4.8 mm, 2 mm]", "[4.5 mm, 4 mm, 2 mm]")
+    text = EYE.replace("axis: [0, 0, 2]", axes).replace(
+        "[4.8 mm, 4.8 mm, 2 mm]", "[4.5 mm, 4 mm, 2 mm]"
+    )
     files.edit(NAME, END, text + END)
     frame = files.load(NAME).eye.lens.frame
     assert np.abs(frame.T @ frame - np.eye(3)).max() < 1e-14
@@ -81,7 +90,9 @@ def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: 
     files.edit(NAME, END, EYE.replace("[0, 0, 2]", "[0.3, -2, 1]") + END)
     frame = files.load(NAME).eye.lens.frame
     assert np.abs(frame.T @ frame - np.eye(3)).max() < 1e-14
-    assert frame[:, 2] == pytest.approx(np.array([0.3, -2.0, 1.0]) / np.linalg.norm([0.3, -2.0, 1.0]))
+    assert frame[:, 2] == pytest.approx(
+        np.array([0.3, -2.0, 1.0]) / np.linalg.norm([0.3, -2.0, 1.0])
+    )
 
 
 @pytest.mark.parametrize(
@@ -89,21 +100,57 @@ def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: 
     [
         ("[9 mm, 0 mm, -8 mm]", "[9, 0, -8]", ("eye.centre", "without a unit")),
         ("[9 mm, 0 mm, -8 mm]", "[9 mm, -8 mm]", ("eye.centre", "2 values")),
-        ("[9 mm, 0 mm, -8 mm]", "[0 mm, 0 mm, -8 mm]", ("eye.centre", "the port is not at its wall", "9 mm to 14 mm")),
-        ("[9 mm, 0 mm, -8 mm]", "[9 mm, 0 mm, -12 mm]", ("eye.centre", "15 mm from the centre", "9 mm to 14 mm")),
+        (
+            "[9 mm, 0 mm, -8 mm]",
+            "[0 mm, 0 mm, -8 mm]",
+            ("eye.centre", "the port is not at its wall", "9 mm to 14 mm"),
+        ),
+        (
+            "[9 mm, 0 mm, -8 mm]",
+            "[9 mm, 0 mm, -12 mm]",
+            ("eye.centre", "15 mm from the centre", "9 mm to 14 mm"),
+        ),
         ("radius: 11.5 mm", "radius: 0 mm", ("eye.radius = 0 mm", "not greater than zero")),
         ("radius: 11.5 mm", "radius: 11.5 m", ("eye.radius = 11.5 m", "did you mean mm?")),
         ("clearance: 1 mm", "clearance: -1 mm", ("eye.clearance = -1 mm", "negative")),
-        ("clearance: 1 mm", "clearance: 12 mm", ("eye.clearance = 12 mm", "nothing is left", "11.5 mm")),
-        ("clearance: 1 mm", "clearance: 2 mm", ("eye.clearance = 2 mm", "leaves the port", "less than 1.9584 mm")),
+        (
+            "clearance: 1 mm",
+            "clearance: 12 mm",
+            ("eye.clearance = 12 mm", "nothing is left", "11.5 mm"),
+        ),
+        (
+            "clearance: 1 mm",
+            "clearance: 2 mm",
+            ("eye.clearance = 2 mm", "leaves the port", "less than 1.9584 mm"),
+        ),
         ("port: 2.5 mm", "port: 0 mm", ("eye.port = 0 mm", "not greater than zero")),
         ("port: 2.5 mm", "prot: 2.5 mm", ("eye.prot", "did you mean 'port'?")),
         ("shaft_radius: 0.25 mm", "shaft_radius: -1 mm", ("eye.shaft_radius = -1 mm", "negative")),
-        ("[9 mm, 0 mm, -2 mm]", "[9 mm, 0 mm, 5 mm]", ("eye.lens.centre", "outside the eye", "11.5 mm")),
-        ("[9 mm, 0 mm, -2 mm]", "[3 mm, 0 mm, -1 mm]", ("eye.lens.centre", "where the shaft enters", "1.125 times")),
-        ("[4.8 mm, 4.8 mm, 2 mm]", "[4.8 mm, 0 mm, 2 mm]", ("eye.lens.semi_axes[1] = 0 mm", "above 0")),
-        ("[4.8 mm, 4.8 mm, 2 mm]", "[4.8 mm, 4.8 mm, 20 mm]", ("eye.lens.semi_axes[2] = 20 mm", "below 11.5 mm")),
-        ("[4.8 mm, 4.8 mm, 2 mm]", "[4.8 mm, 4 mm, 2 mm]", ("eye.lens.first_axis", "missing", "differ")),
+        (
+            "[9 mm, 0 mm, -2 mm]",
+            "[9 mm, 0 mm, 5 mm]",
+            ("eye.lens.centre", "outside the eye", "11.5 mm"),
+        ),
+        (
+            "[9 mm, 0 mm, -2 mm]",
+            "[3 mm, 0 mm, -1 mm]",
+            ("eye.lens.centre", "where the shaft enters", "1.125 times"),
+        ),
+        (
+            "[4.8 mm, 4.8 mm, 2 mm]",
+            "[4.8 mm, 0 mm, 2 mm]",
+            ("eye.lens.semi_axes[1] = 0 mm", "above 0"),
+        ),
+        (
+            "[4.8 mm, 4.8 mm, 2 mm]",
+            "[4.8 mm, 4.8 mm, 20 mm]",
+            ("eye.lens.semi_axes[2] = 20 mm", "below 11.5 mm"),
+        ),
+        (
+            "[4.8 mm, 4.8 mm, 2 mm]",
+            "[4.8 mm, 4 mm, 2 mm]",
+            ("eye.lens.first_axis", "missing", "differ"),
+        ),
         ("axis: [0, 0, 2]", "axis: [0, 0, 0]", ("eye.lens.axis = [0, 0, 0]", "no direction")),
         ("axis: [0, 0, 2]", "axis: [0, 1]", ("eye.lens.axis = [0, 1]", "three numbers")),
         (
@@ -126,7 +173,10 @@ def test_bad_eyes(files: Any, old: str, new: str, parts: tuple[str, ...]) -> Non
     [
         ("tilt_rate: 0 deg/s", ("limits.tilt_rate = 0 deg/s", "not greater than zero")),
         ("tilt_rate: 20 mm/s", ("limits.tilt_rate = 20 mm/s", "a speed such as 65 deg/s")),
-        ("insertion_speed: 20 deg/s", ("limits.insertion_speed = 20 deg/s", "a speed such as 20 mm/s")),
+        (
+            "insertion_speed: 20 deg/s",
+            ("limits.insertion_speed = 20 deg/s", "a speed such as 20 mm/s"),
+        ),
         ("insertion_rate: 20 mm/s", ("limits.insertion_rate", "unknown key", "insertion_speed")),
     ],
 )
@@ -144,7 +194,11 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
     document = json.loads(json.dumps(plain(problem), allow_nan=False))
     back = problem_from_plain(document).task_limits
     assert plain(back) == plain(limits)
-    assert (back.ranges, back.tip_speed, back.rates) == (limits.ranges, limits.tip_speed, limits.rates)
+    assert (back.ranges, back.tip_speed, back.rates) == (
+        limits.ranges,
+        limits.tip_speed,
+        limits.rates,
+    )
     for mine, its in ((limits.eye, back.eye), (limits.eye.lens, back.eye.lens)):
         assert np.array_equal(mine.centre, its.centre)
         assert not its.centre.flags.writeable

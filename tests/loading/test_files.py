@@ -14,7 +14,13 @@ import pytest
 from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.files import shipped_names
-from ssm_planner.loading.load import load_drive, load_motor, load_motorisation, load_problem, load_robot
+from ssm_planner.loading.load import (
+    load_drive,
+    load_motor,
+    load_motorisation,
+    load_problem,
+    load_robot,
+)
 
 ROOT = Path(__file__).parents[2]
 EVERYTHING = """\
@@ -62,18 +68,24 @@ def test_an_unknown_name_is_answered_with_the_one_meant(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ProblemError, match=r"tilt_insret: no such file; did you mean 'tilt_insert'\?.*waypoints"):
+    with pytest.raises(
+        ProblemError, match=r"tilt_insret: no such file; did you mean 'tilt_insert'\?.*waypoints"
+    ):
         load_problem("tilt_insret")
     assert main(["plan", "tilt_insret"]) == 2
     assert "did you mean 'tilt_insert'?" in capsys.readouterr().err
     shutil.copy(shipped_names("problems")["waypoints"], "around.yaml")
-    with pytest.raises(ProblemError, match=r"arond\.yaml: no such file; did you mean 'around\.yaml'\?"):
+    with pytest.raises(
+        ProblemError, match=r"arond\.yaml: no such file; did you mean 'around\.yaml'\?"
+    ):
         load_problem("arond.yaml")
 
 
 @pytest.mark.slow
 def test_a_wheel_carries_them(tmp_path: Path) -> None:
-    source, wheels, environment, empty = (tmp_path / name for name in ("source", "wheels", "environment", "empty"))
+    source, wheels, environment, empty = (
+        tmp_path / name for name in ("source", "wheels", "environment", "empty")
+    )
     source.mkdir()
     empty.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE", ".hatch_build.py"):
@@ -92,5 +104,7 @@ def test_a_wheel_carries_them(tmp_path: Path) -> None:
     packages = next(environment.rglob("site-packages"))
     (wheel,) = wheels.glob("*.whl")
     run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", packages, wheel)
-    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    (packages / "dependencies.pth").write_text(
+        sysconfig.get_path("purelib") + "\n", encoding="utf-8"
+    )
     run(python, "-I", "-c", EVERYTHING)

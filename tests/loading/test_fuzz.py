@@ -44,8 +44,41 @@ YAML = (
     "? ",
     "|",
 )
-WORDS = ("0", "-1", "1e9", "1e400", ".nan", "null", "true", "yes", "deg", "mm", "rad", "N*m", "kg", " 5", "°", "to: ")
-ODD = ("\0", "\t", "---\n", "...", "%", "@", "`", "../", "/", "value: ", "x" * 300, "😀", "\ud7ff", "\ud800", "\u2028")
+WORDS = (
+    "0",
+    "-1",
+    "1e9",
+    "1e400",
+    ".nan",
+    "null",
+    "true",
+    "yes",
+    "deg",
+    "mm",
+    "rad",
+    "N*m",
+    "kg",
+    " 5",
+    "°",
+    "to: ",
+)
+ODD = (
+    "\0",
+    "\t",
+    "---\n",
+    "...",
+    "%",
+    "@",
+    "`",
+    "../",
+    "/",
+    "value: ",
+    "x" * 300,
+    "😀",
+    "\ud7ff",
+    "\ud800",
+    "\u2028",
+)
 PIECES = st.sampled_from(YAML + WORDS + ODD)
 
 
@@ -67,7 +100,9 @@ def folder() -> Path:
         yield Path(root) / "problems"
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(case=mutated())
 def test_mutated_files_load_or_are_refused(folder: Path, case: tuple[str, str]) -> None:
     name, text = case
@@ -97,7 +132,9 @@ def swapped(draw: st.DrawFn) -> tuple[str, str]:
     """A file in which one value is replaced by another kind of value."""
     name = draw(st.sampled_from(FILES))
     lines = (SHIPPED / name).read_text(encoding="utf-8").splitlines()
-    candidates = [i for i, line in enumerate(lines) if ": " in line and not line.lstrip().startswith("#")]
+    candidates = [
+        i for i, line in enumerate(lines) if ": " in line and not line.lstrip().startswith("#")
+    ]
     index = draw(st.sampled_from(candidates))
     values = [
         "[]",
@@ -117,7 +154,9 @@ def swapped(draw: st.DrawFn) -> tuple[str, str]:
     return name, "\n".join(lines)
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(case=swapped())
 def test_swapped_values_load_or_are_refused(folder: Path, case: tuple[str, str]) -> None:
     test_mutated_files_load_or_are_refused.hypothesis.inner_test(folder, case)

@@ -24,10 +24,15 @@ def problem(*motion: Any, **keys: Any) -> Problem:
 
 
 def test_names_of_points_are_their_points() -> None:
-    entries = {"free": {"to": "above", "through": ["side", {"depth": "3 mm"}]}}, {"straight": {"to": "side"}}
+    entries = (
+        {"free": {"to": "above", "through": ["side", {"depth": "3 mm"}]}},
+        {"straight": {"to": "side"}},
+    )
     side = {"roll": "10 deg"}
     named = problem(*entries, points={"above": ABOVE, "side": side, "begin": START}, start="begin")
-    plain = problem({"free": {"to": ABOVE, "through": [side, {"depth": "3 mm"}]}}, {"straight": {"to": side}})
+    plain = problem(
+        {"free": {"to": ABOVE, "through": [side, {"depth": "3 mm"}]}}, {"straight": {"to": side}}
+    )
     assert named.motion == plain.motion
     assert named.start == plain.start
 
@@ -43,7 +48,9 @@ def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> Non
         "points: {above: {depth: 2 mm}}\nmotion:\n  - free: {to: above}\n  - tilt: {to: 99 deg}\n"
     )
     text = f"robot: {ROBOT}\nstart: {START}\npoints: {{above: {ABOVE}}}\n".replace("'", "")
-    (tmp_path / "whole.yaml").write_text(f"{text}motion:\n  - free: {{to: above}}\n  - include: part.yaml\n")
+    (tmp_path / "whole.yaml").write_text(
+        f"{text}motion:\n  - free: {{to: above}}\n  - include: part.yaml\n"
+    )
     with pytest.raises(ProblemError, match=r"whole.yaml:6: .*outside the limits of tilt"):
         load_problem(tmp_path / "whole.yaml")
     (tmp_path / "part.yaml").write_text((tmp_path / "part.yaml").read_text().replace("99", "-99"))
@@ -54,8 +61,13 @@ def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> Non
 
 def test_the_robot_of_one_problem() -> None:
     plain = problem({"dwell": "1 s"}).robot
-    joints = {"roll": {"velocity": "40 deg/s", "jerk": "4000 deg/s^3"}, "insertion": {"acceleration": "80 mm/s^2"}}
-    other = problem({"dwell": "1 s"}, joints=joints, speed="50 %", mounting=["x 90 deg"], tip_payload="20 g").robot
+    joints = {
+        "roll": {"velocity": "40 deg/s", "jerk": "4000 deg/s^3"},
+        "insertion": {"acceleration": "80 mm/s^2"},
+    }
+    other = problem(
+        {"dwell": "1 s"}, joints=joints, speed="50 %", mounting=["x 90 deg"], tip_payload="20 g"
+    ).robot
     assert other.joints[0].velocity == pytest.approx(np.radians(20))
     assert other.joints[0].jerk == pytest.approx(np.radians(4000))
     assert other.joints[1].velocity == pytest.approx(plain.joints[1].velocity / 2)
@@ -63,17 +75,27 @@ def test_the_robot_of_one_problem() -> None:
     # turned by 90° about x, the base's y points up
     assert other.gravity == pytest.approx([0.0, plain.gravity[2], 0.0])
     assert other.bodies[3].mass == pytest.approx(plain.bodies[3].mass + 0.02)
-    assert other.bodies[3].mass * other.bodies[3].com == pytest.approx(plain.bodies[3].mass * plain.bodies[3].com)
+    assert other.bodies[3].mass * other.bodies[3].com == pytest.approx(
+        plain.bodies[3].mass * plain.bodies[3].com
+    )
 
 
 @pytest.mark.parametrize(
     ("motion", "keys", "message"),
     [
-        ({"free": {"to": "abve"}}, {"points": {"above": ABOVE}}, "motion[0].free.to = abve: no point of this name"),
+        (
+            {"free": {"to": "abve"}},
+            {"points": {"above": ABOVE}},
+            "motion[0].free.to = abve: no point of this name",
+        ),
         ({"free": {"to": "above"}}, {}, "a text where a mapping is needed"),
         ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: not a point"),
         ({"dwell": "1 s"}, {"points": [1]}, "not a mapping of names"),
-        ({"repeat": {"times": 0, "motion": [{"dwell": "1 s"}]}}, {}, "motion[0].repeat.times = 0: not how often"),
+        (
+            {"repeat": {"times": 0, "motion": [{"dwell": "1 s"}]}},
+            {},
+            "motion[0].repeat.times = 0: not how often",
+        ),
         ({"repeat": {"times": 10_000, "motion": 2 * [{"dwell": "1 s"}]}}, {}, "too many motions"),
         ({"repeat": {"motion": [{"dwell": "1 s"}]}}, {}, "not a repeated motion"),
         ({"repeat": {"times": 2, "motion": 3}}, {}, "not a list of motions"),
@@ -103,5 +125,8 @@ def test_a_problem_that_includes_itself_is_refused(tmp_path: Path) -> None:
 
 def test_the_schema_for_editors_knows_names() -> None:
     text = str(json_schema("problem"))
-    assert all(f"'{key}'" in text for key in ("points", "repeat", "include", "speed", "mounting", "tip_payload"))
+    assert all(
+        f"'{key}'" in text
+        for key in ("points", "repeat", "include", "speed", "mounting", "tip_payload")
+    )
     assert "A name among `points`." in text

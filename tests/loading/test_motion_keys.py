@@ -39,7 +39,10 @@ def test_points_on_the_way(files: Any) -> None:
     first, second, third = free.through
     assert first.given == pytest.approx({"tilt": D(-100), "depth": 0.005})
     assert second.values == pytest.approx((0, D(10), D(20), -0.005))
-    assert (third.position, third.spin) == (pytest.approx((0.001, 0.002, -0.01)), pytest.approx(D(5)))
+    assert (third.position, third.spin) == (
+        pytest.approx((0.001, 0.002, -0.01)),
+        pytest.approx(D(5)),
+    )
     lines = (files.root / NAME).read_text().splitlines()
     assert "{tilt: -100 deg" in lines[first.line - 1]
     assert free.to.given == pytest.approx({"tilt": D(-135)})
@@ -85,7 +88,9 @@ def test_a_duration_of_a_motion(files: Any, entry: str) -> None:
         ("duration: 5 s", "time then heat", 5),
     ],
 )
-def test_what_a_motion_is_best_at(files: Any, text: str, objective: str, duration: float | None) -> None:
+def test_what_a_motion_is_best_at(
+    files: Any, text: str, objective: str, duration: float | None
+) -> None:
     files.edit(NAME, OBJECTIVE, text)
     problem = files.load(NAME)
     assert (problem.objective, problem.duration) == (objective, duration)
@@ -99,7 +104,9 @@ def test_effort_may_have_a_duration_for_every_motion(files: Any) -> None:
 
 
 def test_rates_at_the_two_ends(files: Any) -> None:
-    files.edit(NAME, OBJECTIVE, "start_rate: {tilt: -10 deg/s, roll: 0 deg/s}\nend_rate: {depth: 5 mm/s}")
+    files.edit(
+        NAME, OBJECTIVE, "start_rate: {tilt: -10 deg/s, roll: 0 deg/s}\nend_rate: {depth: 5 mm/s}"
+    )
     problem = files.load(NAME)
     assert problem.start_rate == pytest.approx({"tilt": D(-10)})
     assert problem.end_rate == pytest.approx({"depth": 0.005})
@@ -110,7 +117,10 @@ def test_rates_at_the_two_ends(files: Any) -> None:
     [
         ("pattern: ring\n      diameter: 2 mm", ("ring", (0.002,), 0, 0)),
         ("pattern: triple ring", ("triple ring", (0.001, 0.002, 0.003), 0, 0)),
-        ("pattern: triple ring\n      diameters: (1, 2, 4) mm", ("triple ring", (0.001, 0.002, 0.004), 0, 0)),
+        (
+            "pattern: triple ring\n      diameters: (1, 2, 4) mm",
+            ("triple ring", (0.001, 0.002, 0.004), 0, 0),
+        ),
         ("pattern: raster\n      rows: 3\n      columns: 4", ("raster", (), 3, 4)),
     ],
 )
@@ -119,7 +129,11 @@ def test_every_pattern_of_a_scan(files: Any, pattern: str, expected: tuple[Any, 
     files.edit(SCAN, RING, f"      {pattern}")
     motion = files.load(SCAN).motion[0]
     scan = motion
-    assert (motion.kind, motion.name, scan.rows, scan.columns) == ("scan", expected[0], *expected[2:])
+    assert (motion.kind, motion.name, scan.rows, scan.columns) == (
+        "scan",
+        expected[0],
+        *expected[2:],
+    )
     assert scan.diameters == pytest.approx(expected[1])
     assert (scan.spacing, scan.distance, scan.dwell) == pytest.approx((0.001, 0.0015, 0.05))
     assert motion.at.given == pytest.approx({"roll": 0, "tilt": D(-115.3)})
@@ -142,14 +156,26 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     (TILT, "  - tilt: {to: -110 rad}", ("motion[0].tilt.to = -110 rad", "did you mean deg?")),
     (TILT, "  - insert: {to: 20 km}", ("motion[0].insert.to = 20 km",)),
     (TILT, "  - tilt: {}", ("motion[0].tilt.to", "missing")),
-    (TILT, "  - tilt: {to: -135 deg, duration: 0 s}", ("tilt.duration = 0 s", "not greater than zero")),
+    (
+        TILT,
+        "  - tilt: {to: -135 deg, duration: 0 s}",
+        ("tilt.duration = 0 s", "not greater than zero"),
+    ),
     (TILT, "  - tilt: {to: -135 deg, duration: 2}", ("tilt.duration = 2", "a time such as 0.2 s")),
     (TILT, "  - tilt: {to: -135 deg, through: []}", ("tilt.through", "unknown key", "to")),
     (TILT, "  - dwell: {duration: 1 s}", ("motion[0].dwell", "a time such as 0.2 s")),
     (TILT, "  - dwell: 0 s", ("motion[0].dwell = 0 s", "not greater than zero", "a time above 0")),
     (TILT, "  - dwell: .nan s", ("motion[0].dwell = .nan s", "a time")),
-    (TILT, "  - free: {to: {tilt: -100 deg}, through: {tilt: -90 deg}}", ("motion[0].free.through", "not a list")),
-    (TILT, "  - free: {to: {tilt: -100 deg}, through: [{}]}", ("free.through[0]", "no point is given", "joints")),
+    (
+        TILT,
+        "  - free: {to: {tilt: -100 deg}, through: {tilt: -90 deg}}",
+        ("motion[0].free.through", "not a list"),
+    ),
+    (
+        TILT,
+        "  - free: {to: {tilt: -100 deg}, through: [{}]}",
+        ("free.through[0]", "no point is given", "joints"),
+    ),
     (
         TILT,
         "  - free: {to: {tilt: -100 deg}, through: [{tilt: -90 deg}, {tilt: -140 deg}]}",
@@ -162,9 +188,17 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ),
     (TILT, "  - free: {through: [{tilt: -90 deg}]}", ("motion[0].free.to", "missing")),
     # corners
-    (TILT, "  - tilt: {to: -135 deg, blend: 0 mm}", ("motion[0].tilt.blend = 0 mm", "not greater than zero")),
+    (
+        TILT,
+        "  - tilt: {to: -135 deg, blend: 0 mm}",
+        ("motion[0].tilt.blend = 0 mm", "not greater than zero"),
+    ),
     (TILT, "  - free: {to: {tilt: -135 deg}, blend: 1 mm}", ("free.blend", "unknown key")),
-    (TILT, "  - straight: {to: {tilt: -135 deg}, through: [{roll: 5 deg}]}", ("straight.blend", "missing", "0.3 mm")),
+    (
+        TILT,
+        "  - straight: {to: {tilt: -135 deg}, through: [{roll: 5 deg}]}",
+        ("straight.blend", "missing", "0.3 mm"),
+    ),
     (
         TILT,
         "  - tilt: {to: -135 deg, blend: 1 mm, duration: 2 s}",
@@ -175,26 +209,48 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
         "  - line: {to: {depth: 5 mm}, constant_speed: 2 mm/s, duration: 2 s}",
         ("motion[0].line.constant_speed = 2 mm/s", "leaves no constant speed"),
     ),
-    (TILT, "  - line: {to: {depth: 5 mm}, constant_speed: 2 deg/s}", ("line.constant_speed = 2 deg/s", "20 mm/s")),
+    (
+        TILT,
+        "  - line: {to: {depth: 5 mm}, constant_speed: 2 deg/s}",
+        ("line.constant_speed = 2 deg/s", "20 mm/s"),
+    ),
     # objective and durations
     (OBJECTIVE, "objective: heat", ("objective = heat", "'time', 'time then heat' or 'effort'")),
-    (OBJECTIVE, "objective: effort", ("objective = effort", "no duration of its own", "one for every motion")),
+    (
+        OBJECTIVE,
+        "objective: effort",
+        ("objective = effort", "no duration of its own", "one for every motion"),
+    ),
     (OBJECTIVE, "duration: 0 s", ("duration = 0 s", "not greater than zero")),
     (OBJECTIVE, "duration: soon", ("duration = soon", "a time such as 0.2 s")),
     # rates
-    (OBJECTIVE, "start_rate: {tilt: 10 mm/s}", ("start_rate.tilt = 10 mm/s", "a speed such as 65 deg/s")),
-    (OBJECTIVE, "end_rate: {depth: 10 deg/s}", ("end_rate.depth = 10 deg/s", "a speed such as 20 mm/s")),
+    (
+        OBJECTIVE,
+        "start_rate: {tilt: 10 mm/s}",
+        ("start_rate.tilt = 10 mm/s", "a speed such as 65 deg/s"),
+    ),
+    (
+        OBJECTIVE,
+        "end_rate: {depth: 10 deg/s}",
+        ("end_rate.depth = 10 deg/s", "a speed such as 20 mm/s"),
+    ),
     (OBJECTIVE, "end_rate: {depht: 10 mm/s}", ("end_rate.depht", "did you mean 'depth'?")),
     (OBJECTIVE, "start_rate: 10 deg/s", ("start_rate = 10 deg/s", "roll, tilt, spin, depth")),
     # ranges that contradict each other
     (LIMIT, "  tilt: [-90 deg, -100 deg]", ("limits.tilt", "not below")),
-    (LIMIT, "  tilt: [-80 deg, -70 deg]", ("limits.tilt", "nothing is left", "-139 deg to -81 deg")),
+    (
+        LIMIT,
+        "  tilt: [-80 deg, -70 deg]",
+        ("limits.tilt", "nothing is left", "-139 deg to -81 deg"),
+    ),
     (LIMIT, LIMIT + "\n  spin: [10 deg, 10 deg]", ("limits.spin", "not below")),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "parts"), MISTAKES)
-def test_a_mistake_is_one_message_with_its_place(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
+def test_a_mistake_is_one_message_with_its_place(
+    files: Any, old: str, new: str, parts: tuple[str, ...]
+) -> None:
     message = files.rejection(NAME, old, new, at=new.splitlines()[-1])
     for part in parts:
         assert part in message
@@ -204,7 +260,9 @@ def test_a_mistake_is_one_message_with_its_place(files: Any, old: str, new: str,
 
 def test_along_the_retina(files: Any) -> None:
     path = files.root / SCAN
-    text = "  - retina: {to: {roll: 4 deg, tilt: -118 deg}, distance: 1.5 mm, constant_speed: 2 mm/s}"
+    text = (
+        "  - retina: {to: {roll: 4 deg, tilt: -118 deg}, distance: 1.5 mm, constant_speed: 2 mm/s}"
+    )
     files.edit(SCAN, "  - insert: {to: 12 mm}", text)
     motion = files.load(SCAN).motion[1]
     assert (motion.curve, motion.distance, motion.constant_speed) == ("retina", 0.0015, 0.002)
@@ -224,17 +282,37 @@ def test_along_the_retina(files: Any) -> None:
 
 SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     (RING, "      pattern: spiral", ("scan.pattern = spiral", "'raster', 'ring' or 'triple ring'")),
-    (RING, "      pattern: raster", ("scan.diameter", "not for the pattern 'raster'", "rows, columns")),
-    (RING, "      pattern: triple ring", ("scan.diameter", "not for the pattern 'triple ring'", "diameters")),
+    (
+        RING,
+        "      pattern: raster",
+        ("scan.diameter", "not for the pattern 'raster'", "rows, columns"),
+    ),
+    (
+        RING,
+        "      pattern: triple ring",
+        ("scan.diameter", "not for the pattern 'triple ring'", "diameters"),
+    ),
     (DIAMETER, "      rows: 3", ("scan.rows", "not for the pattern 'ring'", "diameter")),
     (DIAMETER, "      # none", ("scan.diameter", "missing", "'ring' needs it")),
     (DIAMETER, "      diameter: 0 mm", ("scan.diameter = 0 mm", "not greater than zero")),
     (DIAMETER, "      diameter: 12 mm", ("scan.diameter = 12 mm", "larger than the eye's radius")),
-    (AT, "      at: {tilt: -115 deg, tip: [0 mm, 0 mm, -10 mm]}", ("scan.at.tip", "unknown key", "roll, tilt, spin")),
+    (
+        AT,
+        "      at: {tilt: -115 deg, tip: [0 mm, 0 mm, -10 mm]}",
+        ("scan.at.tip", "unknown key", "roll, tilt, spin"),
+    ),
     (AT, "      at: {roll: 5 deg}", ("scan.at", "missing", "without a tilt", "roll, tilt, spin")),
-    (AT, "      at: {tilt: -115 deg, depth: 9 mm}", ("scan.at", "how deep the tip goes is what distance says")),
+    (
+        AT,
+        "      at: {tilt: -115 deg, depth: 9 mm}",
+        ("scan.at", "how deep the tip goes is what distance says"),
+    ),
     (AT, "      at: {tilt: -140 deg}", ("scan.at.tilt = -140 deg", "outside the limits")),
-    ("distance: 1.5 mm", "distance: 0.5 mm", ("scan.distance = 0.5 mm", "nearer to the retina", "at least", "1 mm")),
+    (
+        "distance: 1.5 mm",
+        "distance: 0.5 mm",
+        ("scan.distance = 0.5 mm", "nearer to the retina", "at least", "1 mm"),
+    ),
     ("distance: 1.5 mm", "distance: -1 mm", ("scan.distance = -1 mm", "not greater than zero")),
     ("spacing: 1 mm", "spacing: 0 mm", ("scan.spacing = 0 mm", "not greater than zero")),
     ("dwell: 0.05 s", "dwell: -1 s", ("scan.dwell = -1 s", "negative", "at least 0")),
@@ -287,7 +365,10 @@ def test_a_scan_needs_an_eye(files: Any) -> None:
     text = path.read_text()
     path.write_text(text[: text.index("eye:\n")] + "# eye:\n")
     message = files.rejection(SCAN, "# eye:", "name: without eye", at="- scan:")
-    assert "a scan is of spots on a retina, and no eye is given (allowed: a problem with an eye)" in message
+    assert (
+        "a scan is of spots on a retina, and no eye is given (allowed: a problem with an eye)"
+        in message
+    )
 
 
 def test_durations_that_contradict_each_other(files: Any) -> None:
@@ -307,7 +388,17 @@ def test_too_many_points(files: Any) -> None:
 
 def test_the_schema_for_editors_knows_every_key() -> None:
     text = str(json_schema("problem"))
-    for key in ("through", "duration", "start_rate", "end_rate", "scan", "pattern", "diameters", "objective", "eye"):
+    for key in (
+        "through",
+        "duration",
+        "start_rate",
+        "end_rate",
+        "scan",
+        "pattern",
+        "diameters",
+        "objective",
+        "eye",
+    ):
         assert f"'{key}'" in text
 
 
@@ -315,20 +406,30 @@ PLANNING = {
     "NaN": ("  - tilt: {to: .nan deg}", "motion[0].tilt.to = .nan deg"),
     "no motion": ("  - {}", "motion[0]: no motion is given"),
     "absurd unit": ("  - tilt: {to: -110 rad}", "did you mean deg?"),
-    "scan without eye": ("  - scan: {pattern: triple ring, at: {tilt: -100 deg}, distance: 1 mm}", "no eye is given"),
+    "scan without eye": (
+        "  - scan: {pattern: triple ring, at: {tilt: -100 deg}, distance: 1 mm}",
+        "no eye is given",
+    ),
     "dwell of zero": ("  - dwell: 0 s", "not greater than zero"),
-    "a rate across the motion": ("  - tilt: {to: -135 deg}\nstart_rate: {roll: 5 deg/s}\nx: 1", "start_rate"),
+    "a rate across the motion": (
+        "  - tilt: {to: -135 deg}\nstart_rate: {roll: 5 deg/s}\nx: 1",
+        "start_rate",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", PLANNING)
-def test_through_the_command_line(files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str) -> None:
+def test_through_the_command_line(
+    files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str
+) -> None:
     """Status 2, one message on stderr, nothing on stdout, and earlier results as they were."""
     new, expected = PLANNING[case]
     path = files.edit(NAME, TILT, new)
     if "start_rate" in new:
         text = (
-            path.read_text().replace(new, "  - tilt: {to: -135 deg}").replace(OBJECTIVE, "start_rate: {roll: 5 deg/s}")
+            path.read_text()
+            .replace(new, "  - tilt: {to: -135 deg}")
+            .replace(OBJECTIVE, "start_rate: {roll: 5 deg/s}")
         )
         path.write_text(text)
     out = tmp_path / "out"
@@ -381,7 +482,11 @@ def test_a_mistake_found_while_a_path_is_made_names_its_place(
     (files.root / NAME).write_text(f"{head}motion:\n{motion}{after}\n{tail}", encoding="utf-8")
     with pytest.raises(ProblemError) as caught:
         plan_motion(files.load(NAME))
-    place = (files.root / NAME).read_text(encoding="utf-8").splitlines().index(motion.split("\n")[line]) + 1
-    assert str(caught.value).startswith(f"{files.root / NAME}:{place}: {parts[0]}"), str(caught.value)
+    place = (files.root / NAME).read_text(encoding="utf-8").splitlines().index(
+        motion.split("\n")[line]
+    ) + 1
+    assert str(caught.value).startswith(f"{files.root / NAME}:{place}: {parts[0]}"), str(
+        caught.value
+    )
     for part in parts:
         assert part in str(caught.value)

@@ -32,9 +32,7 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
     assert (path.kind, path.curve, path.name, path.line) == ("path", "samples", "path", 4)
     assert [point.line for point in (*path.through, path.to)] == [2, 3, 4]
     assert path.to.given == pytest.approx({"tilt": D(-97), "depth": 0.007})
-    joints = (
-        "time_s,q1_rad,q2_rad,q3_rad,q4_m,qd1_rad_per_s,motor1_torque_Nm\n0,0,0.5,0,-5e-3,1,1\n1,0,0.6,0,-6e-3,1,1\n"
-    )
+    joints = "time_s,q1_rad,q2_rad,q3_rad,q4_m,qd1_rad_per_s,motor1_torque_Nm\n0,0,0.5,0,-5e-3,1,1\n1,0,0.6,0,-6e-3,1,1\n"
     assert problem(tmp_path, joints).motion[0].to.values == pytest.approx((0, 0.6, 0, -0.006))
     tips = "tip_x_m,tip_y_m,tip_z_m,spin (deg)\n0,0,-0.005,0\n0.001,0,-0.005,90\n"
     to = problem(tmp_path, tips).motion[0].to
@@ -56,15 +54,27 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
         ("tilt [deg],depth_mm\n-95,5\n-96\n", ":3: column depth: ", "no value"),
         ("tilt [deg]\n-95\n-96\n-150\n", ":4: column tilt = ", "outside the limits of tilt"),
         ("tilt [deg]\n-95\n-150\n-96\n", ":3: column tilt = ", "outside the limits of tilt"),
-        ("q1_deg,q2_deg,q3_deg,q4_mm\n0,30,0,-5\n0,30,0,5\n", ":3: column q4 = ", "outside the position limits"),
-        ("x_mm,y_mm,z_mm,spin_deg\n0,0,-5,0\n0,0,-500,0\n", ":3: column x, y, z = ", "outside the limits of depth"),
+        (
+            "q1_deg,q2_deg,q3_deg,q4_mm\n0,30,0,-5\n0,30,0,5\n",
+            ":3: column q4 = ",
+            "outside the position limits",
+        ),
+        (
+            "x_mm,y_mm,z_mm,spin_deg\n0,0,-5,0\n0,0,-500,0\n",
+            ":3: column x, y, z = ",
+            "outside the limits of depth",
+        ),
         ("tilt [deg]\n-95\n", ": ", "a single point is no path (allowed: at least two)"),
         ("", ":1: ", "the file is empty"),
     ],
 )
 def test_mistakes_in_a_table(tmp_path: Path, table: str, place: str, message: str) -> None:
     with pytest.raises(ProblemError) as caught:
-        problem(tmp_path, table, "  - tilt: {to: -94 deg}\n  - path: p.csv\nlimits: {tilt: [-139 deg, -81 deg]}\n")
+        problem(
+            tmp_path,
+            table,
+            "  - tilt: {to: -94 deg}\n  - path: p.csv\nlimits: {tilt: [-139 deg, -81 deg]}\n",
+        )
     assert str(caught.value).startswith(f"{tmp_path / 'p.csv'}{place}"), caught.value
     assert message in str(caught.value)
 
@@ -74,7 +84,10 @@ def test_mistakes_in_a_table(tmp_path: Path, table: str, place: str, message: st
     [
         ("path: none.csv", ":4: motion[0].path = none.csv: the file"),
         ("path: {through: 1}", "where a text is needed"),
-        ("line: {to: {tilt: -96 deg}, through: [{tilt: -95 deg}]}", "motion[0].line.blend: missing"),
+        (
+            "line: {to: {tilt: -96 deg}, through: [{tilt: -95 deg}]}",
+            "motion[0].line.blend: missing",
+        ),
         ("arc: {to: {tilt: -96 deg}}", "motion[0].arc.through: missing"),
         ("arc: {to: {tilt: -96 deg}, through: {tilt: -150 deg}}", "motion[0].arc.through.tilt"),
         (

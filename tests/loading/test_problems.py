@@ -66,7 +66,9 @@ def test_every_form_of_motion(files: Any) -> None:
 def test_start_by_joints_or_tip(files: Any) -> None:
     files.edit(NAME, START, "start: {joints: [0 deg, 1 deg, 2 deg, 0 mm]}")
     assert files.load(NAME).start.values == pytest.approx((0, D(1), D(2), 0))
-    files.edit(NAME, "{joints: [0 deg, 1 deg, 2 deg, 0 mm]}", "{tip: [0 mm, 0 mm, -5 mm], spin: 0 deg}")
+    files.edit(
+        NAME, "{joints: [0 deg, 1 deg, 2 deg, 0 mm]}", "{tip: [0 mm, 0 mm, -5 mm], spin: 0 deg}"
+    )
     assert files.load(NAME).start.position == pytest.approx((0, 0, -0.005))
 
 
@@ -86,10 +88,22 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
 @pytest.mark.parametrize(
     ("old", "new", "parts"),
     [
-        ("robots/vitreoretinal.yaml", "robots/missing.yaml", ("robot = robots/missing.yaml", "does not exist")),
-        ("robot: robots/vitreoretinal.yaml", "robto: robots/vitreoretinal.yaml", ("robto", "did you mean 'robot'?")),
+        (
+            "robots/vitreoretinal.yaml",
+            "robots/missing.yaml",
+            ("robot = robots/missing.yaml", "does not exist"),
+        ),
+        (
+            "robot: robots/vitreoretinal.yaml",
+            "robto: robots/vitreoretinal.yaml",
+            ("robto", "did you mean 'robot'?"),
+        ),
         ("objective: time", "objective: energy", ("objective = energy", "'time'")),
-        ("objective: time", "objective: time\nname: ''", ("name", "a text of at least one character")),
+        (
+            "objective: time",
+            "objective: time\nname: ''",
+            ("name", "a text of at least one character"),
+        ),
         (
             START,
             "start: {roll: 0 deg, tilt: -85 deg, depth: 0 mm}",
@@ -98,18 +112,46 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (START, "start: {}", ("start", "no point is given", "joints")),
         (START, "start: here", ("start = here", "a text where a mapping is needed")),
         (START, "start:", ("start", "nothing is given")),
-        (START, START.replace("-85", "-80"), ("start.tilt = -80 deg", "outside the limits", "-139 deg to -81 deg")),
+        (
+            START,
+            START.replace("-85", "-80"),
+            ("start.tilt = -80 deg", "outside the limits", "-139 deg to -81 deg"),
+        ),
         (START, START.replace("-85 deg", "-85"), ("start.tilt = -85", "without a unit")),
         (START, START.replace("0 mm", "0 deg"), ("start.depth = 0 deg", "an angle, not a length")),
         (START, "start: {joints: [0 deg]}", ("start.joints = [0 deg]", "1 values", "4 values")),
-        (START, "start: {joints: [0 deg, 0 deg, 0 deg, 0 mm], tilt: -85 deg}", ("start.tilt", "besides joints")),
+        (
+            START,
+            "start: {joints: [0 deg, 0 deg, 0 deg, 0 mm], tilt: -85 deg}",
+            ("start.tilt", "besides joints"),
+        ),
         (START, "start: {joints: [0 deg, 0 deg, 0 deg, 0 deg]}", ("an angle, not a length",)),
-        (START, "start: {joints: [0 deg, 181 deg, 0 deg, 0 mm]}", ("start.joints[1] = 181 deg", "-180 deg to 180 deg")),
-        (START, "start: {joints: [0 deg, 0 deg, 0 deg, 1 mm]}", ("joints[3] = 1 mm", "-30 mm to 0 mm")),
+        (
+            START,
+            "start: {joints: [0 deg, 181 deg, 0 deg, 0 mm]}",
+            ("start.joints[1] = 181 deg", "-180 deg to 180 deg"),
+        ),
+        (
+            START,
+            "start: {joints: [0 deg, 0 deg, 0 deg, 1 mm]}",
+            ("joints[3] = 1 mm", "-30 mm to 0 mm"),
+        ),
         (START, "start: {tip: [0 mm, 0 mm, -5 mm]}", ("start.spin", "missing")),
-        (START, "start: {tip: [0 mm, 0 mm, 0 mm], spin: 0 deg}", ("remote centre leaves roll and tilt open",)),
-        (START, "start: {tip: [0 mm, 0 mm, -31 mm], spin: 0 deg}", ("31 mm from the remote centre", "0 mm to 30 mm")),
-        (START, "start: {tip: [0 mm, 0 mm, -5 mm], tilt: -90 deg, spin: 0 deg}", ("start.tilt", "besides tip")),
+        (
+            START,
+            "start: {tip: [0 mm, 0 mm, 0 mm], spin: 0 deg}",
+            ("remote centre leaves roll and tilt open",),
+        ),
+        (
+            START,
+            "start: {tip: [0 mm, 0 mm, -31 mm], spin: 0 deg}",
+            ("31 mm from the remote centre", "0 mm to 30 mm"),
+        ),
+        (
+            START,
+            "start: {tip: [0 mm, 0 mm, -5 mm], tilt: -90 deg, spin: 0 deg}",
+            ("start.tilt", "besides tip"),
+        ),
         (
             TILT,
             "  - tilt: {to: -140 deg}",
@@ -118,21 +160,45 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (TILT, "  - tilt: {to: -110 rad}", ("motion[0].tilt.to = -110 rad", "did you mean deg?")),
         (TILT, "  - tilt: {to: 20 mm}", ("a length, not an angle",)),
         (TILT, "  - tilt: {too: -135 deg}", ("motion[0].tilt.too", "did you mean 'to'?")),
-        (TILT, "  - tilt: -135 deg", ("motion[0].tilt = -135 deg", "where a mapping is needed", "to")),
+        (
+            TILT,
+            "  - tilt: -135 deg",
+            ("motion[0].tilt = -135 deg", "where a mapping is needed", "to"),
+        ),
         (TILT, "  - tillt: {to: -135 deg}", ("motion[0].tillt", "did you mean 'tilt'?")),
-        (TILT, "  - {tilt: {to: -135 deg}, roll: {to: 0 deg}}", ("motion[0]", "2 motions in one entry (tilt, roll)")),
+        (
+            TILT,
+            "  - {tilt: {to: -135 deg}, roll: {to: 0 deg}}",
+            ("motion[0]", "2 motions in one entry (tilt, roll)"),
+        ),
         (TILT, "  - {}", ("motion[0]", "no motion is given")),
         (TILT, "  - dwell", ("motion[0] = dwell", "a text where a mapping is needed")),
         (TILT, "  - dwell: 0 s", ("motion[0].dwell = 0 s", "not greater than zero")),
         (TILT, "  - dwell: -1 s", ("motion[0].dwell = -1 s", "not greater than zero")),
         (TILT, "  - dwell: 1", ("motion[0].dwell = 1", "a time such as 0.2 s")),
         (TILT, "  - roll: {to: 31 deg}", ("motion[0].roll.to = 31 deg", "-30 deg to 30 deg")),
-        (TILT, "  - insert: {to: 31 mm}", ("motion[0].insert.to = 31 mm", "limits of depth", "0 mm to 30 mm")),
+        (
+            TILT,
+            "  - insert: {to: 31 mm}",
+            ("motion[0].insert.to = 31 mm", "limits of depth", "0 mm to 30 mm"),
+        ),
         (TILT, "  - insert: {to: 20}", ("motion[0].insert.to = 20", "a length such as 20 mm")),
         (TILT, "  - straight: {to: {}}", ("motion[0].straight.to", "no point is given")),
-        (TILT, "  - straight: {to: {joints: [0 deg, 0 deg, 0 deg, 0 mm]}}", ("straight.to.joints", "unknown key")),
-        (TILT, "  - free: {to: {depth: 40 mm}}", ("motion[0].free.to.depth = 40 mm", "0 mm to 30 mm")),
-        (TILT, "  - free: {to: {tip: [1 mm, 2 mm], spin: 0 deg}}", ("motion[0].free.to.tip", "2 values", "3 values")),
+        (
+            TILT,
+            "  - straight: {to: {joints: [0 deg, 0 deg, 0 deg, 0 mm]}}",
+            ("straight.to.joints", "unknown key"),
+        ),
+        (
+            TILT,
+            "  - free: {to: {depth: 40 mm}}",
+            ("motion[0].free.to.depth = 40 mm", "0 mm to 30 mm"),
+        ),
+        (
+            TILT,
+            "  - free: {to: {tip: [1 mm, 2 mm], spin: 0 deg}}",
+            ("motion[0].free.to.tip", "2 values", "3 values"),
+        ),
         (
             LIMIT,
             "  tilt: [-80 deg, -70 deg]",
@@ -145,7 +211,11 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (
             LIMIT,
             "  insertion: [0 mm, 30 mm]",
-            ("limits.insertion", "unknown key", "roll, tilt, spin, depth, tip_speed, stop_travel, roll_rate"),
+            (
+                "limits.insertion",
+                "unknown key",
+                "roll, tilt, spin, depth, tip_speed, stop_travel, roll_rate",
+            ),
         ),
     ],
 )
@@ -166,7 +236,9 @@ def test_empty_motion_list(files: Any) -> None:
 
 def test_motion_is_not_a_list(files: Any) -> None:
     files.edit(NAME, TILT + "\n", "")
-    message = files.rejection(NAME, "motion:\n  - insert: {to: 20 mm}\n", "motion: {insert: {to: 20 mm}}\n")
+    message = files.rejection(
+        NAME, "motion:\n  - insert: {to: 20 mm}\n", "motion: {insert: {to: 20 mm}}\n"
+    )
     assert "motion: not a list" in message
 
 

@@ -19,7 +19,9 @@ seeds = st.integers(0, 2**32 - 1)
 
 def inertia_of(points: np.ndarray, masses: np.ndarray) -> np.ndarray:
     """∑ m (|r|² I − r rᵀ) about the origin, the definition."""
-    return sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points, strict=True))
+    return sum(
+        m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points, strict=True)
+    )
 
 
 @given(seeds)
@@ -27,12 +29,16 @@ def test_every_cloud_of_masses_is_a_possible_body(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(6, 3)) * rng.uniform(0.01, 0.1, 3) + rng.normal(size=3) * 0.2
     masses = rng.uniform(0.01, 1, 6)
-    moments = principal_moments(masses.sum(), masses @ points / masses.sum(), inertia_of(points, masses))
+    moments = principal_moments(
+        masses.sum(), masses @ points / masses.sum(), inertia_of(points, masses)
+    )
     assert possible(moments)
     # the same body turned and moved has the same principal moments
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     moved = points @ turn.T + rng.normal(size=3)
-    again = principal_moments(masses.sum(), masses @ moved / masses.sum(), inertia_of(moved, masses))
+    again = principal_moments(
+        masses.sum(), masses @ moved / masses.sum(), inertia_of(moved, masses)
+    )
     assert again == pytest.approx(moments, rel=1e-6, abs=1e-9)
 
 
@@ -65,8 +71,16 @@ class TestShippedBodies:
                 assert possible(principal_moments(body.mass, body.com, body.inertia))
 
     def test_wrong_convention_is_explained(self, files: Any) -> None:
-        message = files.rejection(ROBOT, "products_of_inertia: cad", "products_of_inertia: tensor", at="inertia:\n")
-        for part in ("bodies[0].inertia", "no body can have", "sign of the products", "with cad", "try it"):
+        message = files.rejection(
+            ROBOT, "products_of_inertia: cad", "products_of_inertia: tensor", at="inertia:\n"
+        )
+        for part in (
+            "bodies[0].inertia",
+            "no body can have",
+            "sign of the products",
+            "with cad",
+            "try it",
+        ):
             assert part in message
 
     def test_frames_have_z_along_their_joint(self, files: Any) -> None:
@@ -100,7 +114,9 @@ class TestShippedGeometry:
         g = files.load(ROBOT).geometry
         c, s = math.cos(math.radians(23)), math.sin(math.radians(23))
         assert g.omega1 == pytest.approx([1, 0, 0])
-        assert g.omega2 == pytest.approx([math.cos(math.radians(30)), math.sin(math.radians(30)), 0])
+        assert g.omega2 == pytest.approx(
+            [math.cos(math.radians(30)), math.sin(math.radians(30)), 0]
+        )
         assert g.omega3 == pytest.approx([-s, 0, c])
         assert math.degrees(math.acos(g.omega2 @ g.omega3)) == pytest.approx(109.778, abs=5e-4)
         assert g.tool_home[:, 2] == pytest.approx(g.omega3)
@@ -113,7 +129,10 @@ class TestShippedGeometry:
 
     def test_same_robot_from_axes(self, files: Any) -> None:
         by_angles = files.load(ROBOT).geometry
-        rows = [", ".join(repr(float(x)) for x in w) for w in (by_angles.omega1, by_angles.omega2, by_angles.omega3)]
+        rows = [
+            ", ".join(repr(float(x)) for x in w)
+            for w in (by_angles.omega1, by_angles.omega2, by_angles.omega3)
+        ]
         axes = "".join(f"\n    joint{i}: [{row}]" for i, row in enumerate(rows, 1))
         files.edit(ROBOT, "  home_tilt: -113 deg", f"  axes:{axes}")
         files.edit(ROBOT, "  alpha: 30 deg ", "  # ")
@@ -126,7 +145,9 @@ class TestShippedGeometry:
     def test_beta_fixes_the_roll_at_home(self, files: Any, roll: float) -> None:
         a, t, p = math.radians(30), math.radians(-113), math.radians(roll)
         beta = math.acos(math.cos(a) * math.cos(t) + math.sin(a) * math.sin(t) * math.sin(p))
-        files.edit(ROBOT, "insertion: negative", f"beta: {math.degrees(beta)!r} deg\n  insertion: negative")
+        files.edit(
+            ROBOT, "insertion: negative", f"beta: {math.degrees(beta)!r} deg\n  insertion: negative"
+        )
         chain = f"[x {roll!r} deg, y -113 deg, y 90 deg]"
         files.edit(ROBOT, "insertion: negative", f"tool_home: {chain}\n  insertion: negative")
         g = files.load(ROBOT).geometry
@@ -144,34 +165,98 @@ class TestShippedGeometry:
         ("alpha: 30 deg ", "alpha: 30 ", ("geometry.alpha = 30", "without a unit", "-110 deg")),
         ("alpha: 30 deg ", "alpha: 0.01 deg ", ("geometry.alpha", "parallel", "0.1 and 179.9 deg")),
         ("alpha: 30 deg ", "beta: 110 deg ", ("geometry.alpha", "missing")),
-        ("insertion: negative", "beta: 100 deg\n  home_roll: 0 deg\n  insertion: negative", ("within 0.5 deg",)),
-        ("insertion: negative", "beta: 20 deg\n  insertion: negative", ("no home_roll", "83 to 143 deg")),
-        ("insertion: negative", "insertion: inwards", ("insertion = inwards", "'negative' or 'positive'")),
-        ("insertion: negative", "tool_home: [x 90 deg]\n  insertion: negative", ("z axis of the tool",)),
-        ("gravity: [0 m/s^2, 0 m/s^2, -9.81 m/s^2]", "gravity: [0, 0, -9.81]", ("gravity = [0, 0, -9.81]", "unit")),
-        ("mass: 0.72278480 kg", "mass: -0.72278480 kg", ("bodies[0].mass = -0.72278480 kg", "negative")),
+        (
+            "insertion: negative",
+            "beta: 100 deg\n  home_roll: 0 deg\n  insertion: negative",
+            ("within 0.5 deg",),
+        ),
+        (
+            "insertion: negative",
+            "beta: 20 deg\n  insertion: negative",
+            ("no home_roll", "83 to 143 deg"),
+        ),
+        (
+            "insertion: negative",
+            "insertion: inwards",
+            ("insertion = inwards", "'negative' or 'positive'"),
+        ),
+        (
+            "insertion: negative",
+            "tool_home: [x 90 deg]\n  insertion: negative",
+            ("z axis of the tool",),
+        ),
+        (
+            "gravity: [0 m/s^2, 0 m/s^2, -9.81 m/s^2]",
+            "gravity: [0, 0, -9.81]",
+            ("gravity = [0, 0, -9.81]", "unit"),
+        ),
+        (
+            "mass: 0.72278480 kg",
+            "mass: -0.72278480 kg",
+            ("bodies[0].mass = -0.72278480 kg", "negative"),
+        ),
         ("mass: 0.72278480 kg", "mass: 722 kg", ("did you mean g",)),
         (
             "    mass: 0 kg ",
             "    inertia: {xx: 1 kg*m^2, yy: 1 kg*m^2, zz: 1 kg*m^2}\n    mass: 0 kg ",
             ("without mass",),
         ),
-        ("velocity: 65 deg/s", "velocity: 0 deg/s", ("joints.roll.velocity = 0 deg/s", "not greater than zero")),
+        (
+            "velocity: 65 deg/s",
+            "velocity: 0 deg/s",
+            ("joints.roll.velocity = 0 deg/s", "not greater than zero"),
+        ),
         ("velocity: 65 deg/s", "velocity: 65 mm/s", ("not a speed", "65 deg/s")),
-        ("velocity: 20 mm/s", "velocity: 20 deg/s", ("joints.insertion.velocity = 20 deg/s", "20 mm/s")),
-        ("position: [-360 deg, 360 deg]", "position: [360 deg, -360 deg]", ("not below", "[360 deg, -360 deg]")),
+        (
+            "velocity: 20 mm/s",
+            "velocity: 20 deg/s",
+            ("joints.insertion.velocity = 20 deg/s", "20 mm/s"),
+        ),
+        (
+            "position: [-360 deg, 360 deg]",
+            "position: [360 deg, -360 deg]",
+            ("not below", "[360 deg, -360 deg]"),
+        ),
         ("position: [-30 mm, 0 mm]", "position: [-30 deg, 0 deg]", ("an angle, not a length",)),
-        ("tilt: [-139 deg, -81 deg]", "tilt: [-139, -81]", ("limits.tilt = [-139, -81]", "without a unit")),
-        ("tilt: [-139 deg, -81 deg]", "tlt: [-139 deg, -81 deg]", ("limits.tlt", "did you mean 'tilt'?")),
+        (
+            "tilt: [-139 deg, -81 deg]",
+            "tilt: [-139, -81]",
+            ("limits.tilt = [-139, -81]", "without a unit"),
+        ),
+        (
+            "tilt: [-139 deg, -81 deg]",
+            "tlt: [-139 deg, -81 deg]",
+            ("limits.tlt", "did you mean 'tilt'?"),
+        ),
         ("tilt: [-139 deg, -81 deg]", "depth: [40 mm, 50 mm]", ("limits.depth", "0 mm to 30 mm")),
         ("frame: [y alpha]", "frame: [w 30 deg]", ("bodies[1].frame", "'w 30 deg'", "x 90 deg")),
         ("frame: [y alpha]", "frame: [y 30]", ("without a unit",)),
         ("frame: [y alpha]", "frame: y 30 deg", ("not a chain",)),
-        ("../motors/maxon_ecx_torque_22_m.yaml", "../motors/nothing.yaml", ("joints.tilt.motor", "does not exist")),
-        ("../motors/maxon_ecx_torque_22_m.yaml", "../motors", ("joints.tilt.motor", "is not a file")),
-        ("../motors/maxon_ecx_torque_22_m.yaml", "7", ("joints.tilt.motor = 7", "neither a file name nor a mapping")),
-        ("../drives/vitreoretinal_joint1_worm.yaml", "../drives/vitreoretinal_joint4_screw.yaml", ("turns", "worm")),
-        ("../drives/vitreoretinal_joint4_screw.yaml", "../drives/vitreoretinal_joint1_worm.yaml", ("slides",)),
+        (
+            "../motors/maxon_ecx_torque_22_m.yaml",
+            "../motors/nothing.yaml",
+            ("joints.tilt.motor", "does not exist"),
+        ),
+        (
+            "../motors/maxon_ecx_torque_22_m.yaml",
+            "../motors",
+            ("joints.tilt.motor", "is not a file"),
+        ),
+        (
+            "../motors/maxon_ecx_torque_22_m.yaml",
+            "7",
+            ("joints.tilt.motor = 7", "neither a file name nor a mapping"),
+        ),
+        (
+            "../drives/vitreoretinal_joint1_worm.yaml",
+            "../drives/vitreoretinal_joint4_screw.yaml",
+            ("turns", "worm"),
+        ),
+        (
+            "../drives/vitreoretinal_joint4_screw.yaml",
+            "../drives/vitreoretinal_joint1_worm.yaml",
+            ("slides",),
+        ),
     ],
 )
 def test_bad_robots(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
@@ -206,13 +291,20 @@ def test_wrong_unit_of_inertia(files: Any) -> None:
 
 def name_no_angles(files: Any) -> None:
     """Angles that the geometry does not give have no names."""
-    for name, angle in (("[y alpha]", "[y 30 deg]"), ("[y -alpha, x home_tilt,", "[y -30 deg, x -113 deg,")):
+    for name, angle in (
+        ("[y alpha]", "[y 30 deg]"),
+        ("[y -alpha, x home_tilt,", "[y -30 deg, x -113 deg,"),
+    ):
         files.edit(ROBOT, name, angle)
 
 
 def test_axes_must_be_unit_and_not_parallel(files: Any) -> None:
     name_no_angles(files)
-    files.edit(ROBOT, "  home_tilt: -113 deg", "  axes: {joint1: [1, 0, 0], joint2: [1, 1, 0], joint3: [0, 0, 1]}")
+    files.edit(
+        ROBOT,
+        "  home_tilt: -113 deg",
+        "  axes: {joint1: [1, 0, 0], joint2: [1, 1, 0], joint3: [0, 0, 1]}",
+    )
     message = files.rejection(ROBOT, "  alpha: 30 deg ", "  # ", at="  axes:")
     assert "geometry.axes.joint2 = [1, 1, 0]" in message
     assert "length 1.414214" in message
@@ -231,8 +323,14 @@ def test_axes_and_angles_exclude_each_other(files: Any) -> None:
 
 
 def test_rotor_heavier_than_the_input_side(files: Any) -> None:
-    files.edit("motors/maxon_ecx_speed_13_m.yaml", "rotor_inertia: 0.244 g*cm^2", "rotor_inertia: 2.44 g*cm^2")
-    message = files.rejection(ROBOT, "../motors/maxon_ecx_speed_13_m.yaml", "../motors/maxon_ecx_speed_13_m.yaml")
+    files.edit(
+        "motors/maxon_ecx_speed_13_m.yaml",
+        "rotor_inertia: 0.244 g*cm^2",
+        "rotor_inertia: 2.44 g*cm^2",
+    )
+    message = files.rejection(
+        ROBOT, "../motors/maxon_ecx_speed_13_m.yaml", "../motors/maxon_ecx_speed_13_m.yaml"
+    )
     assert "joints.insertion.motor" in message
     assert "more inertia than the whole input side" in message
 

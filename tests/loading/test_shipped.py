@@ -50,7 +50,9 @@ def test_the_robot_is_the_published_one() -> None:
     }
     for joint in (roll, tilt, insertion):
         friction = joint.drive.friction
-        assert (friction.mu, friction.mu_static, friction.b_c, friction.b_v) == pytest.approx(table2[joint.name])
+        assert (friction.mu, friction.mu_static, friction.b_c, friction.b_v) == pytest.approx(
+            table2[joint.name]
+        )
         assert friction.b_oc == pytest.approx(4e-3)
         assert friction.b_ov == pytest.approx(2.2e-12)
     assert spin.drive is None
@@ -62,7 +64,12 @@ def test_the_robot_is_the_published_one() -> None:
 
 
 def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
-    for kind, folder in (("problem", "."), ("robot", "robots"), ("drive", "drives"), ("motor", "motors")):
+    for kind, folder in (
+        ("problem", "."),
+        ("robot", "robots"),
+        ("drive", "drives"),
+        ("motor", "motors"),
+    ):
         schema = json_schema(kind)
         known = _properties(schema)
         for path in (SHIPPED / folder).glob("*.yaml"):
@@ -70,23 +77,42 @@ def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
 
 
 def test_every_key_of_the_shipped_files_is_listed() -> None:
-    folders = {"problem": ".", "robot": "robots", "drive": "drives", "motor": "motors", "controller": "controllers"}
-    free = {"posterior", "draws", "covariance", "value", "source", "placeholder"}  # of figures and of identifications
+    folders = {
+        "problem": ".",
+        "robot": "robots",
+        "drive": "drives",
+        "motor": "motors",
+        "controller": "controllers",
+    }
+    free = {
+        "posterior",
+        "draws",
+        "covariance",
+        "value",
+        "source",
+        "placeholder",
+    }  # of figures and of identifications
     for kind, folder in folders.items():
-        listed = {part.removesuffix("[]") for key in file_keys(kind) for part in key.path.split(".")}
+        listed = {
+            part.removesuffix("[]") for key in file_keys(kind) for part in key.path.split(".")
+        }
         for path in (SHIPPED / folder).glob("*.yaml"):
             assert _keys(read(path).value) - free <= listed, path
 
 
 def test_a_listed_key_has_unit_bound_default_and_meaning() -> None:
     motor, controller, robot, problem = (
-        {key.path: key for key in file_keys(kind)} for kind in ("motor", "controller", "robot", "problem")
+        {key.path: key for key in file_keys(kind)}
+        for kind in ("motor", "controller", "robot", "problem")
     )
     assert motor["nominal_torque"][1:] == ("mN*m", "above 0", "required", "Continuous torque, N·m.")
     assert motor["rotor_inertia"][1:4] == ("g*cm^2", "above 0", "")
     assert controller["loop_period"][1:4] == ("s", "above 0", "0.0004 s")
     assert controller["counts_per_turn"].allowed == "a whole number above 0"
-    assert [robot[f"joints.{name}.jerk"].unit for name in ("roll", "insertion")] == ["deg/s^3", "mm/s^3"]
+    assert [robot[f"joints.{name}.jerk"].unit for name in ("roll", "insertion")] == [
+        "deg/s^3",
+        "mm/s^3",
+    ]
     assert problem["motion[].scan.spacing"][1:4] == ("mm", "above 0", "0.6 mm")
     assert problem["planner"].allowed == "'optimal' or 'fast' or 'ipopt' or 'toppra'"
     assert problem["limits.tilt"].allowed == "[lower, upper]"
@@ -106,7 +132,11 @@ print(time.process_time() - start)
     times = []
     for _ in range(3):
         done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=SHIPPED.parent
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=SHIPPED.parent,
         )
         times.append(float(done.stdout))
         if times[-1] < 0.35:

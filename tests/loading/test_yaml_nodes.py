@@ -62,7 +62,8 @@ def test_scalars(tmp_path: Path, text: str, value: object) -> None:
 
 
 BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
-    f"{new}: &{new} [{','.join(['*' + old] * 10)}]\n" for old, new in zip("abcdefg", "bcdefgh", strict=True)
+    f"{new}: &{new} [{','.join(['*' + old] * 10)}]\n"
+    for old, new in zip("abcdefg", "bcdefgh", strict=True)
 )
 
 

@@ -48,14 +48,18 @@ def test_of_the_sources_as_they_are(folder: Path) -> None:
 
 
 @needs_compiler
-def test_what_does_not_compile_is_no_library_and_no_fault(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_does_not_compile_is_no_library_and_no_fault(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     (folder / "wrong.c").write_text("this is no C\n")
     assert compiling.build() == []
     assert not list(folder.glob("libraries/*"))
     assert "without its compiled part" in capfd.readouterr().err
 
 
-def test_without_a_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+def test_without_a_compiler(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("PATH", str(folder))
     assert compiling.build() == []
     assert library.load() is None
@@ -78,7 +82,15 @@ def test_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @needs_compiler
 def test_warnings(tmp_path: Path) -> None:
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", '-DSSM_KEY=""']
+    flags = [
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Werror",
+        "-fsyntax-only",
+        '-DSSM_KEY=""',
+    ]
     for source in compiling.FOLDER.glob("*.c"):
         subprocess.run(["cc", *flags, str(source)], check=True)
 
@@ -98,7 +110,9 @@ print(native is not None, hashlib.sha256(b"".join(b"" if each is None else each.
 """
     variants = ["portable"] + ["avx2"] * bool(library._open("portable").ssm_has_avx2())
     said = {
-        subprocess.run([sys.executable, "-c", probe, name], check=True, capture_output=True, text=True).stdout
+        subprocess.run(
+            [sys.executable, "-c", probe, name], check=True, capture_output=True, text=True
+        ).stdout
         for name in variants
     }
     assert len(said) == 1

@@ -23,7 +23,9 @@ from ssm_planner.reporting.figures.style import save_figure
 
 COMMITTED = ROOT / "results" / "paper"
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+−-]?\d+)?")
-needs_recordings = pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+needs_recordings = pytest.mark.skipif(
+    not RECORDINGS.is_dir(), reason="the recordings are not beside the project"
+)
 
 
 def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
@@ -43,9 +45,18 @@ def test_figures_are_not_empty_and_name_their_units(made: Made) -> None:
     units = ("mN·m", "rpm", "mm", "time (s)", "°", "by the Stribeck speed", "μ")
     for section in made.document.sections:
         for name, figure in section.figures.items():
-            drawn = [artist for axes in figure.axes for artist in (*axes.lines, *axes.patches, *axes.collections)]
+            drawn = [
+                artist
+                for axes in figure.axes
+                for artist in (*axes.lines, *axes.patches, *axes.collections)
+            ]
             assert len(drawn) >= 2, name
-            labels = [label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+            labels = [
+                label
+                for axes in figure.axes
+                for label in (axes.get_xlabel(), axes.get_ylabel())
+                if label
+            ]
             assert all(any(unit in label for unit in units) for label in labels), (name, labels)
             for axes in figure.axes:
                 for line in axes.lines:
@@ -85,7 +96,9 @@ def test_nothing_of_this_machine_is_in_it(made: Made) -> None:
         assert words not in made.text, words
 
 
-def test_the_command_writes_the_same_again(made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_the_same_again(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(paper_document, "compute", lambda *_: made.document)
     monkeypatch.setattr(paper_document, "save_figures", _named_only)
     options = ["--problems", str(ROOT / "problems"), "--recordings", str(RECORDINGS)]
@@ -101,7 +114,9 @@ def _named_only(figures: dict[str, object], folder: Path) -> None:
 
 
 @pytest.mark.parametrize("section", [workspace_section, design_section, friction_section])
-def test_pictures_are_the_same_bytes_each_time(section: Callable[..., Section], made: Made, tmp_path: Path) -> None:
+def test_pictures_are_the_same_bytes_each_time(
+    section: Callable[..., Section], made: Made, tmp_path: Path
+) -> None:
     of = (made.inputs.robot, made.inputs.eye)[: len(inspect.signature(section).parameters)]
     for folder in ("one", "two"):
         for name, figure in section(*of).figures.items():
@@ -118,14 +133,19 @@ def test_the_committed_document_is_this_one(made: Made) -> None:
     committed = (COMMITTED / "README.md").read_text(encoding="utf-8")
     flat = [re.sub(r"\s+", " ", words) for words in (committed, made.text)]
     assert NUMBER.sub("#", flat[0]) == NUMBER.sub("#", flat[1])
-    values = [np.array([float(found.replace("−", "-")) for found in NUMBER.findall(words)]) for words in flat]
+    values = [
+        np.array([float(found.replace("−", "-")) for found in NUMBER.findall(words)])
+        for words in flat
+    ]
     error = np.abs(values[0] - values[1]) / (np.abs(values[0]) + 1e-3)
     assert np.mean(error < 0.02) > 0.97
     assert error.max() < 0.3
     assert {path.name for path in COMMITTED.iterdir()} == set(made.files)
 
 
-def test_without_recordings_their_rows_are_left_out_with_the_reason(inputs: Inputs, tmp_path: Path) -> None:
+def test_without_recordings_their_rows_are_left_out_with_the_reason(
+    inputs: Inputs, tmp_path: Path
+) -> None:
     absent = read_inputs(inputs.folder, tmp_path / "nowhere")
     result = rig_result(absent, "rig2_antibacklash_screw")
     assert not result.tested
@@ -145,8 +165,12 @@ def test_with_recordings_every_rig_is_predicted(made: Made) -> None:
     assert not made.document.left_out
 
 
-def test_bad_input_gives_status_2_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["reproduce", "-o", str(tmp_path / "out"), "--problems", str(tmp_path / "none")]) == 2
+def test_bad_input_gives_status_2_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        main(["reproduce", "-o", str(tmp_path / "out"), "--problems", str(tmp_path / "none")]) == 2
+    )
     message = capsys.readouterr().err
     assert "--problems" in message
     assert str(tmp_path / "none") in message

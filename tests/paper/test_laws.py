@@ -14,8 +14,21 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import tilt_rate_bound
 from ssm_planner.paper import published
-from ssm_planner.paper.departures import body_moments, flipped, joint_inertia, outside_bounds, subtracted, velocity_sign
-from ssm_planner.paper.friction import LAWS, friction_maps, published_drive, with_friction, with_rows
+from ssm_planner.paper.departures import (
+    body_moments,
+    flipped,
+    joint_inertia,
+    outside_bounds,
+    subtracted,
+    velocity_sign,
+)
+from ssm_planner.paper.friction import (
+    LAWS,
+    friction_maps,
+    published_drive,
+    with_friction,
+    with_rows,
+)
 from ssm_planner.paper.motions import payloads, tilts_of
 from ssm_planner.paper.published import BOUNDS, Inputs
 from ssm_planner.paper.workspace import design_choice, tilt_range
@@ -47,7 +60,9 @@ def test_no_motion_beats_the_bound_of_the_tilt_rate(made: Made) -> None:
     for run in made.document.runs:
         assert 0.0 < run.tilt_rate(problem.robot) < bound.rate
     assert bound.rate < math.radians(80.0)  # what the chosen reading rests on
-    assert tilt_rate_bound(mechanism, ends, 4.0 * acceleration).rate == pytest.approx(2.0 * bound.rate)
+    assert tilt_rate_bound(mechanism, ends, 4.0 * acceleration).rate == pytest.approx(
+        2.0 * bound.rate
+    )
     assert tilt_rate_bound(mechanism, ends[::-1], acceleration).rate == pytest.approx(bound.rate)
     inner = (ends[0] + 0.1, ends[1] - 0.1)
     assert tilt_rate_bound(mechanism, inner, acceleration).rate < bound.rate
@@ -66,7 +81,9 @@ def test_motions_keep_the_printed_speeds_and_reach_them(made: Made) -> None:
 
 def test_envelopes_hold_the_peaks_that_the_plan_requires(made: Made) -> None:
     for run in made.document.runs:
-        peaks = {requirement.joint: requirement.peak_torque for requirement in run.plan.requirements}
+        peaks = {
+            requirement.joint: requirement.peak_torque for requirement in run.plan.requirements
+        }
         for joint, peak in peaks.items():
             assert max(map(abs, run.envelope(joint))) == pytest.approx(peak, rel=1e-6)
 
@@ -86,13 +103,19 @@ def test_unloaded_maps_are_the_closed_form_of_table_ii(robot: Robot) -> None:
             if (
                 m.gravity[0] <= 0.0 <= m.gravity[1]
             ):  # the load passes through zero, the map without load lies in the band
-                assert np.all((low <= m.unloaded[side] + 1e-12) & (m.unloaded[side] <= high + 1e-12))
+                assert np.all(
+                    (low <= m.unloaded[side] + 1e-12) & (m.unloaded[side] <= high + 1e-12)
+                )
 
 
 def test_the_arms_weight_at_home_lies_in_its_range(robot: Robot) -> None:
     home = RigidBody.from_robot(robot).gravity_load(np.zeros((1, 4)))[0]
     for m in friction_maps(robot):
-        assert m.gravity[0] - 1e-9 <= home[("roll", "tilt", "spin", "insertion").index(m.joint)] <= m.gravity[1] + 1e-9
+        assert (
+            m.gravity[0] - 1e-9
+            <= home[("roll", "tilt", "spin", "insertion").index(m.joint)]
+            <= m.gravity[1] + 1e-9
+        )
 
 
 def test_the_sign_of_products_moves_moments_but_not_their_sum(robot: Robot) -> None:
@@ -125,7 +148,10 @@ def test_the_velocity_product_grows_with_the_square_of_speed(made: Made) -> None
     for joint in ("roll", "tilt"):
         assert fast.effort[joint] == pytest.approx(4.0 * slow.effort[joint], rel=0.02)
     for load in made.document.runs[0].loads:
-        assert np.all(subtracted(load).tau_rigid - load.tau_rigid == pytest.approx(-2.0 * load.velocity, abs=1e-12))
+        assert np.all(
+            subtracted(load).tau_rigid - load.tau_rigid
+            == pytest.approx(-2.0 * load.velocity, abs=1e-12)
+        )
 
 
 def test_stribecks_two_forms_agree_at_rest_and_at_twice_the_speed_only() -> None:
@@ -155,7 +181,9 @@ def test_fits_of_the_map_beat_the_published_parameters(made: Made) -> None:
     for rig in made.document.rigs:
         before = rig.map_nrmsd(rig.published)
         for law in LAWS:
-            assert rig.map_nrmsd(rig.fits[law].drive) == pytest.approx(rig.fits[law].nrmsd, rel=1e-6)
+            assert rig.map_nrmsd(rig.fits[law].drive) == pytest.approx(
+                rig.fits[law].nrmsd, rel=1e-6
+            )
             assert rig.fits[law].nrmsd < before
         for tested in rig.tested:
             assert tested.ours < tested.published < 0.13

@@ -33,7 +33,10 @@ def numbers_of_row(paper: str, label: str) -> list[float]:
 def test_table_i(paper: str) -> None:
     printed = numbers_of_row(paper, r"\makecell[r]{Range w.r.t.\\$\omega_1$-axis}")
     assert [round(math.degrees(end), 6) for end in (*TABLE_I, *TABLE_I_MEASURED)] == printed
-    assert float(re.search(r"(\d+\.\d)\\%\$ agreement between the theo", paper)[1]) / 100 == published.TILT_AGREEMENT
+    assert (
+        float(re.search(r"(\d+\.\d)\\%\$ agreement between the theo", paper)[1]) / 100
+        == published.TILT_AGREEMENT
+    )
 
 
 def test_table_ii(paper: str) -> None:
@@ -46,10 +49,16 @@ def test_table_ii(paper: str) -> None:
 
 def test_table_iii(paper: str) -> None:
     table = paper[paper.index(r"\textbf{\makecell[c]{Speed\\(Tilt-Insertion)}}") :]
-    rows = re.findall(rf"(\d+)\$\^\\circ\$/s - (\d+)mm/s && ({NUMBER}) & ({NUMBER}) & ({NUMBER})", table)
+    rows = re.findall(
+        rf"(\d+)\$\^\\circ\$/s - (\d+)mm/s && ({NUMBER}) & ({NUMBER}) & ({NUMBER})", table
+    )
     assert len(rows) == len(TABLE_III)
     for row, printed in zip(TABLE_III, rows, strict=True):
-        ours = (math.degrees(row.tilt), 1e3 * row.insertion, *(row.nrmsd[joint] for joint in DRIVEN))
+        ours = (
+            math.degrees(row.tilt),
+            1e3 * row.insertion,
+            *(row.nrmsd[joint] for joint in DRIVEN),
+        )
         assert ours == pytest.approx([float(value) for value in printed])
 
 
@@ -64,12 +73,12 @@ def test_required_ranges(paper: str) -> None:
 
 def test_required_speeds(paper: str) -> None:
     circ, mm = r"\$(\d+)\^\\circ\$/s", r"\$(\d+)\$mm/s"
-    sentence = (
-        rf"{circ}\$\^2\$ and {circ}, while the translation unit requires {mm}\$\^2\$ acceleration and {mm} velocity"
-    )
+    sentence = rf"{circ}\$\^2\$ and {circ}, while the translation unit requires {mm}\$\^2\$ acceleration and {mm} velocity"
     found = re.search(sentence, paper)
     assert found
-    ours = [math.degrees(value) for value in (published.ROTARY_ACCELERATION, published.ROTARY_SPEED)]
+    ours = [
+        math.degrees(value) for value in (published.ROTARY_ACCELERATION, published.ROTARY_SPEED)
+    ]
     ours += [1e3 * value for value in (published.LINEAR_ACCELERATION, published.LINEAR_SPEED)]
     assert ours == pytest.approx([float(value) for value in found.groups()])
 

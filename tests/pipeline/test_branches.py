@@ -28,12 +28,16 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
 
-def turning(problem: Problem, *, tilt: float, roll: tuple[float, float], limits: tuple[TaskRange, ...] = ()) -> Problem:
+def turning(
+    problem: Problem, *, tilt: float, roll: tuple[float, float], limits: tuple[TaskRange, ...] = ()
+) -> Problem:
     """Roll freely at a tilt, deg; the robot has no ranges but these."""
     start = Task(roll=np.radians(roll[0]), tilt=np.radians(tilt), spin=0.0, depth=5e-3)
     motion = (Free(Task(roll=np.radians(roll[1]))),)
     robot = replace(problem.robot, limits=())
-    return replace(problem, robot=robot, start=start, motion=motion, limits=limits, objective="time")
+    return replace(
+        problem, robot=robot, start=start, motion=motion, limits=limits, objective="time"
+    )
 
 
 def weaker(robot: Robot, strength: float) -> Robot:
@@ -51,10 +55,14 @@ def ends(made: Plan) -> np.ndarray:
     return np.degrees(made.motion.sample(np.array([0.0, made.motion.duration])).q)
 
 
-def test_a_sketch_that_is_too_long_is_given_up(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sketch_that_is_too_long_is_given_up(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """By the bounds of its phases before any is solved, or as soon as those that are take too long."""
     target = Free(Task(tilt=np.radians(-120.0), depth=0.01))
-    problem = replace(tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time")
+    problem = replace(
+        tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time"
+    )
     whole = sketched_duration(problem)
     assert np.isfinite(whole)
     assert sketched_duration(problem, 1.001 * whole) == pytest.approx(whole, rel=1e-6)
@@ -64,7 +72,9 @@ def test_a_sketch_that_is_too_long_is_given_up(tilt_insert: Problem, monkeypatch
     for name in ("solve_free", "solve_straight"):
         solve = getattr(planner, name)
         monkeypatch.setattr(
-            planner, name, lambda *a, name=name, solve=solve, **k: [solved.append(name), solve(*a, **k)][1]
+            planner,
+            name,
+            lambda *a, name=name, solve=solve, **k: [solved.append(name), solve(*a, **k)][1],
         )
     assert sketched_duration(replace(problem, duration=0.3 * whole)) == np.inf
     assert solved == []
@@ -82,12 +92,20 @@ def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> N
     made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)), steps.append)
     assert made.passed
     assert made.duration == pytest.approx(0.7653, abs=1e-4)
-    assert any(step.startswith("other joints for free, attempt 1, ") and step.endswith("s so far") for step in steps)
+    assert any(
+        step.startswith("other joints for free, attempt 1, ") and step.endswith("s so far")
+        for step in steps
+    )
     assert made.lower_bound == pytest.approx(made.duration, rel=1e-5)
     assert "free: goes from branch -1 of the inverse kinematics to branch +1" in made.notes
     here = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     first, _ = ends(made)
-    straight = plan(replace(here, motion=(Free(Joints((np.radians(first[0] - 60), *np.radians(first[1:3]), -5e-3))),)))
+    straight = plan(
+        replace(
+            here,
+            motion=(Free(Joints((np.radians(first[0] - 60), *np.radians(first[1:3]), -5e-3))),),
+        )
+    )
     assert straight.duration == pytest.approx(1.2481, abs=1e-4)
     assert not any("branch" in note for note in straight.notes)
 
@@ -114,7 +132,9 @@ def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
     planned = []
     attempt = run._attempt
     monkeypatch.setattr(
-        run, "_attempt", lambda problem, *rest, **how: (planned.append(problem), attempt(problem, *rest, **how))[1]
+        run,
+        "_attempt",
+        lambda problem, *rest, **how: (planned.append(problem), attempt(problem, *rest, **how))[1],
     )
     plan(turning(tilt_insert, tilt=-138.5, roll=(-30, 30)))
     assert len(planned) == 1
@@ -124,19 +144,32 @@ def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
 def test_no_branch_planned_by_itself_is_faster(tilt_insert: Problem, seed: int) -> None:
     rng = np.random.default_rng(seed)
     near = np.radians([rng.uniform(-139.7, -136), rng.uniform(-84, -80)])
-    start = Task(roll=rng.uniform(-1, 1), tilt=rng.choice(near), spin=rng.uniform(-1, 1), depth=5e-3)
-    to = Task(roll=rng.uniform(-1, 1), tilt=rng.choice(near), spin=rng.uniform(-1, 1), depth=rng.uniform(0, 0.02))
+    start = Task(
+        roll=rng.uniform(-1, 1), tilt=rng.choice(near), spin=rng.uniform(-1, 1), depth=5e-3
+    )
+    to = Task(
+        roll=rng.uniform(-1, 1),
+        tilt=rng.choice(near),
+        spin=rng.uniform(-1, 1),
+        depth=rng.uniform(0, 0.02),
+    )
     robot = replace(tilt_insert.robot, limits=())
     motion = (Free(to), Dwell(0.1), Straight(depth=1e-3))
-    free = replace(tilt_insert, robot=robot, start=start, motion=motion, limits=(), objective="time")
+    free = replace(
+        tilt_insert, robot=robot, start=start, motion=motion, limits=(), objective="time"
+    )
     made = plan(free)
     assert made.passed
     mechanism = Mechanism.from_geometry(robot.geometry)
     goal = [[to.roll, to.tilt, to.spin, to.depth]]
     first = np.radians(ends(made)[0]) * (1, 1, 1, np.pi / 180)
-    found = inverse_task(mechanism, goal, limits=[joint.position for joint in robot.joints], reference=first)
+    found = inverse_task(
+        mechanism, goal, limits=[joint.position for joint in robot.joints], reference=first
+    )
     for q in found.joints[0, found.valid[0]]:
-        alone = plan(replace(free, motion=(Free(Joints(tuple(q.tolist()))), *motion[1:])), relaxations=False)
+        alone = plan(
+            replace(free, motion=(Free(Joints(tuple(q.tolist()))), *motion[1:])), relaxations=False
+        )
         assert alone.duration is None or made.duration <= alone.duration * (1 + 1e-5)
 
 
@@ -148,12 +181,16 @@ def freely(problem: Problem, to: Task, *, spin_free: bool = True) -> Problem:
 @pytest.mark.parametrize("strength", [1.0, 0.35])
 def test_no_spin_is_faster_than_a_free_one(tilt_insert: Problem, strength: float) -> None:
     """With strong motors the present spin is as fast as any and stays; weak ones are helped by the load's turning."""
-    weak = replace(tilt_insert, robot=weaker(tilt_insert.robot, strength), duty=None, planner="fast")
+    weak = replace(
+        tilt_insert, robot=weaker(tilt_insert.robot, strength), duty=None, planner="fast"
+    )
     to = Task(tilt=np.radians(-135))
     made = plan(freely(weak, to))
     assert made.passed
     for spin in np.radians([-60, 0, 30]):
-        fixed = plan(freely(weak, replace(to, spin=float(spin)), spin_free=False), relaxations=False)
+        fixed = plan(
+            freely(weak, replace(to, spin=float(spin)), spin_free=False), relaxations=False
+        )
         assert made.duration <= fixed.duration * (1 + 1e-5)
     spin = made.phases[0].task_end[2]
     assert (abs(spin) < 1e-9) == (strength == 1.0)
@@ -164,19 +201,29 @@ def test_a_tip_may_be_reached_with_a_free_spin(tilt_insert: Problem) -> None:
     made = plan(replace(tilt_insert, motion=(Free(to, spin_free=True),)))
     assert made.passed
     assert made.phases[0].task_end[2] == pytest.approx(0.0, abs=1e-9)
-    tip = tip_position(Mechanism.from_geometry(made.robot.geometry), made.motion.sample(made.motion.duration).q)[0]
+    tip = tip_position(
+        Mechanism.from_geometry(made.robot.geometry), made.motion.sample(made.motion.duration).q
+    )[0]
     assert tip == pytest.approx(to.position, abs=1e-9)
 
 
-def test_a_free_spin_is_read_written_and_refused_elsewhere(tilt_insert: Problem, tmp_path: Path) -> None:
+def test_a_free_spin_is_read_written_and_refused_elsewhere(
+    tilt_insert: Problem, tmp_path: Path
+) -> None:
     text = "robot: vitreoretinal\nstart: {{roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}}\nmotion:\n  - {}\n"
     problem = Problem.from_yaml(text.format("free: {to: {tilt: -120 deg, spin: free}}"))
     (motion,) = problem.motion
     assert isinstance(motion, Free)
     assert motion.spin_free
     made = replace(plan(replace(tilt_insert, motion=(Straight(depth=2e-3),))), problem=problem)
-    assert Plan.from_json(made.to_json().encode(), tmp_path / "plan.json").problem.motion[0].spin_free
-    for other in ("straight: {to: {spin: free}}", "free: {to: {tilt: -120 deg, spin: any}}", "spin: {to: free}"):
+    assert (
+        Plan.from_json(made.to_json().encode(), tmp_path / "plan.json").problem.motion[0].spin_free
+    )
+    for other in (
+        "straight: {to: {spin: free}}",
+        "free: {to: {tilt: -120 deg, spin: any}}",
+        "spin: {to: free}",
+    ):
         with pytest.raises(ProblemError, match="an angle such as"):
             Problem.from_yaml(text.format(other))
     with pytest.raises(ProblemError, match="joints fix the spin"):
@@ -188,7 +235,9 @@ def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
     robot = replace(weaker(tilt_insert.robot, 0.45), limits=())
     start = Task(roll=-1.8326, tilt=-1.6714, spin=-1.901, depth=0.025)
     motion = (Free(Task(roll=-1.6099, tilt=-2.3619, spin=0.8735, depth=0.0155)),)
-    anyway = replace(tilt_insert, robot=robot, limits=(), start=start, motion=motion, objective="time", duty=None)
+    anyway = replace(
+        tilt_insert, robot=robot, limits=(), start=start, motion=motion, objective="time", duty=None
+    )
     made = plan(anyway, relaxations=False)
     assert made.passed
     assert made.duration < 3.3
@@ -206,8 +255,13 @@ def interrupting(times: int) -> Callable[[str], None]:
     return tell
 
 
-@pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread")
-def test_a_search_that_is_stopped_gives_the_best_so_far(tilt_insert: Problem, tmp_path: Path) -> None:
+@pytest.mark.skipif(
+    threading.current_thread() is not threading.main_thread(),
+    reason="signals go to the main thread",
+)
+def test_a_search_that_is_stopped_gives_the_best_so_far(
+    tilt_insert: Problem, tmp_path: Path
+) -> None:
     problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     whole = plan(problem)
     before = signal.getsignal(signal.SIGINT)

@@ -18,7 +18,13 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.relaxation import relaxation_for, search
 from ssm_planner.pipeline.run import _exceeded, plan
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.limits import LensClearance, Limit, MotorTorque, RetinaClearance, SelfLocking
+from ssm_planner.problem.limits import (
+    LensClearance,
+    Limit,
+    MotorTorque,
+    RetinaClearance,
+    SelfLocking,
+)
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
@@ -27,13 +33,21 @@ from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 PROBLEM = load_problem(Path(__file__).parents[2] / "problems/eye_approach.yaml")
 
-MOVABLE = [limit for limit in PROBLEM.all_limits if np.isfinite(limit.low) or np.isfinite(limit.high)]
+MOVABLE = [
+    limit for limit in PROBLEM.all_limits if np.isfinite(limit.low) or np.isfinite(limit.high)
+]
 
 
 def certificate(limit: Limit, worst: float, bound: float) -> Certificate:
     """A check that found one limit exceeded."""
     found = LimitCheck(
-        name=limit.name, joint=limit.joint, worst=worst, limit=bound, margin=-0.1, time=0.5, unit=limit.unit
+        name=limit.name,
+        joint=limit.joint,
+        worst=worst,
+        limit=bound,
+        margin=-0.1,
+        time=0.5,
+        unit=limit.unit,
     )
     return Certificate((found,), "quintic polynomial pieces", 1000)
 
@@ -55,7 +69,9 @@ def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Lim
 def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
     clearance = next(limit for limit in PROBLEM.all_limits if isinstance(limit, RetinaClearance))
     kept = 0.9 * clearance.clearance
-    found = relaxation_for(PROBLEM, _exceeded(PROBLEM, certificate(clearance, kept, clearance.clearance)))
+    found = relaxation_for(
+        PROBLEM, _exceeded(PROBLEM, certificate(clearance, kept, clearance.clearance))
+    )
     assert found is not None
     assert (found.needed, found.present) == (kept, clearance.clearance)
 
@@ -86,7 +102,11 @@ def test_the_range_that_is_printed_plans_when_it_is_typed_in(tilt_insert: Proble
     """Both ends of joint roll's range are in the way: each alone does not do."""
     joints = tilt_insert.robot.joints
     narrow = replace(joints[0], position=(-np.radians(45), np.radians(45)))
-    problem = replace(tilt_insert, robot=replace(tilt_insert.robot, joints=(narrow, *joints[1:])), objective="time")
+    problem = replace(
+        tilt_insert,
+        robot=replace(tilt_insert.robot, joints=(narrow, *joints[1:])),
+        objective="time",
+    )
     reason = plan(problem).reason
     assert reason is not None
     assert reason.relaxation is not None
@@ -101,25 +121,35 @@ def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_inser
     assert joints[0].motor is not None
     motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=12e-3)
     robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
-    tilt = replace(tilt_insert, motion=tilt_insert.motion[:1])  # roll moves all along, and has no rest to cool in
+    tilt = replace(
+        tilt_insert, motion=tilt_insert.motion[:1]
+    )  # roll moves all along, and has no rest to cool in
     reason = plan(replace(tilt, robot=robot)).reason
     assert reason is not None
     assert reason.relaxation is not None
     largest, nominal = (1e-3 * typed_in(part) for part in reason.relaxation.split(" and "))
     assert "tried together, takes" in reason.relaxation
     motor = replace(motor, nominal_torque=nominal, max_torque=largest)
-    assert plan(replace(tilt, robot=replace(robot, joints=(replace(joints[0], motor=motor), *joints[1:])))).passed
+    assert plan(
+        replace(tilt, robot=replace(robot, joints=(replace(joints[0], motor=motor), *joints[1:])))
+    ).passed
 
 
 def test_a_start_too_fast_is_slowed_down(tilt_insert: Problem) -> None:
     problem = replace(
-        tilt_insert, motion=tilt_insert.motion[:1], start_rate={"tilt": -np.radians(80)}, objective="time"
+        tilt_insert,
+        motion=tilt_insert.motion[:1],
+        start_rate={"tilt": -np.radians(80)},
+        objective="time",
     )
     reason = plan(problem).reason
     assert reason is not None
     assert reason.constraint == "velocity"
     assert reason.relaxation is not None
-    found = re.search(r"start_rate of \{tilt: (\S+) deg/s\} instead of \{tilt: -80 deg/s\}: tried", reason.relaxation)
+    found = re.search(
+        r"start_rate of \{tilt: (\S+) deg/s\} instead of \{tilt: -80 deg/s\}: tried",
+        reason.relaxation,
+    )
     assert found is not None
     assert plan(replace(problem, start_rate={"tilt": np.radians(float(found[1]))})).passed
 
@@ -136,7 +166,9 @@ def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
     found = re.search(r"or a dwell of (\S+) s at the end: tried, takes", reason.relaxation)
     assert found is not None
     assert plan(replace(problem, motion=(*problem.motion, Dwell(float(found[1]), "dwell")))).passed
-    assert not plan(replace(problem, motion=(*problem.motion, Dwell(0.9 * float(found[1]), "dwell")))).passed
+    assert not plan(
+        replace(problem, motion=(*problem.motion, Dwell(0.9 * float(found[1]), "dwell")))
+    ).passed
 
 
 @pytest.mark.parametrize("needed", [0.02, 0.3, 0.85, 0.95, 1.0, 1.02, 1.2, 1.9])
@@ -152,7 +184,11 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
         share = (motor.max_torque - there) / (required - there)
         return 1.0 if share >= needed else Reason(None, None, None, None, "no motion")
 
-    cure = search(replace(tilt_insert, objective="time"), Reason(limit, None, required, there, "too weak"), attempt)
+    cure = search(
+        replace(tilt_insert, objective="time"),
+        Reason(limit, None, required, there, "too weak"),
+        attempt,
+    )
     assert cure is not None
     assert cure.works
     less = cure.relaxation.problem(there + 0.9 * (cure.value - there))
@@ -161,7 +197,9 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
 
 @pytest.mark.parametrize("needed", [0.3, 1.2])
 @pytest.mark.parametrize("more", [0.0, 0.5])
-def test_what_is_printed_is_planned_in_full(tilt_insert: Problem, needed: float, more: float) -> None:
+def test_what_is_printed_is_planned_in_full(
+    tilt_insert: Problem, needed: float, more: float
+) -> None:
     """Once, where trials that only look whether there is a motion are right; else with every value.
 
     needed: share of the relaxation that the reason asks for; more: of it that a trial does not see.
@@ -198,16 +236,23 @@ def test_what_is_printed_is_planned_in_full(tilt_insert: Problem, needed: float,
 def test_a_motion_that_is_too_short_is_longer_than_the_whole_was(tilt_insert: Problem) -> None:
     """Both durations are relaxed: that of the motion, and that of all together."""
     tilt, insert = tilt_insert.motion
-    problem = replace(tilt_insert, motion=(replace(tilt, duration=0.2), insert), duration=1.0, objective="effort")
+    problem = replace(
+        tilt_insert, motion=(replace(tilt, duration=0.2), insert), duration=1.0, objective="effort"
+    )
     reason = plan(problem).reason
     assert reason is not None
     assert reason.relaxation is not None
     assert reason.relaxation.endswith(" s")
-    own, whole = (typed_in(part) for part in reason.relaxation.split(": tried together, takes")[0].split(" and "))
+    own, whole = (
+        typed_in(part)
+        for part in reason.relaxation.split(": tried together, takes")[0].split(" and ")
+    )
     longer = replace(problem, motion=(replace(tilt, duration=own), insert), duration=whole)
     assert plan(longer).passed
     less = 0.2 + 0.9 * (own - 0.2)
-    assert not plan(replace(longer, motion=(replace(tilt, duration=less), insert)), relaxations=False).passed
+    assert not plan(
+        replace(longer, motion=(replace(tilt, duration=less), insert)), relaxations=False
+    ).passed
 
 
 def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:

@@ -28,7 +28,9 @@ def alone(tilt_insert: ssm.Problem) -> list[tuple[bytes, bytes]]:
     for target in TARGETS:
         forget_solutions()
         Transcription.of.cache_clear()
-        problem = replace(tilt_insert, motion=(tilt, ssm.Straight(depth=target.depth)), planner="fast")
+        problem = replace(
+            tilt_insert, motion=(tilt, ssm.Straight(depth=target.depth)), planner="fast"
+        )
         found.append(content(ssm.plan(problem)))
     return found
 
@@ -42,7 +44,9 @@ def test_the_same_bits_in_any_order(
     assert [content(replanner.plan(target=TARGETS[k])) for k in order] == [alone[k] for k in order]
 
 
-def test_the_same_bits_from_threads(tilt_insert: ssm.Problem, alone: list[tuple[bytes, bytes]]) -> None:
+def test_the_same_bits_from_threads(
+    tilt_insert: ssm.Problem, alone: list[tuple[bytes, bytes]]
+) -> None:
     forget_solutions()
     replanner = ssm.Replanner(tilt_insert)
     with ThreadPoolExecutor(3) as threads:
@@ -63,14 +67,18 @@ def test_a_free_motion_goes_to_joints_too(tilt_insert: ssm.Problem) -> None:
     end = first.trajectory.sample(first.trajectory.duration).q[0]
     plan = ssm.Replanner(problem).plan(target=ssm.Joints(tuple(end - [0.1, 0.0, 0.0, 0.0])))
     assert plan.trajectory is not None
-    assert plan.trajectory.sample(plan.trajectory.duration).q[0] == pytest.approx(end - [0.1, 0.0, 0.0, 0.0], abs=1e-9)
+    assert plan.trajectory.sample(plan.trajectory.duration).q[0] == pytest.approx(
+        end - [0.1, 0.0, 0.0, 0.0], abs=1e-9
+    )
 
 
 def test_targets_that_cannot_be(tilt_insert: ssm.Problem) -> None:
     with pytest.raises(ssm.ProblemError, match="task coordinates"):
         ssm.Replanner(tilt_insert).plan(target=ssm.Joints((0.0, 0.0, 0.0, 0.0)))
     with pytest.raises(ssm.ProblemError, match="no motion of this problem has a target"):
-        ssm.Replanner(replace(tilt_insert, motion=(ssm.Dwell(0.1),))).plan(target=ssm.Task(depth=0.01))
+        ssm.Replanner(replace(tilt_insert, motion=(ssm.Dwell(0.1),))).plan(
+            target=ssm.Task(depth=0.01)
+        )
 
 
 def test_what_is_infeasible_says_why_without_a_search(tilt_insert: ssm.Problem) -> None:

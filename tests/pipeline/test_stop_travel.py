@@ -28,7 +28,12 @@ def limited(name: str, largest: float) -> Problem:
 
 @pytest.mark.parametrize(
     ("name", "largest"),
-    [("tilt_insert", 0.5e-3), ("eye_approach", 0.5e-3), ("waypoints", 1e-3), ("laser_scan", 0.2e-3)],
+    [
+        ("tilt_insert", 0.5e-3),
+        ("eye_approach", 0.5e-3),
+        ("waypoints", 1e-3),
+        ("laser_scan", 0.2e-3),
+    ],
 )
 def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_path: Path) -> None:
     """Straight, free, through points, scanned; the way is nearly used up, and a plan read back holds the limit."""
@@ -54,8 +59,13 @@ def test_other_planners_keep_it_too(planner: Planner) -> None:
 
 def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
     """While the tool tilts about the remote centre its tip stands there: that phase is as fast as without the limit."""
-    free, slow = plan(load_problem(ROOT / "problems" / "tilt_insert.yaml")), plan(limited("tilt_insert", 0.5e-3))
-    tilt, insert = zip((p.duration for p in free.phases), (p.duration for p in slow.phases), strict=True)
+    free, slow = (
+        plan(load_problem(ROOT / "problems" / "tilt_insert.yaml")),
+        plan(limited("tilt_insert", 0.5e-3)),
+    )
+    tilt, insert = zip(
+        (p.duration for p in free.phases), (p.duration for p in slow.phases), strict=True
+    )
     assert tilt[1] == pytest.approx(tilt[0], rel=1e-4)
     # at constant speed v the tip stops within v²/2a: v = √(2 a d), and 20 mm take 20 mm / v and one ramp more
     a = slow.robot.joints[3].acceleration
@@ -75,7 +85,9 @@ def test_the_check_finds_what_a_planner_without_the_limit_exceeds() -> None:
 def test_the_planner_s_estimate_is_that_of_joints_that_brake_evenly() -> None:
     robot = load_problem(ROOT / "problems" / "tilt_insert.yaml").robot
     qd = np.array([[0.0, 0.0, 0.0, -0.01]])
-    travel = braking_travel(Mechanism.from_geometry(robot.geometry), robot, np.array([[0.3, 0.5, 0.2, -0.01]]), qd)
+    travel = braking_travel(
+        Mechanism.from_geometry(robot.geometry), robot, np.array([[0.3, 0.5, 0.2, -0.01]]), qd
+    )
     assert travel[0] == pytest.approx(0.01**2 / (2 * robot.joints[3].acceleration))
 
 
@@ -85,7 +97,9 @@ def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
     found = plan(problem)
     assert found.reason is not None
     assert isinstance(found.reason.limit, StopTravel)
-    assert found.reason.required == pytest.approx(0.01**2 / (2 * problem.robot.joints[3].acceleration))
+    assert found.reason.required == pytest.approx(
+        0.01**2 / (2 * problem.robot.joints[3].acceleration)
+    )
     assert "stop travel of" in str(found.reason.relaxation)
     assert "takes" in str(found.reason.relaxation)
 

@@ -14,9 +14,13 @@ from ssm_planner.problem.problem import Problem
 
 
 def _without(problem: Problem, *parts: str) -> Problem:
-    joints = tuple(replace(joint, **dict.fromkeys(parts), alternatives=()) for joint in problem.robot.joints)
+    joints = tuple(
+        replace(joint, **dict.fromkeys(parts), alternatives=()) for joint in problem.robot.joints
+    )
     short = (Straight(tilt=-1.6, name="tilt"),)
-    return replace(problem, robot=replace(problem.robot, joints=joints), motion=short, objective="time")
+    return replace(
+        problem, robot=replace(problem.robot, joints=joints), motion=short, objective="time"
+    )
 
 
 @pytest.mark.parametrize("parts", [("drive", "motor"), ("drive",), ("motor",)])
@@ -25,9 +29,15 @@ def test_a_result_folder_is_written_whatever_the_robot_has(
 ) -> None:
     plan, files = plan_to_folder(_without(tilt_insert, *parts), tmp_path)
     assert plan.passed
-    assert {path.name for path in files.values()} | {"manifest.json"} == {path.name for path in tmp_path.iterdir()}
+    assert {path.name for path in files.values()} | {"manifest.json"} == {
+        path.name for path in tmp_path.iterdir()
+    }
     assert (tmp_path / "motors.png").exists() == ("drive" not in parts)
-    named = {joint.motor.name for joint in plan.robot.joints if joint.motor is not None and joint.drive is None}
+    named = {
+        joint.motor.name
+        for joint in plan.robot.joints
+        if joint.motor is not None and joint.drive is None
+    }
     for name in named:
         assert any(f"its motor {name} counts for nothing" in note for note in plan.notes)
 

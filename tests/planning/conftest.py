@@ -27,7 +27,9 @@ def weaker() -> Weaker:
             return original
         return dataclasses.replace(original, motor=motor(original.motor, factor))
 
-    return lambda robot, factor: dataclasses.replace(robot, joints=tuple(joint(j, factor) for j in robot.joints))
+    return lambda robot, factor: dataclasses.replace(
+        robot, joints=tuple(joint(j, factor) for j in robot.joints)
+    )
 
 
 @pytest.fixture(scope="session")

@@ -35,15 +35,21 @@ def phases(problem: Problem) -> tuple[Phase, ...]:
 
 
 @pytest.mark.parametrize("blend", [1e-4, 1e-3])
-def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(tilt_insert: Problem, blend: float) -> None:
+def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
+    tilt_insert: Problem, blend: float
+) -> None:
     (phase,) = phases(cornered(tilt_insert, blend))
     path, h = phase.path, 1e-7
     assert isinstance(path, BlendedPath)
     s = np.linspace(0.001, 0.999, 3001)
     s = s[np.abs(s[:, None] - path.breaks).min(axis=1) > 2 * h]
     before, here, behind = (path.sample(s + shift) for shift in (-h, 0.0, h))
-    assert (behind.q - before.q) / (2 * h) == pytest.approx(here.dq, abs=1e-5 * np.abs(here.dq).max())
-    assert (behind.dq - before.dq) / (2 * h) == pytest.approx(here.ddq, abs=1e-4 * np.abs(here.ddq).max())
+    assert (behind.q - before.q) / (2 * h) == pytest.approx(
+        here.dq, abs=1e-5 * np.abs(here.dq).max()
+    )
+    assert (behind.dq - before.dq) / (2 * h) == pytest.approx(
+        here.ddq, abs=1e-4 * np.abs(here.ddq).max()
+    )
     inner = path.breaks[1:-1]
     left, right = path.sample(inner - 1e-12), path.sample(inner + 1e-12)
     for one, other in ((left.q, right.q), (left.dq, right.dq), (left.ddq, right.ddq)):
@@ -73,7 +79,9 @@ def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: P
         assert phase.corner_reach == pytest.approx(blend, rel=0.2)
         assert not found.disagreements
         durations.append(found.duration)
-        speed = np.abs(found.motion.sample(found.duration * np.linspace(0.05, 0.95, 500)).qd).max(axis=1)
+        speed = np.abs(found.motion.sample(found.duration * np.linspace(0.05, 0.95, 500)).qd).max(
+            axis=1
+        )
         assert speed.min() > 0
     assert durations == sorted(durations, reverse=True)  # type: ignore[type-var]
     again = Plan.from_json(found.to_json().encode(), Path("plan.json"))
@@ -90,25 +98,37 @@ def test_rates_of_task_coordinates_are_kept_in_the_corners_too(tilt_insert: Prob
     assert not found.disagreements
     assert found.phases[0].solver == "TOPP-RA"
     # both rates bind all along their own motion, and nowhere are both motions waited for
-    assert found.duration == pytest.approx(np.radians(15) / rates[0].largest + 4e-3 / rates[1].largest, rel=0.12)
+    assert found.duration == pytest.approx(
+        np.radians(15) / rates[0].largest + 4e-3 / rates[1].largest, rel=0.12
+    )
 
 
-def test_where_jerk_is_limited_it_is_kept_in_the_corners_too(tilt_insert: Problem, with_jerk: Any) -> None:
+def test_where_jerk_is_limited_it_is_kept_in_the_corners_too(
+    tilt_insert: Problem, with_jerk: Any
+) -> None:
     robot = with_jerk(tilt_insert.robot, 100.0, 2.0)
     tilt = Straight(tilt=np.radians(-105), blend=0.3e-3)
-    problem = replace(tilt_insert, robot=robot, start=START, motion=(tilt, Straight(depth=0.01)), objective="time")
+    problem = replace(
+        tilt_insert, robot=robot, start=START, motion=(tilt, Straight(depth=0.01)), objective="time"
+    )
     found = plan(problem)
     assert found.passed, found.reason
     assert 0 < found.phases[0].corner_departure < 0.1e-3  # type: ignore[operator]
 
 
-def test_a_line_of_the_tip_takes_durations_and_jerk_limits(tilt_insert: Problem, with_jerk: Any) -> None:
+def test_a_line_of_the_tip_takes_durations_and_jerk_limits(
+    tilt_insert: Problem, with_jerk: Any
+) -> None:
     robot = with_jerk(tilt_insert.robot, 100.0, 2.0)
-    problem = replace(tilt_insert, robot=robot, start=START, motion=(replace(ONWARD, duration=4.0),))
+    problem = replace(
+        tilt_insert, robot=robot, start=START, motion=(replace(ONWARD, duration=4.0),)
+    )
     found = plan(problem)
     assert found.passed, found.reason
     assert found.duration == pytest.approx(4.0, rel=1e-6)
-    tips = tip_position(Mechanism.from_geometry(robot.geometry), found.motion.sample(np.linspace(0, 4, 3000)).q)
+    tips = tip_position(
+        Mechanism.from_geometry(robot.geometry), found.motion.sample(np.linspace(0, 4, 3000)).q
+    )
     way = tips[-1] - tips[0]
     off = np.cross(tips - tips[0], way / np.linalg.norm(way))
     assert np.abs(off).max() < 1e-7

@@ -30,13 +30,17 @@ JOINTS = (0.3, -0.2, 0.5, -0.015)
 def straight(problem: Problem, **changes: Any) -> Problem:
     """Over WAY, with a third of it per second as the unit of rates."""
     motion = (Straight(**{name: START[name] + way for name, way in WAY.items()}),)
-    return dataclasses.replace(problem, start=Task(**START), motion=motion, **{"objective": "time", **changes})
+    return dataclasses.replace(
+        problem, start=Task(**START), motion=motion, **{"objective": "time", **changes}
+    )
 
 
 def free(problem: Problem, **changes: Any) -> Problem:
     motion, start = (Free(Joints(JOINTS)),), Joints((-0.5, 0.6, 0.0, 0.0))
     limits = (TaskRange("depth", 0.0, 0.03),)
-    return dataclasses.replace(problem, start=start, motion=motion, limits=limits, **{"objective": "time", **changes})
+    return dataclasses.replace(
+        problem, start=start, motion=motion, limits=limits, **{"objective": "time", **changes}
+    )
 
 
 def along(share: float) -> dict[str, float]:
@@ -48,7 +52,10 @@ def end_rates(result: Plan) -> tuple[Array, Array]:
     assert result.passed
     mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
     trajectory = result.trajectory
-    ends = trajectory.sample(trajectory.breaks[:1]), trajectory.sample(trajectory.breaks[-1:], side="left")
+    ends = (
+        trajectory.sample(trajectory.breaks[:1]),
+        trajectory.sample(trajectory.breaks[-1:], side="left"),
+    )
     first, last = (task_rates(mechanism, s.q, s.qd)[0] for s in ends)
     return first, last
 
@@ -58,9 +65,13 @@ def as_array(rates: dict[str, float]) -> Array:
 
 
 @pytest.mark.parametrize("jerk", [False, True])
-def test_a_straight_motion_meets_its_rates_and_is_faster(tilt_insert: Problem, with_jerk: WithJerk, jerk: bool) -> None:
+def test_a_straight_motion_meets_its_rates_and_is_faster(
+    tilt_insert: Problem, with_jerk: WithJerk, jerk: bool
+) -> None:
     if jerk:
-        tilt_insert = dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0))
+        tilt_insert = dataclasses.replace(
+            tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0)
+        )
     durations = [plan(straight(tilt_insert)).duration]
     for start, end in ((0.3, 0.0), (0.3, 0.2)):
         result = plan(straight(tilt_insert, start_rate=along(start), end_rate=along(end)))
@@ -104,21 +115,32 @@ def test_rates_hold_at_the_two_ends_of_all_and_rest_between(tilt_insert: Problem
 
 def test_a_rate_too_high_is_a_reason(tilt_insert: Problem) -> None:
     fast = plan(free(tilt_insert, start_rate={"depth": 0.03}))
-    assert (fast.status, fast.reason.constraint, fast.reason.joint) == ("infeasible", "velocity", "insertion")
+    assert (fast.status, fast.reason.constraint, fast.reason.joint) == (
+        "infeasible",
+        "velocity",
+        "insertion",
+    )
     assert (fast.reason.required, fast.reason.available) == pytest.approx((0.03, 0.02))
 
 
 def test_an_end_too_near_to_stop_at_is_a_reason(tilt_insert: Problem) -> None:
     """15 mm/s in half a millimetre take v²/(2 d) = 225 mm/s²."""
     near = (Straight(**{"depth": 0.0045}, name="insert"),)
-    result = plan(dataclasses.replace(straight(tilt_insert), motion=near, start_rate={"depth": 0.015}))
-    assert (result.status, result.reason.constraint, result.reason.joint) == ("infeasible", "acceleration", "insertion")
+    result = plan(
+        dataclasses.replace(straight(tilt_insert), motion=near, start_rate={"depth": 0.015})
+    )
+    assert (result.status, result.reason.constraint, result.reason.joint) == (
+        "infeasible",
+        "acceleration",
+        "insertion",
+    )
     assert (result.reason.required, result.reason.available) == pytest.approx((0.225, 0.1))
     assert "instead of 100 mm/s²: tried" in result.reason.relaxation
 
 
 @pytest.mark.parametrize(
-    "rates", [{"start_rate": {"tilt": 0.3}}, {"end_rate": {"spin": 0.1}}, {"start_rate": along(-0.2)}]
+    "rates",
+    [{"start_rate": {"tilt": 0.3}}, {"end_rate": {"spin": 0.1}}, {"start_rate": along(-0.2)}],
 )
 def test_a_rate_off_the_line_of_a_straight_motion_is_bad_input(
     tilt_insert: Problem, rates: dict[str, dict[str, float]]
@@ -132,4 +154,6 @@ def test_a_dwell_has_no_speed(tilt_insert: Problem) -> None:
     problem = straight(tilt_insert)
     dwell = Dwell(0.2)
     with pytest.raises(ProblemError, match="end_rate: a dwell has no speed"):
-        plan(dataclasses.replace(problem, motion=(*problem.motion, dwell), end_rate={"depth": 0.01}))
+        plan(
+            dataclasses.replace(problem, motion=(*problem.motion, dwell), end_rate={"depth": 0.01})
+        )

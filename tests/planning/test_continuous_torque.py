@@ -26,16 +26,24 @@ def with_nominal(problem: Problem, i: int, torque: float) -> Problem:
 def with_motor(problem: Problem, i: int, **figures: float) -> Problem:
     """The problem with other figures of the motor of joint i."""
     joints = list(problem.robot.joints)
-    joints[i] = dataclasses.replace(joints[i], motor=dataclasses.replace(joints[i].motor, **figures))
-    return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints)))
+    joints[i] = dataclasses.replace(
+        joints[i], motor=dataclasses.replace(joints[i].motor, **figures)
+    )
+    return dataclasses.replace(
+        problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints))
+    )
 
 
 def rms(problem: Problem, trajectory: Trajectory, joint: str) -> float:
     limits = check(trajectory, problem.robot).limits
-    return next(limit.worst for limit in limits if (limit.name, limit.joint) == ("continuous torque", joint))
+    return next(
+        limit.worst for limit in limits if (limit.name, limit.joint) == ("continuous torque", joint)
+    )
 
 
-def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(tilt_insert: Problem) -> None:
+def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(
+    tilt_insert: Problem,
+) -> None:
     """Half of what the fastest motion takes: the load does not get lighter, so a smaller peak does not help."""
     tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1])
     fastest = plan(tilt)
@@ -61,7 +69,9 @@ def heavy_rotor(problem: Problem, torque: float) -> Problem:
     """The insertion alone, by a heavy rotor on a drive with hardly any friction; torque: the motor's, largest and nominal."""
     joint = problem.robot.joints[3]
     friction = dataclasses.replace(joint.drive.friction, b_c=0.0, b_oc=0.0, mu_lowest=None)
-    drive = dataclasses.replace(joint.drive, friction=friction, input_inertia=100 * joint.drive.input_inertia)
+    drive = dataclasses.replace(
+        joint.drive, friction=friction, input_inertia=100 * joint.drive.input_inertia
+    )
     joints = (*problem.robot.joints[:3], dataclasses.replace(joint, drive=drive))
     robot = dataclasses.replace(problem.robot, joints=joints)
     problem = dataclasses.replace(problem, motion=problem.motion[1:], robot=robot)
@@ -70,7 +80,9 @@ def heavy_rotor(problem: Problem, torque: float) -> Problem:
 
 @pytest.mark.parametrize("torque", [2.19e-3, 6.72e-3])
 @pytest.mark.parametrize("share", [0.95, 0.8, 0.5])
-def test_a_motor_that_acceleration_heats_goes_slower(tilt_insert: Problem, torque: float, share: float) -> None:
+def test_a_motor_that_acceleration_heats_goes_slower(
+    tilt_insert: Problem, torque: float, share: float
+) -> None:
     """At T times the duration acceleration is 1/T² as large: RMS torque falls at least so, so T ≤ share^-1/2 does."""
     problem = heavy_rotor(tilt_insert, torque)
     fastest = plan(problem)
@@ -93,10 +105,15 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
     # a motion to where the robot is takes no time, so none of it is added there
     again = plan(dataclasses.replace(problem, motion=(*problem.motion, problem.motion[1])))
     assert again.passed
-    assert [phase.duration for phase in again.phases] == [*(phase.duration for phase in result.phases), 0.0]
+    assert [phase.duration for phase in again.phases] == [
+        *(phase.duration for phase in result.phases),
+        0.0,
+    ]
 
 
-def test_ipopt_confirms_no_motion_that_is_too_warm(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ipopt_confirms_no_motion_that_is_too_warm(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Those that trade time for heat are planned by the structured solver alone until one is cool enough."""
     planners: list[str] = []
 
@@ -106,7 +123,9 @@ def test_ipopt_confirms_no_motion_that_is_too_warm(tilt_insert: Problem, monkeyp
 
     monkeypatch.setattr(run, "plan_motion", planned)
     tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1], objective="time")
-    assert not plan(with_motor(tilt, 0, nominal_torque=18e-3, max_torque=40e-3), relaxations=False).passed
+    assert not plan(
+        with_motor(tilt, 0, nominal_torque=18e-3, max_torque=40e-3), relaxations=False
+    ).passed
     assert planners[0] == "optimal"
     assert set(planners[1:]) == {"fast"}
 
@@ -121,12 +140,18 @@ def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:
     result = plan(dataclasses.replace(weak, duty=pause * (1 + 1e-5)))
     assert result.passed
     assert result.duration == pytest.approx(fastest.duration, rel=1e-3)
-    found = next(each for each in result.certificate.limits if (each.name, each.joint) == ("continuous torque", "roll"))
+    found = next(
+        each
+        for each in result.certificate.limits
+        if (each.name, each.joint) == ("continuous torque", "roll")
+    )
     assert found.worst == pytest.approx(rms_alone / 2, rel=1e-3)
     once = plan(dataclasses.replace(weak, duty=None))
     assert once.passed
     assert not any(each.name == "continuous torque" for each in once.certificate.limits)
-    assert any("continuous torque" in each and "once" in each for each in once.certificate.unchecked)
+    assert any(
+        "continuous torque" in each and "once" in each for each in once.certificate.unchecked
+    )
     # the seal knows of the duty
     assert not dataclasses.replace(result, problem=weak).passed
 

@@ -46,7 +46,11 @@ def test_the_tip_keeps_to_a_line_below_its_speed_and_the_plan_passes(base: Probl
     off = np.linalg.norm(np.cross(tips - tips[0], way / np.linalg.norm(way)), axis=1)
     assert off.max() < 2e-6
     # nothing but the tip's speed and the ramps: the way at that speed is nearly all of the time
-    assert np.linalg.norm(way) / 0.008 < found.trajectory.duration < 1.1 * np.linalg.norm(way) / 0.008 + 0.3  # type: ignore[union-attr]
+    assert (
+        np.linalg.norm(way) / 0.008
+        < found.trajectory.duration
+        < 1.1 * np.linalg.norm(way) / 0.008 + 0.3
+    )  # type: ignore[union-attr]
     outcome = plan(problem)
     assert outcome.passed, outcome.reason
 
@@ -54,7 +58,11 @@ def test_the_tip_keeps_to_a_line_below_its_speed_and_the_plan_passes(base: Probl
 def test_the_tip_keeps_to_an_arc(base: Problem) -> None:
     start = replace(START, depth=0.012)
     first = 0.012 * np.array([-np.cos(np.radians(95)), 0.0, -np.sin(np.radians(95))])
-    centre, radius, angle = first + np.array([0.003, 0.0, 0.0]), 0.003, np.array([0.75 * np.pi, 1.5 * np.pi])
+    centre, radius, angle = (
+        first + np.array([0.003, 0.0, 0.0]),
+        0.003,
+        np.array([0.75 * np.pi, 1.5 * np.pi]),
+    )
     points = centre - radius * np.column_stack([np.cos(angle), 0 * angle, np.sin(angle)])
     middle, end = (Tip((x, y, z), 0.0) for x, y, z in points.tolist())
     found, tips = planned(replace(base, start=start, motion=(Follow(end, (middle,), curve="arc"),)))
@@ -76,10 +84,14 @@ def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
 
 
 def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
-    task = np.column_stack([s := np.linspace(0, 0.3, 40), np.radians(-95) - 0.4 * s, s**2, 0.005 + 0.02 * s])
+    task = np.column_stack(
+        [s := np.linspace(0, 0.3, 40), np.radians(-95) - 0.4 * s, s**2, 0.005 + 0.02 * s]
+    )
     mechanism = Mechanism.from_geometry(base.robot.geometry)
     forms = [[Task(*row) for row in task.tolist()]]
-    found, _ = planned(replace(base, motion=(Follow(forms[0][-1], tuple(forms[0][:-1]), curve="samples"),)))
+    found, _ = planned(
+        replace(base, motion=(Follow(forms[0][-1], tuple(forms[0][:-1]), curve="samples"),))
+    )
     (phase,) = found.phases
     joints = phase.phase.path.points  # type: ignore[union-attr]
     assert task_from_joints(mechanism, joints) == pytest.approx(task, abs=1e-9)
@@ -87,9 +99,14 @@ def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
     tips = tip_position(mechanism, joints)
     for points in (
         [Joints((a, b, c, d)) for a, b, c, d in joints.tolist()],
-        [Tip((x, y, z), spin) for (x, y, z), spin in zip(tips.tolist(), task[:, 2].tolist(), strict=True)],
+        [
+            Tip((x, y, z), spin)
+            for (x, y, z), spin in zip(tips.tolist(), task[:, 2].tolist(), strict=True)
+        ],
     ):
-        again, _ = planned(replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),)))
+        again, _ = planned(
+            replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),))
+        )
         assert len(again.phases) == 1
         durations.append(again.trajectory.duration)  # type: ignore[union-attr]
     assert durations == pytest.approx(durations[:1] * 3, rel=1e-6)
@@ -98,8 +115,14 @@ def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
 def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
     places = ((-100, 5e-3), (-101, 5e-3), (-102, 5e-3), (-102, 6e-3), (-102, 7e-3))
     points = [Task(tilt=np.radians(tilt), depth=depth) for tilt, depth in places]
-    found, _ = planned(replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),)))
-    assert [each.phase.motion.name for each in found.phases] == ["path, approach", "path 1", "path 2"]
+    found, _ = planned(
+        replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),))
+    )
+    assert [each.phase.motion.name for each in found.phases] == [
+        "path, approach",
+        "path 1",
+        "path 2",
+    ]
     assert found.phases[-1].phase.end == pytest.approx([0, np.radians(-102), 0, 0.007])
     speeds = found.trajectory.sample(np.cumsum([each.duration for each in found.phases])).qd  # type: ignore[union-attr]
     assert np.abs(speeds).max() < 1e-9
@@ -108,7 +131,9 @@ def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
 @pytest.mark.parametrize("curve", ["line", "arc"])
 def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -> None:
     through = (Tip((0.002, -0.001, -0.009), 0.0),) if curve == "arc" else ()
-    motion = Follow(Tip((0.004, -0.004, -0.012), 0.2), through, curve=curve, name=curve, constant_speed=4e-3)
+    motion = Follow(
+        Tip((0.004, -0.004, -0.012), 0.2), through, curve=curve, name=curve, constant_speed=4e-3
+    )
     outcome = plan(replace(base, motion=(motion,)))
     assert outcome.passed, outcome.reason
     (phase,) = outcome.phases
@@ -117,19 +142,25 @@ def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -
     start, end = phase.constant_from, phase.constant_to
     t, h = np.linspace(start + 1e-3, end - 1e-3, 500), 1e-5  # type: ignore[operator]
     mechanism = Mechanism.from_geometry(base.robot.geometry)
-    before, behind = (tip_position(mechanism, outcome.motion.sample(t + side).q) for side in (-h, h))
+    before, behind = (
+        tip_position(mechanism, outcome.motion.sample(t + side).q) for side in (-h, h)
+    )
     assert np.linalg.norm(behind - before, axis=1) / (2 * h) == pytest.approx(4e-3, rel=1e-6)
     assert phase.constant_error < 1e-6  # type: ignore[operator]
     # the ramps are short, and as fast as a joint allows
     assert 0 < start < 0.2 < phase.duration - 0.2 < end < phase.duration  # type: ignore[operator]
     ramp = np.abs(outcome.motion.sample(np.linspace(0.0, 0.8 * start, 50)).qdd)  # type: ignore[operator]
-    assert (ramp / [joint.acceleration for joint in base.robot.joints]).max() == pytest.approx(1.0, abs=1e-3)
+    assert (ramp / [joint.acceleration for joint in base.robot.joints]).max() == pytest.approx(
+        1.0, abs=1e-3
+    )
     again = Plan.from_json(outcome.to_json().encode(), Path("plan.json"))
     assert (again.phases, again.problem.motion[0].constant_speed) == (outcome.phases, 4e-3)  # type: ignore[union-attr]
 
 
 def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Problem) -> None:
-    motion = Follow(Tip((0.004, -0.004, -0.012), 0.2), curve="line", name="line", constant_speed=0.2)
+    motion = Follow(
+        Tip((0.004, -0.004, -0.012), 0.2), curve="line", name="line", constant_speed=0.2
+    )
     found = plan_motion(replace(base, motion=(motion,)))
     assert found.reason is not None
     assert found.reason.available is not None
@@ -138,9 +169,17 @@ def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Pro
         in found.reason.message
     )
     able = float(f"{1e3 * found.reason.available:.4g}") / 1e3
-    assert plan_motion(replace(base, motion=(replace(motion, constant_speed=0.999 * able),))).status == "solved"
-    assert plan_motion(replace(base, motion=(replace(motion, constant_speed=1.01 * able),))).status == "infeasible"
-    slow = replace(base, motion=(replace(motion, constant_speed=0.01),), limits=(*base.limits, TipSpeed(0.008)))
+    assert (
+        plan_motion(replace(base, motion=(replace(motion, constant_speed=0.999 * able),))).status
+        == "solved"
+    )
+    assert (
+        plan_motion(replace(base, motion=(replace(motion, constant_speed=1.01 * able),))).status
+        == "infeasible"
+    )
+    slow = replace(
+        base, motion=(replace(motion, constant_speed=0.01),), limits=(*base.limits, TipSpeed(0.008))
+    )
     reason = plan_motion(slow).reason
     assert reason is not None
     assert reason.available == pytest.approx(0.008, rel=1e-3)
@@ -156,7 +195,10 @@ def test_a_constant_speed_goes_with_no_other_timing(base: Problem) -> None:
         replace(base, motion=(line,), duration=20.0)
 
 
-BENT = tuple(Task(np.radians(3 * np.sin(k)), np.radians(-95 - 7 * k), 0.0, 0.005 + 0.0015 * k) for k in range(1, 5))
+BENT = tuple(
+    Task(np.radians(3 * np.sin(k)), np.radians(-95 - 7 * k), 0.0, 0.005 + 0.0015 * k)
+    for k in range(1, 5)
+)
 
 
 def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Problem) -> None:
@@ -165,14 +207,18 @@ def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Probl
     mechanism = Mechanism.from_geometry(base.robot.geometry)
     durations = []
     for jerk in (1e4, 20.0):
-        joints = tuple(replace(joint, jerk=jerk * joint.acceleration) for joint in base.robot.joints)
+        joints = tuple(
+            replace(joint, jerk=jerk * joint.acceleration) for joint in base.robot.joints
+        )
         robot = replace(base.robot, joints=joints)
         found = plan(replace(base, robot=robot, motion=(spline,), objective="time"))
         assert found.passed, found.reason
         assert "jerk" in {limit.name for limit in found.certificate.limits}  # type: ignore[union-attr]
         durations.append(found.motion.duration)
         # the points are met, to the spacing of the samples
-        tasks = task_from_joints(mechanism, found.motion.sample(np.linspace(0, durations[-1], 20_001)).q)
+        tasks = task_from_joints(
+            mechanism, found.motion.sample(np.linspace(0, durations[-1], 20_001)).q
+        )
         for point in BENT:
             assert np.abs(tasks - list(point.given.values())).max(axis=1).min() < 1e-4
     # as the limit grows the time becomes TOPP-RA's
@@ -195,7 +241,11 @@ def test_what_toppra_alone_times_says_so_at_its_place(base: Problem) -> None:
     long = Follow(points[-1], points[:-1], "spline")
     line = Follow(Task(depth=0.015), curve="line", constant_speed=0.002)
     for problem, motion, message in (
-        (jerky, table, r"motion\[1\] = 22 points: .* a jerk limit of joint roll .* through 20 points at most"),
+        (
+            jerky,
+            table,
+            r"motion\[1\] = 22 points: .* a jerk limit of joint roll .* through 20 points at most",
+        ),
         (jerky, long, r"motion\[1\] = 22 points: .* a jerk limit of joint roll"),
         (base, replace(long, duration=9.0), r"motion\[1\] = 22 points: .* cannot take a duration"),
         (jerky, line, r"motion\[1\]\.constant_speed: .* a jerk limit of joint roll"),
@@ -221,7 +271,10 @@ def test_what_no_joint_can_follow(base: Problem, motion: Follow, message: str) -
 
 
 def test_a_curve_out_of_the_tilt_range_is_refused_before_it_is_timed(base: Problem) -> None:
-    through = tuple(Task(roll=roll, tilt=np.radians(tilt)) for tilt, roll in ((-90, 0.0), (-81.1, 0.0), (-81.1, 0.3)))
+    through = tuple(
+        Task(roll=roll, tilt=np.radians(tilt))
+        for tilt, roll in ((-90, 0.0), (-81.1, 0.0), (-81.1, 0.3))
+    )
     beyond = Follow(Task(tilt=np.radians(-95)), through)  # the spline overshoots between its points
     found = plan_motion(replace(base, motion=(beyond,)))
     assert found.status == "infeasible"
@@ -240,12 +293,16 @@ def test_along_the_retina_the_tip_keeps_its_distance(laser_scan: Problem) -> Non
     assert outcome.phases[1].task_end[:3] == pytest.approx((to.roll, to.tilt, 0.0), abs=1e-9)
     begin = outcome.phases[0].duration
     t = np.linspace(begin, begin + outcome.phases[1].duration, 3000)
-    tips = tip_position(Mechanism.from_geometry(laser_scan.robot.geometry), outcome.motion.sample(t).q)
+    tips = tip_position(
+        Mechanism.from_geometry(laser_scan.robot.geometry), outcome.motion.sample(t).q
+    )
     assert eye.radius - np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(1.5e-3, abs=1e-9)
     # the shortest way on the sphere
     first, last = tips[[0, -1]] - eye.centre
     length = np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()
-    arc = (eye.radius - 1.5e-3) * np.arccos(first @ last / np.linalg.norm(first) / np.linalg.norm(last))
+    arc = (eye.radius - 1.5e-3) * np.arccos(
+        first @ last / np.linalg.norm(first) / np.linalg.norm(last)
+    )
     assert length == pytest.approx(arc, rel=1e-6)
     assert outcome.phases[1].constant_error < 1e-6  # type: ignore[operator]
     again = Plan.from_json(outcome.to_json().encode(), Path("plan.json"))

@@ -27,19 +27,29 @@ KEYS = {
 
 def blocks(document: str) -> list[str]:
     """The YAML in a document."""
-    return re.findall(r"```yaml\n(.*?)```", (ROOT / document).read_text(encoding="utf-8"), re.DOTALL)
+    return re.findall(
+        r"```yaml\n(.*?)```", (ROOT / document).read_text(encoding="utf-8"), re.DOTALL
+    )
 
 
 @pytest.fixture
 def load(tmp_path: Path) -> Load:
     shutil.copytree(ROOT / "problems", tmp_path / "problems")
-    (tmp_path / "problems/scan.csv").write_text("tilt [deg],depth_mm\n-120,12\n-118,13\n-115,13\n", encoding="utf-8")
+    (tmp_path / "problems/scan.csv").write_text(
+        "tilt [deg],depth_mm\n-120,12\n-118,13\n-115,13\n", encoding="utf-8"
+    )
 
     def made(text: str) -> Problem:
         """A problem file out of one block: whole, or with what it leaves out."""
         if not text.startswith("robot:"):
             text = ("motion:\n" if text.startswith("  -") else "") + text
-            text = BASE + text + "".join(line for key, line in KEYS.items() if not re.search(f"^{key}:", text, re.M))
+            text = (
+                BASE
+                + text
+                + "".join(
+                    line for key, line in KEYS.items() if not re.search(f"^{key}:", text, re.M)
+                )
+            )
         path = tmp_path / "problems/written.yaml"
         path.write_text(text, encoding="utf-8")
         return load_problem(path)

@@ -24,7 +24,9 @@ from ssm_planner.typing import Array
 
 WithJerk = Callable[[Robot, float, float], Robot]
 AIMS = ("time", "heat", "effort")
-LENS = Lens(frozen([9e-3, 0, -2e-3], (3,)), frozen([4.8e-3, 4e-3, 2e-3], (3,)), frozen(np.eye(3), (3, 3)))
+LENS = Lens(
+    frozen([9e-3, 0, -2e-3], (3,)), frozen([4.8e-3, 4e-3, 2e-3], (3,)), frozen(np.eye(3), (3, 3))
+)
 EYE = Eye(frozen([9e-3, 0, -8e-3], (3,)), 11.5e-3, 1e-3, 2.5e-3, 2.5e-4, LENS)
 ROWS = frozenset(
     [(f"{name} range", None) for name in ("roll", "spin")]
@@ -42,7 +44,14 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
     local = fit(path, (RigidBody.from_robot(robot),), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
-    z = np.array([rng.uniform(0.4, 0.42), rng.uniform(0.5, 1.5), *rng.uniform(-2, 2, 2), rng.uniform(0.005, 0.02)])
+    z = np.array(
+        [
+            rng.uniform(0.4, 0.42),
+            rng.uniform(0.5, 1.5),
+            *rng.uniform(-2, 2, 2),
+            rng.uniform(0.005, 0.02),
+        ]
+    )
     limits = {**joint_limits(robot), "speeds": np.array([0.02]), "stop": np.array([1e9])}
     numbers = StraightElement.layout.pack(**limits, time_scale=1.7)
     return StraightElement(robot=robot, jerk=True, aim=aim), [z, sigma, local, numbers]
@@ -55,13 +64,27 @@ def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     first, unit = np.array([-0.5, 0.6, 0.1, -2e-3]), np.array([0.8, 0.8, 0.5, 15e-3])
     sigma = rng.choice([-1.0, 1.0], 4)
     position = sigma * rng.uniform(0.1, 0.5, 4) - np.array([0, 0, 0, 0.6])
-    z = np.concatenate([position, sigma * rng.uniform(0.5, 1.5, 4), rng.uniform(-2, 2, 8), rng.uniform(0.01, 0.03, 1)])
+    z = np.concatenate(
+        [
+            position,
+            sigma * rng.uniform(0.5, 1.5, 4),
+            rng.uniform(-2, 2, 8),
+            rng.uniform(0.01, 0.03, 1),
+        ]
+    )
     limits = {**joint_limits(robot), "speeds": np.array([0.02]), "stop": np.array([1e9])}
     numbers = FreeElement.layout.pack(
         **{"q0": first, "d": unit, **limits, "rate": [0.4, 0.5, 0.6]},
-        **{"range_centre": [0.1, -0.2], "range_half_width": [0.4, 0.7], "retina_easing": 1e-6, "time_scale": 1.7},
+        **{
+            "range_centre": [0.1, -0.2],
+            "range_half_width": [0.4, 0.7],
+            "retina_easing": 1e-6,
+            "time_scale": 1.7,
+        },
     )
-    element = FreeElement(robot=robot, mechanism=mechanism, moving=moving, active=ROWS, eye=EYE, aim=aim)
+    element = FreeElement(
+        robot=robot, mechanism=mechanism, moving=moving, active=ROWS, eye=EYE, aim=aim
+    )
     return element, [z, sigma, numbers]
 
 
@@ -78,7 +101,8 @@ def reference(element: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
     cost = ca.MX(0)
     if element.cost is not None:
         cost = sum(
-            share * z[-1] * element.cost(point, *arguments) for point, share in zip(points, SIMPSON, strict=True)
+            share * z[-1] * element.cost(point, *arguments)
+            for point, share in zip(points, SIMPSON, strict=True)
         )
     lam, kappa = ca.MX.sym("lam", rows.numel()), ca.MX.sym("kappa")
     hessian = ca.hessian(ca.dot(lam, rows) + kappa * cost, z)[0]
@@ -135,7 +159,8 @@ def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str
     nodes, weights = np.polynomial.legendre.leggauss(12)
     x = ca.SX.sym("z", element.size)
     values = [
-        float(element.cost(ca.Function("s", [x], [element.state(x, float(c))])(z), *arguments)) for c in (nodes + 1) / 2
+        float(element.cost(ca.Function("s", [x], [element.state(x, float(c))])(z), *arguments))
+        for c in (nodes + 1) / 2
     ]
     exact = z[-1] / 2 * float(weights @ values)
     cost = element_functions(element).cost
@@ -154,13 +179,17 @@ def _halves(z: Array) -> tuple[Array, Array]:
     slope = (a1 - a0) / z[-1]
     position = u + v * t + a0 * t**2 / 2 + slope * t**3 / 6
     speed = v + a0 * t + slope * t**2 / 2
-    return np.concatenate([u, v, a0, middle, [t]]), np.concatenate([position, speed, middle, a1, [t]])
+    return np.concatenate([u, v, a0, middle, [t]]), np.concatenate(
+        [position, speed, middle, a1, [t]]
+    )
 
 
 def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
     """Against the model's motors, which the check uses too, to the smoothing between the two sides of a mesh."""
     robot, rng = tilt_insert.robot, np.random.default_rng(5)
-    nominal = np.array([joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints])
+    nominal = np.array(
+        [joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints]
+    )
     for _ in range(10):
         element, (z, sigma, numbers) = free_case(robot, "heat", rng)
         state = z[:4], z[4:8], z[8:12]
@@ -168,7 +197,9 @@ def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
         scale, unit = p.time_scale, p.d
         q, qd, qdd = p.q0 + unit * state[0], unit * state[1] / scale, unit * state[2] / scale**2
         samples = Samples(np.zeros(1), q[None], qd[None], qdd[None], 0 * q[None])
-        motor = motor_motion(robot, RigidBody.from_robot(robot), samples, sigma[None], np.zeros((1, 4), dtype=bool))
+        motor = motor_motion(
+            robot, RigidBody.from_robot(robot), samples, sigma[None], np.zeros((1, 4), dtype=bool)
+        )
         exact = np.nansum((motor.torque[0] / nominal) ** 2)
         found = float(element.cost(np.concatenate(state), sigma, numbers))
         assert found == pytest.approx(exact, rel=5e-3, abs=1e-5)

@@ -27,7 +27,9 @@ FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 def free(problem: Problem, first: tuple[float, ...] = FIRST, goal: Point | None = None) -> Problem:
     goal = goal or Joints(LAST)
     motion = (Free(goal),)
-    return dataclasses.replace(problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),))
+    return dataclasses.replace(
+        problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+    )
 
 
 def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Problem) -> None:
@@ -37,9 +39,13 @@ def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Prob
 
 
 @pytest.mark.parametrize("jerk", [5.0, 35.0, 500.0])
-def test_jerk_limited_free_motion_against_ruckig(tilt_insert: Problem, jerk: float, with_jerk: WithJerk) -> None:
+def test_jerk_limited_free_motion_against_ruckig(
+    tilt_insert: Problem, jerk: float, with_jerk: WithJerk
+) -> None:
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
-    problem = free(dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, jerk, 0.1 * jerk)))
+    problem = free(
+        dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, jerk, 0.1 * jerk))
+    )
     result = plan(problem)
     task, reference = ruckig.InputParameter(4), ruckig.Trajectory(4)
     task.current_position, task.target_position = FIRST, LAST
@@ -54,16 +60,22 @@ def test_jerk_limited_free_motion_against_ruckig(tilt_insert: Problem, jerk: flo
 
 
 @pytest.mark.parametrize("factor", [0.35, 0.3])
-def test_motor_torque_that_binds_is_kept_and_used(tilt_insert: Problem, factor: float, weaker: Weaker) -> None:
+def test_motor_torque_that_binds_is_kept_and_used(
+    tilt_insert: Problem, factor: float, weaker: Weaker
+) -> None:
     result = plan(free(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor))))
     assert result.passed
-    torque = min(limit.margin for limit in result.certificate.limits if limit.name == "motor torque")
+    torque = min(
+        limit.margin for limit in result.certificate.limits if limit.name == "motor torque"
+    )
     assert -1e-6 <= torque < 1e-3
     # TOPP-RA holds static friction over its whole first interval
     assert result.duration == pytest.approx(result.toppra_duration, rel=1e-2)
 
 
-def test_torque_jerk_and_tip_speed_together(tilt_insert: Problem, weaker: Weaker, with_jerk: WithJerk) -> None:
+def test_torque_jerk_and_tip_speed_together(
+    tilt_insert: Problem, weaker: Weaker, with_jerk: WithJerk
+) -> None:
     robot = weaker(with_jerk(tilt_insert.robot, 35.0, 1.0), 0.32)
     result = plan(TipSpeed(0.012).on(free(dataclasses.replace(tilt_insert, robot=robot))))
     assert result.passed
@@ -80,7 +92,9 @@ def test_a_tip_position_is_reached(tilt_insert: Problem) -> None:
     result = plan(free(tilt_insert, goal=Tip(tuple(tip), 0.3)))
     assert result.passed
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
-    reached = tip_position(mechanism, result.trajectory.sample(result.trajectory.breaks[-1:], side="left").q)[0]
+    reached = tip_position(
+        mechanism, result.trajectory.sample(result.trajectory.breaks[-1:], side="left").q
+    )[0]
     assert reached == pytest.approx(tip, abs=1e-9)
 
 
@@ -90,7 +104,9 @@ def test_one_joint_alone_leaves_the_others_at_rest(tilt_insert: Problem) -> None
     assert np.ptp(result.trajectory.uniform(1000.0).q[:, :3], axis=0).max() == 0.0
 
 
-@pytest.mark.parametrize("limit", [TaskRange("spin", -np.radians(5), np.radians(5)), TaskRate("spin", np.radians(5))])
+@pytest.mark.parametrize(
+    "limit", [TaskRange("spin", -np.radians(5), np.radians(5)), TaskRate("spin", np.radians(5))]
+)
 def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_that_succeeds(
     tilt_insert: Problem, limit: Limit
 ) -> None:
@@ -107,8 +123,14 @@ def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_tha
     assert not other.disagreements
 
 
-def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(tilt_insert: Problem) -> None:
-    result = plan(dataclasses.replace(tilt_insert, objective="time", motion=(Free(Task(tilt=-2.0, roll=0.1)),)))
+def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(
+    tilt_insert: Problem,
+) -> None:
+    result = plan(
+        dataclasses.replace(
+            tilt_insert, objective="time", motion=(Free(Task(tilt=-2.0, roll=0.1)),)
+        )
+    )
     assert result.passed
     assert result.phases[0].branch is None
 
@@ -119,11 +141,14 @@ def test_a_jerk_limit_on_some_joints_alone_is_solved_like_one_on_all(
 ) -> None:
     jerky = with_jerk(tilt_insert.robot, 15.0, 1.0).joints
     joints = tuple(
-        new if new.name in limited else old for new, old in zip(jerky, tilt_insert.robot.joints, strict=True)
+        new if new.name in limited else old
+        for new, old in zip(jerky, tilt_insert.robot.joints, strict=True)
     )
     to = Task(roll=np.radians(15), tilt=np.radians(-120), spin=np.radians(40), depth=0.015)
     robot = dataclasses.replace(tilt_insert.robot, joints=joints)
-    result = plan(dataclasses.replace(tilt_insert, robot=robot, motion=(Free(to),), objective="time"))
+    result = plan(
+        dataclasses.replace(tilt_insert, robot=robot, motion=(Free(to),), objective="time")
+    )
     assert result.passed
     assert result.gap < 2e-3
 

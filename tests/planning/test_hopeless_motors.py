@@ -21,7 +21,9 @@ def tilting(nominal: float = 1e-4, **changes: object) -> Problem:
     problem = load_problem("problems/tilt_insert.yaml")
     first, *others = problem.robot.joints
     joints = (replace(first, motor=replace(first.motor, nominal_torque=nominal)), *others)
-    return replace(problem, motion=problem.motion[:1], robot=replace(problem.robot, joints=joints), **changes)
+    return replace(
+        problem, motion=problem.motion[:1], robot=replace(problem.robot, joints=joints), **changes
+    )
 
 
 @pytest.mark.parametrize("pause", [0.0, 5.0])
@@ -47,5 +49,10 @@ def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_n
     rested = replace(whole, motion=(*whole.motion, Dwell(60.0, "rest")))
     assert hopelessly_hot(rested) is None
     insertion = load_problem("problems/tilt_insert.yaml").motion[1]
-    assert hopelessly_hot(replace(whole, motion=(*whole.motion, insertion))) is None  # as slow as it takes
-    assert hopelessly_hot(replace(whole, motion=(*whole.motion, replace(insertion, duration=0.5)))) is not None
+    assert (
+        hopelessly_hot(replace(whole, motion=(*whole.motion, insertion))) is None
+    )  # as slow as it takes
+    assert (
+        hopelessly_hot(replace(whole, motion=(*whole.motion, replace(insertion, duration=0.5))))
+        is not None
+    )

@@ -13,7 +13,12 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.lower_bound import angular_acceleration, fastest, least_times, rest_to_rest
+from ssm_planner.planning.lower_bound import (
+    angular_acceleration,
+    fastest,
+    least_times,
+    rest_to_rest,
+)
 from ssm_planner.problem.limits import TASK, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem, TaskLimits
@@ -40,10 +45,15 @@ def test_the_fastest_way_between_two_speeds_is_ruckigs(
 
 
 @given(way=positive, velocity=positive, acceleration=positive, begin=share, end=share)
-def test_a_free_speed_costs_no_time(way: float, velocity: float, acceleration: float, begin: float, end: float) -> None:
+def test_a_free_speed_costs_no_time(
+    way: float, velocity: float, acceleration: float, begin: float, end: float
+) -> None:
     speeds = begin * velocity, end * velocity
     both = fastest(way, velocity, acceleration, speeds)
-    one = [fastest(way, velocity, acceleration, each) for each in ((speeds[0], None), (None, speeds[1]))]
+    one = [
+        fastest(way, velocity, acceleration, each)
+        for each in ((speeds[0], None), (None, speeds[1]))
+    ]
     assert max(one) <= both * (1 + 1e-9)
     assert fastest(way, velocity, acceleration, (None, None)) <= min(one) * (1 + 1e-9)
     assert fastest(way, velocity, acceleration) == pytest.approx(
@@ -51,20 +61,34 @@ def test_a_free_speed_costs_no_time(way: float, velocity: float, acceleration: f
     )
     # of all speeds at the free end the best one
     top = min(velocity, np.sqrt(speeds[0] ** 2 + 2 * acceleration * way))
-    best = min(fastest(way, velocity, acceleration, (speeds[0], v)) for v in top * np.linspace(-1, 1, 201))
+    best = min(
+        fastest(way, velocity, acceleration, (speeds[0], v)) for v in top * np.linspace(-1, 1, 201)
+    )
     assert best == pytest.approx(one[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["roll", "tilt", "spin"])
-def test_no_coordinate_accelerates_more_than_the_bound_says(tilt_insert: Problem, name: str) -> None:
+def test_no_coordinate_accelerates_more_than_the_bound_says(
+    tilt_insert: Problem, name: str
+) -> None:
     robot, rng, k = tilt_insert.robot, np.random.default_rng(3), TASK.index(name)
-    mechanism, most = Mechanism.from_geometry(robot.geometry), [joint.velocity for joint in robot.joints]
+    mechanism, most = (
+        Mechanism.from_geometry(robot.geometry),
+        [joint.velocity for joint in robot.joints],
+    )
     low, high = tilt_insert.ranges["tilt"]
-    task = np.column_stack([np.zeros(400), rng.uniform(low, high, 400), np.zeros(400), np.full(400, 0.01)])
+    task = np.column_stack(
+        [np.zeros(400), rng.uniform(low, high, 400), np.zeros(400), np.full(400, 0.01)]
+    )
     q = inverse_task(mechanism, task).joints[:, 0]
-    qd, qdd = (rng.choice([-1.0, 1.0], (400, 4)) * bound for bound in (most, [j.acceleration for j in robot.joints]))
+    qd, qdd = (
+        rng.choice([-1.0, 1.0], (400, 4)) * bound
+        for bound in (most, [j.acceleration for j in robot.joints])
+    )
     step = 1e-5
-    ahead, behind = (task_rates(mechanism, q + s * qd + s**2 / 2 * qdd, qd + s * qdd) for s in (step, -step))
+    ahead, behind = (
+        task_rates(mechanism, q + s * qd + s**2 / 2 * qdd, qd + s * qdd) for s in (step, -step)
+    )
     found = np.abs(ahead - behind)[:, k] / (2 * step)
     bound = angular_acceleration(robot, name, tilt_insert.task_limits)
     assert bound / 5 < found.max() < bound
@@ -118,4 +142,6 @@ def test_many_motions_at_a_time_take_what_each_takes_alone(tilt_insert: Problem)
             )
             for row in ways.tolist()
         ]
-        assert least_times(robot, ways, np.zeros(60), TaskLimits()) == pytest.approx(alone, rel=1e-9)
+        assert least_times(robot, ways, np.zeros(60), TaskLimits()) == pytest.approx(
+            alone, rel=1e-9
+        )

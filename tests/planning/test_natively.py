@@ -13,13 +13,25 @@ import numpy as np
 import pytest
 
 from ssm_planner.codegen.mapped import Mapped
-from ssm_planner.dynamics.rigid_body import LOAD, RigidBody, axes_frames, efforts_by_figures, load_figures, with_payload
+from ssm_planner.dynamics.rigid_body import (
+    LOAD,
+    RigidBody,
+    axes_frames,
+    efforts_by_figures,
+    load_figures,
+    with_payload,
+)
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.native import compiling, library
 from ssm_planner.planning.ocp import kernels
 from ssm_planner.planning.ocp.element import Aim, ElementModel, element_functions
-from ssm_planner.planning.ocp.natively import NativeElements, mapped_elements, native_elements, rows_between
+from ssm_planner.planning.ocp.natively import (
+    NativeElements,
+    mapped_elements,
+    native_elements,
+    rows_between,
+)
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -32,7 +44,9 @@ WithJerk = Callable[[Robot, float, float], Robot]
 RELATIVE = 1e-11
 COUNT = 6
 """Elements: one whole block of the vectors, and a part of one."""
-pytestmark = pytest.mark.skipif(library.load() is None, reason="installed without the compiled part")
+pytestmark = pytest.mark.skipif(
+    library.load() is None, reason="installed without the compiled part"
+)
 
 
 def drives(robot: Robot, rng: np.random.Generator) -> Robot:
@@ -43,11 +57,19 @@ def drives(robot: Robot, rng: np.random.Generator) -> Robot:
         law: Any = next(laws)
         speed = None if law == "coulomb" else 8.0
         friction = unchecked(
-            drive.friction, law=law, stribeck_speed=speed, mu_stribeck=0.0 if speed is None else 0.03, mu_static=0.21
+            drive.friction,
+            law=law,
+            stribeck_speed=speed,
+            mu_stribeck=0.0 if speed is None else 0.03,
+            mu_static=0.21,
         )
         two = drive.slides and rng.random() < 0.5
         kind = "antibacklash_screw" if two else "lead_screw" if drive.slides else "worm"
-        nut = {"preload": 30.0, "second_nut_mass": 0.02} if two else {"preload": 0.0, "second_nut_mass": 0.0}
+        nut = (
+            {"preload": 30.0, "second_nut_mass": 0.02}
+            if two
+            else {"preload": 0.0, "second_nut_mass": 0.0}
+        )
         return unchecked(drive, kind=kind, friction=friction, **nut)
 
     def changed(one: Robot) -> Robot:
@@ -73,7 +95,9 @@ def breakaway_functions(element: ElementModel) -> dict[str, ca.Function]:
     return {
         "rows": ca.Function("rows", symbols, [ca.densify(rows)]),
         "jacobian": ca.Function("jacobian", symbols, [ca.jacobian(rows, symbols[0])]),
-        "hessian": ca.Function("hessian", [*symbols, lam], [ca.hessian(ca.dot(lam, rows), symbols[0])[0]]),
+        "hessian": ca.Function(
+            "hessian", [*symbols, lam], [ca.hessian(ca.dot(lam, rows), symbols[0])[0]]
+        ),
     }
 
 
@@ -96,11 +120,15 @@ def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
     starts = native_elements(element, parameters, len(z), "breakaway")
     assert starts is not None
     for name, function in breakaway_functions(element).items():
-        arguments = (z, lam[:, :1] * np.ones(starts.shapes["rows"][1])) if name == "hessian" else (z,)
+        arguments = (
+            (z, lam[:, :1] * np.ones(starts.shapes["rows"][1])) if name == "hessian" else (z,)
+        )
         agree(starts.call(name, *arguments), Mapped(function, parameters, len(z))(*arguments)[-1])
 
 
-def at_once(native: NativeElements, z: Array, lam: Array, sigma: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+def at_once(
+    native: NativeElements, z: Array, lam: Array, sigma: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
     """What the structured solver asks for: values, then derivatives with J' diag(sigma) J in the Hessian; by name."""
 
     def addresses(names: tuple[str, ...]) -> tuple[dict[str, Array], list[ctypes.c_void_p]]:
@@ -118,7 +146,9 @@ def at_once(native: NativeElements, z: Array, lam: Array, sigma: Array) -> tuple
     return values, derivatives
 
 
-def multipliers_of(native: NativeElements, aim: Aim, rng: np.random.Generator) -> tuple[Array, Array]:
+def multipliers_of(
+    native: NativeElements, aim: Aim, rng: np.random.Generator
+) -> tuple[Array, Array]:
     """Of the rows and the cost, and stiffness of the rows."""
     shape = native.shapes["rows"]
     return rng.uniform(-1, 1, (shape[0], shape[1] + (aim != "time"))), rng.uniform(0, 2, shape)
@@ -126,7 +156,9 @@ def multipliers_of(native: NativeElements, aim: Aim, rng: np.random.Generator) -
 
 @pytest.mark.parametrize("aim", get_args(Aim))
 @pytest.mark.parametrize("kind", CASES)
-def test_all_at_once_is_one_by_one(tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim) -> None:
+def test_all_at_once_is_one_by_one(
+    tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim
+) -> None:
     rng = np.random.default_rng(5)
     element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, aim, rng)
     native = native_elements(element, parameters, COUNT)
@@ -143,7 +175,9 @@ def test_all_at_once_is_one_by_one(tilt_insert: Problem, with_jerk: WithJerk, ki
 
 
 def test_angles_of_many_turns(tilt_insert: Problem) -> None:
-    element, z, parameters = elements_of(tilt_insert.robot, "free", "time", np.random.default_rng(6))
+    element, z, parameters = elements_of(
+        tilt_insert.robot, "free", "time", np.random.default_rng(6)
+    )
     z[:, :4] *= 1e7
     native = native_elements(element, parameters, COUNT)
     assert native is not None
@@ -155,7 +189,9 @@ def test_every_variant_gives_the_same_bits(
     tilt_insert: Problem, with_jerk: WithJerk, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng = np.random.default_rng(7)
-    element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng)
+    element, z, parameters = elements_of(
+        with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng
+    )
     found = []
     for name in compiling.VARIANTS:
         opened = library._open(name)
@@ -169,7 +205,9 @@ def test_every_variant_gives_the_same_bits(
     assert len(set(found)) == 1
 
 
-def elements_of(robot: Robot, kind: str, aim: Aim, rng: np.random.Generator) -> tuple[Any, Array, list[Array]]:
+def elements_of(
+    robot: Robot, kind: str, aim: Aim, rng: np.random.Generator
+) -> tuple[Any, Array, list[Array]]:
     """A model with several elements of its kind."""
     cases = [CASES[kind](robot, aim, rng) for _ in range(COUNT)]
     z, *each = (np.array(values) for values in zip(*(numbers for _, numbers in cases), strict=True))
@@ -180,7 +218,9 @@ def elements_of(robot: Robot, kind: str, aim: Aim, rng: np.random.Generator) -> 
 
 @pytest.mark.parametrize("aim", get_args(Aim))
 @pytest.mark.parametrize("kind", CASES)
-def test_numbers_are_those_of_casadi(tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim) -> None:
+def test_numbers_are_those_of_casadi(
+    tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim
+) -> None:
     rng = np.random.default_rng(3)
     element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, aim, rng)
     check(element, z, parameters)
@@ -229,8 +269,12 @@ def test_ipopt_is_given_the_same(tilt_insert: Problem, kind: str) -> None:
         native.check()
 
 
-def test_an_interruption_within_is_raised(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    element, z, parameters = elements_of(tilt_insert.robot, "free", "time", np.random.default_rng(5))
+def test_an_interruption_within_is_raised(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    element, z, parameters = elements_of(
+        tilt_insert.robot, "free", "time", np.random.default_rng(5)
+    )
     native = mapped_elements(element, COUNT)
     assert native is not None
 
@@ -239,7 +283,9 @@ def test_an_interruption_within_is_raised(tilt_insert: Problem, monkeypatch: pyt
 
     monkeypatch.setattr(native._elements, "at", interrupted)
     with pytest.raises(RuntimeError):
-        native.function(element_functions(element).rows).call([values.T for values in (z, *parameters)])
+        native.function(element_functions(element).rows).call(
+            [values.T for values in (z, *parameters)]
+        )
     with pytest.raises(KeyboardInterrupt):
         native.check()
     native.check()
@@ -247,7 +293,9 @@ def test_an_interruption_within_is_raised(tilt_insert: Problem, monkeypatch: pyt
 
 def test_what_stands_is_finite(tilt_insert: Problem) -> None:
     """Rows without a limit, and what stands, are finite."""
-    element, z, parameters = elements_of(tilt_insert.robot, "free", "time", np.random.default_rng(2))
+    element, z, parameters = elements_of(
+        tilt_insert.robot, "free", "time", np.random.default_rng(2)
+    )
     still = z.copy()
     still[:, 4:16] = 0.0
     native = native_elements(element, [np.zeros(4), *parameters[1:]], COUNT)
@@ -258,7 +306,9 @@ def test_what_stands_is_finite(tilt_insert: Problem) -> None:
 
 def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
     """The same bits alone and among others."""
-    element, z, parameters = elements_of(tilt_insert.robot, "free", "heat", np.random.default_rng(2))
+    element, z, parameters = elements_of(
+        tilt_insert.robot, "free", "heat", np.random.default_rng(2)
+    )
     sigma, packed = parameters
     together = native_elements(element, parameters, COUNT)
     assert together is not None
@@ -275,14 +325,25 @@ def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) ->
     robot = random_problem(tilt_insert, seed).robot
     rng = np.random.default_rng(seed)
     q, qd, qdd = rng.uniform(-2, 2, (3, 4))
-    figures, symbols = load_figures(robot.geometry, robot.bodies, robot.gravity), [ca.SX.sym(n, 4) for n in "abc"]
+    figures, symbols = (
+        load_figures(robot.geometry, robot.bodies, robot.gravity),
+        [ca.SX.sym(n, 4) for n in "abc"],
+    )
     by_figures = ca.SX.sym("f", LOAD.size)
-    function = ca.Function("tau", [by_figures, *symbols], [efforts_by_figures(by_figures, *symbols)])
-    frames, _, offset = axes_frames((robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3))
+    function = ca.Function(
+        "tau", [by_figures, *symbols], [efforts_by_figures(by_figures, *symbols)]
+    )
+    frames, _, offset = axes_frames(
+        (robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3)
+    )
     turned = q + np.array([0.0, offset, 0.0, 0.0])
     expected = RigidBody.from_robot(robot).inverse_dynamics(q[None], qd[None], qdd[None])[0]
-    assert function(figures, turned, qd, qdd).full().ravel() == pytest.approx(expected, rel=1e-11, abs=1e-15)
-    assert np.allclose(frames[:, :, 2][1:], [robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3])
+    assert function(figures, turned, qd, qdd).full().ravel() == pytest.approx(
+        expected, rel=1e-11, abs=1e-15
+    )
+    assert np.allclose(
+        frames[:, :, 2][1:], [robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3]
+    )
     rotation = forward(Mechanism.from_geometry(robot.geometry), q)[0][0]
     assert np.allclose(rotation.T @ rotation, np.eye(3))
 

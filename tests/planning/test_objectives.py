@@ -32,7 +32,9 @@ MOTIONS = {"free": FREE, "straight": STRAIGHT, "through": THROUGH}
 
 def moving(problem: Problem, *motions: Motion, **changes: Any) -> Problem:
     limits = (TaskRange("depth", 0.0, 0.03),)
-    return dataclasses.replace(problem, start=Joints(FIRST), motion=motions, limits=limits, **changes)
+    return dataclasses.replace(
+        problem, start=Joints(FIRST), motion=motions, limits=limits, **changes
+    )
 
 
 def torques(robot: Robot, samples: Samples, direction: Array) -> Array:
@@ -45,14 +47,20 @@ def integral(trajectory: Trajectory, robot: Robot, of: Callable[[Samples, Array]
     nodes, weights = np.polynomial.legendre.leggauss(8)
     lengths = np.diff(trajectory.breaks)
     piece = np.repeat(np.arange(len(lengths)), len(nodes))
-    samples = trajectory.sample_pieces(piece, np.tile((nodes + 1) / 2, len(lengths)) * lengths[piece])
-    nominal = np.array([joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints])
+    samples = trajectory.sample_pieces(
+        piece, np.tile((nodes + 1) / 2, len(lengths)) * lengths[piece]
+    )
+    nominal = np.array(
+        [joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints]
+    )
     rate = np.nansum((of(samples, directions(robot, samples, 1)[0]) / nominal) ** 2, axis=1)
     return float(np.sum(rate * np.tile(weights / 2, len(lengths)) * lengths[piece]))
 
 
 def heat(trajectory: Trajectory, robot: Robot) -> float:
-    return integral(trajectory, robot, lambda samples, direction: torques(robot, samples, direction))
+    return integral(
+        trajectory, robot, lambda samples, direction: torques(robot, samples, direction)
+    )
 
 
 def effort(trajectory: Trajectory, robot: Robot) -> float:
@@ -73,20 +81,26 @@ def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
 
 @pytest.mark.parametrize("jerk", [False, True])
 @pytest.mark.parametrize("kind", MOTIONS)
-def test_hardly_longer_and_no_hotter(tilt_insert: Problem, with_jerk: WithJerk, kind: str, jerk: bool) -> None:
+def test_hardly_longer_and_no_hotter(
+    tilt_insert: Problem, with_jerk: WithJerk, kind: str, jerk: bool
+) -> None:
     robot = with_jerk(tilt_insert.robot, 35.0, 1.0) if jerk else tilt_insert.robot
     problem = moving(tilt_insert, MOTIONS[kind], robot=robot)
     fastest = plan(dataclasses.replace(problem, objective="time"))
     coolest = plan(dataclasses.replace(problem, objective="time then heat"))
     assert fastest.passed
     assert coolest.passed
-    assert fastest.duration * (1 - 1e-6) <= coolest.duration <= 1.001 * fastest.duration * (1 + 1e-6)
+    assert (
+        fastest.duration * (1 - 1e-6) <= coolest.duration <= 1.001 * fastest.duration * (1 + 1e-6)
+    )
     ratio = heat(coolest.trajectory, robot) / heat(fastest.trajectory, robot)
     # the joints that do not bind move as they like in a free motion: there is something to gain
     assert ratio <= (1 + 1e-6 if kind == "straight" else 0.999)
 
 
-def test_time_then_heat_is_what_a_problem_gets_unless_it_says_otherwise(tilt_insert: Problem) -> None:
+def test_time_then_heat_is_what_a_problem_gets_unless_it_says_otherwise(
+    tilt_insert: Problem,
+) -> None:
     default = {field.name: field.default for field in dataclasses.fields(Problem)}["objective"]
     assert default == "time then heat"
 
@@ -118,7 +132,9 @@ def test_effort_falls_faster_than_time_grows(tilt_insert: Problem) -> None:
     assert all(shorter > 1.005 * longer for shorter, longer in pairwise(products))
 
 
-def test_a_duration_of_the_whole_is_shared_by_the_motions_that_have_none(tilt_insert: Problem) -> None:
+def test_a_duration_of_the_whole_is_shared_by_the_motions_that_have_none(
+    tilt_insert: Problem,
+) -> None:
     timed = dataclasses.replace(STRAIGHT, duration=3.0)
     motions = FREE, Dwell(0.25), timed
     result = plan(moving(tilt_insert, *motions, duration=5.0))
@@ -129,14 +145,18 @@ def test_a_duration_of_the_whole_is_shared_by_the_motions_that_have_none(tilt_in
 
 def test_two_motions_share_it_by_their_fastest_times(tilt_insert: Problem) -> None:
     fastest = plan(moving(tilt_insert, FREE, STRAIGHT, objective="time"))
-    result = plan(moving(tilt_insert, FREE, STRAIGHT, objective="effort", duration=2 * fastest.duration))
+    result = plan(
+        moving(tilt_insert, FREE, STRAIGHT, objective="effort", duration=2 * fastest.duration)
+    )
     assert result.passed
     assert result.duration == pytest.approx(2 * fastest.duration, rel=1e-9)
     for phase, fast in zip(result.phases, fastest.phases, strict=True):
         assert phase.duration == pytest.approx(2 * fast.duration, rel=1e-6)
 
 
-def test_the_shortest_possible_duration_may_be_asked_for_and_nothing_less(tilt_insert: Problem) -> None:
+def test_the_shortest_possible_duration_may_be_asked_for_and_nothing_less(
+    tilt_insert: Problem,
+) -> None:
     fastest = plan(moving(tilt_insert, STRAIGHT, objective="time")).duration
     just = plan(moving(tilt_insert, STRAIGHT, objective="effort", duration=1.0001 * fastest))
     assert just.passed

@@ -43,7 +43,9 @@ def test_tilt_and_insert(tilt_insert: Problem) -> None:
 
 @pytest.mark.parametrize("factor", [0.3, 0.285])
 def test_with_motors_that_bind(tilt_insert: Problem, factor: float, weaker: Weaker) -> None:
-    problem = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor), motion=tilt_insert.motion[:1])
+    problem = dataclasses.replace(
+        tilt_insert, robot=weaker(tilt_insert.robot, factor), motion=tilt_insert.motion[:1]
+    )
     result = plan(problem)
     assert result.passed
     torque = [limit for limit in result.certificate.limits if limit.name == "motor torque"]
@@ -52,7 +54,12 @@ def test_with_motors_that_bind(tilt_insert: Problem, factor: float, weaker: Weak
 
 
 def test_all_coordinates_together(tilt_insert: Problem) -> None:
-    target = {"roll": np.radians(15), "tilt": np.radians(-120), "spin": np.radians(80), "depth": 0.015}
+    target = {
+        "roll": np.radians(15),
+        "tilt": np.radians(-120),
+        "spin": np.radians(80),
+        "depth": 0.015,
+    }
     assert_certified_and_as_fast_as_toppra(straight(tilt_insert, **target))
 
 
@@ -83,7 +90,9 @@ def slow(problem: Problem, speed: float, jerk: float | None = None) -> Problem:
 
 
 @pytest.mark.parametrize("speed", [2.0, 10.0, 15.0])
-def test_slow_motions_take_little_time_to_get_up_to_speed(tilt_insert: Problem, speed: float) -> None:
+def test_slow_motions_take_little_time_to_get_up_to_speed(
+    tilt_insert: Problem, speed: float
+) -> None:
     """The insertion is one joint's alone: its optimum is v/a longer than at full speed throughout."""
     problem = slow(tilt_insert, speed)
     result = plan(problem)
@@ -91,13 +100,21 @@ def test_slow_motions_take_little_time_to_get_up_to_speed(tilt_insert: Problem, 
     tilt, insert = result.phases
     assert tilt.duration <= (1 + 1e-4) * tilt.toppra_duration
     joint = problem.robot.joints[3]
-    assert insert.duration == pytest.approx(0.02 / joint.velocity + joint.velocity / joint.acceleration, rel=1e-4)
+    assert insert.duration == pytest.approx(
+        0.02 / joint.velocity + joint.velocity / joint.acceleration, rel=1e-4
+    )
 
 
-def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(tilt_insert: Problem) -> None:
+def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(
+    tilt_insert: Problem,
+) -> None:
     """Where the largest speed is nearly reached while the acceleration still rises, the arc in between is short."""
     problem = slow(tilt_insert, 20.0, jerk=17.5)
-    motion = tuple(Free(entry.to, name=entry.name) for entry in tilt_insert.motion if isinstance(entry, Straight))
+    motion = tuple(
+        Free(entry.to, name=entry.name)
+        for entry in tilt_insert.motion
+        if isinstance(entry, Straight)
+    )
     result = plan(dataclasses.replace(problem, motion=motion))
     assert result.passed
     for phase in result.phases:
@@ -141,13 +158,17 @@ def test_a_motor_too_weak_is_named_with_what_it_needs(tilt_insert: Problem, weak
     assert result.reason.joint == "roll"
     assert result.reason.required > result.reason.available
     enough = result.reason.required / tilt_insert.robot.joints[0].motor.max_torque
-    assert plan(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 1.02 * enough))).passed
+    assert plan(
+        dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 1.02 * enough))
+    ).passed
 
 
 def test_a_joint_range_that_no_branch_respects_is_named(tilt_insert: Problem) -> None:
     joints = list(tilt_insert.robot.joints)
     joints[1] = dataclasses.replace(joints[1], position=(-0.1, 0.1))
-    problem = dataclasses.replace(tilt_insert, robot=dataclasses.replace(tilt_insert.robot, joints=tuple(joints)))
+    problem = dataclasses.replace(
+        tilt_insert, robot=dataclasses.replace(tilt_insert.robot, joints=tuple(joints))
+    )
     result = plan(problem)
     assert result.status == "infeasible"
     assert (result.reason.constraint, result.reason.joint) == ("position", "tilt")
@@ -155,8 +176,12 @@ def test_a_joint_range_that_no_branch_respects_is_named(tilt_insert: Problem) ->
 
 def test_a_tilt_beyond_the_mechanism_is_bad_input(tilt_insert: Problem) -> None:
     robot = dataclasses.replace(tilt_insert.robot, limits=())
-    problem = straight(dataclasses.replace(tilt_insert, robot=robot, limits=()), tilt=np.radians(-140))
-    with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
+    problem = straight(
+        dataclasses.replace(tilt_insert, robot=robot, limits=()), tilt=np.radians(-140)
+    )
+    with pytest.raises(
+        ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"
+    ):
         plan(problem)
 
 

@@ -12,7 +12,9 @@ positive = st.floats(1e-2, 1e2)
 
 @settings(deadline=None, max_examples=300)
 @given(distance=positive, velocity=positive, acceleration=positive, jerk=positive)
-def test_jerk_limited_motion_is_ruckigs(distance: float, velocity: float, acceleration: float, jerk: float) -> None:
+def test_jerk_limited_motion_is_ruckigs(
+    distance: float, velocity: float, acceleration: float, jerk: float
+) -> None:
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
     profile = rest_to_rest(distance, velocity, acceleration, jerk)
     task = ruckig.InputParameter(1)
@@ -38,7 +40,11 @@ def test_the_profile_arrives_at_rest_within_its_limits(
 
 
 @given(distance=positive, velocity=positive, acceleration=positive)
-def test_the_limit_of_large_jerk_is_the_trapezoid(distance: float, velocity: float, acceleration: float) -> None:
+def test_the_limit_of_large_jerk_is_the_trapezoid(
+    distance: float, velocity: float, acceleration: float
+) -> None:
     without = rest_to_rest(distance, velocity, acceleration)
-    almost = rest_to_rest(distance, velocity, acceleration, 1e9 * acceleration * max(1.0, acceleration / velocity))
+    almost = rest_to_rest(
+        distance, velocity, acceleration, 1e9 * acceleration * max(1.0, acceleration / velocity)
+    )
     assert almost.duration == pytest.approx(without.duration, rel=1e-4)

@@ -36,7 +36,10 @@ RANGED = ("mu", "b_c", "b_v", "b_oc")
 
 def with_ranges(drive: Drive) -> Drive:
     stated = {name: getattr(drive.friction, name) for name in RANGED}
-    return replace(drive, friction_ranges={name: (0.85 * value, 1.15 * value) for name, value in stated.items()})
+    return replace(
+        drive,
+        friction_ranges={name: (0.85 * value, 1.15 * value) for name, value in stated.items()},
+    )
 
 
 def with_covariance(drive: Drive) -> Drive:
@@ -44,7 +47,10 @@ def with_covariance(drive: Drive) -> Drive:
     sigma = {name: 0.06 * getattr(drive.friction, name) for name in ("mu", "b_c", "b_v")}
     tied = {("mu", "b_c"): -0.6, ("b_c", "b_v"): -0.6}
     table = {
-        a: {b: sigma[a] * sigma[b] * (1.0 if a == b else tied.get((a, b), tied.get((b, a), 0.0))) for b in sigma}
+        a: {
+            b: sigma[a] * sigma[b] * (1.0 if a == b else tied.get((a, b), tied.get((b, a), 0.0)))
+            for b in sigma
+        }
         for a in sigma
     }
     return replace(drive, friction=replace(drive.friction, covariance=table))
@@ -89,7 +95,10 @@ def draws(drive: Drive, rng: np.random.Generator) -> dict[str, Array]:
     inside = spread_of(drive).within(0.95)
     pairs, share = rng.integers(len(inside["mu"]), size=(1000, 2)), rng.uniform(size=1000)
     share[:500] = 0.0
-    return {name: share * column[pairs[:, 0]] + (1 - share) * column[pairs[:, 1]] for name, column in inside.items()}
+    return {
+        name: share * column[pairs[:, 0]] + (1 - share) * column[pairs[:, 1]]
+        for name, column in inside.items()
+    }
 
 
 def largest_excess(made: Plan, robot: Robot, payload: tuple[float, ...]) -> float:
@@ -148,7 +157,9 @@ def test_torques_hold_at_every_corner_and_draw(
     name: str, kind: str, factor: float, planner: str, payload: tuple[float, float] | None
 ) -> None:
     problem = (
-        replace(weakened(name, kind, factor), planner=planner) if planner == "toppra" else weakened(name, kind, factor)
+        replace(weakened(name, kind, factor), planner=planner)
+        if planner == "toppra"
+        else weakened(name, kind, factor)
     )
     ranged, masses = replace(problem, friction=0.95, payload=payload), payload or (0.0,)
     made = plan(ranged)
@@ -156,7 +167,9 @@ def test_torques_hold_at_every_corner_and_draw(
     assert largest_excess(made, ranged.robot, masses) <= 1e-6
     torques = [limit for limit in made.certificate.limits if limit.name == "motor torque"]
     assert len(torques) == 3
-    assert all("mu " in limit.case and ("payload" in limit.case) == bool(payload) for limit in torques)
+    assert all(
+        "mu " in limit.case and ("payload" in limit.case) == bool(payload) for limit in torques
+    )
     assert min(limit.margin for limit in torques) < 0.02
     # where heat counts too, a motion may be a little longer than the fastest
     assert made.duration > made.nominal_duration * (1 - 5e-3)
@@ -166,14 +179,18 @@ def test_torques_hold_at_every_corner_and_draw(
     assert largest_excess(nominal, ranged.robot, masses) > 0.01
 
 
-def test_rows_that_join_where_they_are_exceeded_give_the_motion_of_all_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_that_join_where_they_are_exceeded_give_the_motion_of_all_rows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """With weak motors rows of other corners than the first bind; left out, the motion would be shorter."""
     weak = replace(weakened("tilt_insert", "ranges", 1.12), planner="toppra")
     problem = replace(weak, friction=0.95, payload=PAYLOAD, motion=weak.motion[:1])
     first = constraints._first_actuations
     left_out: list[int] = []
 
-    def every(robot: Robot) -> tuple[tuple[constraints.Actuation, ...], tuple[constraints.Actuation, ...]]:
+    def every(
+        robot: Robot,
+    ) -> tuple[tuple[constraints.Actuation, ...], tuple[constraints.Actuation, ...]]:
         chosen, others = first(robot)
         left_out.append(len(others))
         return (*chosen, *others), ()
@@ -203,7 +220,9 @@ def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None
         0.95,
         PAYLOAD,
     )
-    assert [limit.case for limit in again.certificate.limits] == [limit.case for limit in made.certificate.limits]
+    assert [limit.case for limit in again.certificate.limits] == [
+        limit.case for limit in made.certificate.limits
+    ]
     # who widens the range afterwards has no certificate for it
     document = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
     document["problem"]["payload"] = [0.0, 0.05]
@@ -217,15 +236,24 @@ def test_the_range_of_friction_counts_for_self_locking(robot: Robot) -> None:
     joint = robot.joints[0]
     needed = joint.drive.friction.mu - float(self_locking_margin(joint.drive)[0])
     for low, holds in ((1.05 * needed, True), (0.95 * needed, False)):
-        friction = replace(joint.drive.friction, mu=1.5 * needed, mu_static=1.5 * needed, mu_lowest=None)
+        friction = replace(
+            joint.drive.friction, mu=1.5 * needed, mu_static=1.5 * needed, mu_lowest=None
+        )
         drive = replace(joint.drive, friction=friction, friction_ranges={"mu": (low, 2 * needed)})
         others = (
-            each if each.drive is None else replace(each, drive=with_ranges(each.drive)) for each in robot.joints[1:]
+            each if each.drive is None else replace(each, drive=with_ranges(each.drive))
+            for each in robot.joints[1:]
         )
         judged = replace(robot, joints=(replace(joint, drive=drive), *others))
         for share in (None, 0.95):
-            found = check(motion, judged, replace(problem.task_limits, friction=share, payload=None))
-            locking = next(each for each in found.limits if (each.name, each.joint) == ("self-locking", joint.name))
+            found = check(
+                motion, judged, replace(problem.task_limits, friction=share, payload=None)
+            )
+            locking = next(
+                each
+                for each in found.limits
+                if (each.name, each.joint) == ("self-locking", joint.name)
+            )
             assert locking.passed == (holds or share is None)
             if share is not None:
                 assert (locking.worst, locking.case) == (pytest.approx(low), f"mu {low:.4g}")
@@ -243,7 +271,10 @@ def test_a_problem_file_states_the_range(tmp_path: Path) -> None:
 
     assert loaded("payload: [0 g, 30 g]").payload == pytest.approx((0.0, 0.03))
     for limits, reason in (
-        ("friction: 95 %", r"friction.*nothing is known of how far the friction of Ondrives P30-120, joint 1"),
+        (
+            "friction: 95 %",
+            r"friction.*nothing is known of how far the friction of Ondrives P30-120, joint 1",
+        ),
         ("friction: 95 mm", r"friction.*where a share is needed"),
         ("friction: 120 %", r"friction.*not a share of what is known"),
         ("payload: [30 g, 0 g]", r"payload"),

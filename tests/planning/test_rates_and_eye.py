@@ -16,7 +16,14 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.outlook import feasible_phases
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import LensClearance, Limit, RetinaClearance, TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.limits import (
+    LensClearance,
+    Limit,
+    RetinaClearance,
+    TaskRange,
+    TaskRate,
+    TipSpeed,
+)
 from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import frozen
@@ -32,7 +39,12 @@ FAR = {"roll": 0.0, "tilt": -2.25, "spin": 0.0, "depth": 0.015}
 
 
 def moving(
-    problem: Problem, kind: Any, start: dict[str, float], goal: dict[str, float], *limits: Limit, **changes: Any
+    problem: Problem,
+    kind: Any,
+    start: dict[str, float],
+    goal: dict[str, float],
+    *limits: Limit,
+    **changes: Any,
 ) -> Problem:
     motion = (Free(Task(**goal)) if kind == "free" else Straight(**goal),)
     return dataclasses.replace(
@@ -63,9 +75,20 @@ def test_a_rate_that_binds_is_kept_and_used(tilt_insert: Problem, kind: str, nam
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
 def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -> None:
-    result = plan(moving(tilt_insert, kind, START, GOAL, *(TaskRate(*rate) for rate in RATES.items()), TipSpeed(0.006)))
+    result = plan(
+        moving(
+            tilt_insert,
+            kind,
+            START,
+            GOAL,
+            *(TaskRate(*rate) for rate in RATES.items()),
+            TipSpeed(0.006),
+        )
+    )
     assert result.passed
-    assert {LIMIT[name] for name in RATES} | {"tip speed"} <= {found.name for found in result.certificate.limits}
+    assert {LIMIT[name] for name in RATES} | {"tip speed"} <= {
+        found.name for found in result.certificate.limits
+    }
 
 
 def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: Problem) -> None:
@@ -100,7 +123,9 @@ def test_from_the_edge_of_the_port_the_tip_swings_first(laser_scan: Problem) -> 
     """Inwards from there only one way leads, on which the tip stays at the edge until it has swung far enough."""
     start, eye = edge_of_the_port(laser_scan), laser_scan.eye
     assert eye is not None
-    result, back = (plan(moving(laser_scan, "free", *ends)) for ends in ((start, FAR), (FAR, start)))
+    result, back = (
+        plan(moving(laser_scan, "free", *ends)) for ends in ((start, FAR), (FAR, start))
+    )
     for each in (result, back):
         assert each.passed
         assert limit(each, RetinaClearance.name).margin >= -1e-6
@@ -116,7 +141,9 @@ def with_insertion_motor(problem: Problem, torque: float) -> Problem:
     """The problem with another largest torque of joint 4's motor."""
     joint = problem.robot.joints[3]
     assert joint.motor is not None
-    motor = dataclasses.replace(joint.motor, max_torque=torque, nominal_torque=min(joint.motor.nominal_torque, torque))
+    motor = dataclasses.replace(
+        joint.motor, max_torque=torque, nominal_torque=min(joint.motor.nominal_torque, torque)
+    )
     joints = (*problem.robot.joints[:3], dataclasses.replace(joint, motor=motor))
     return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=joints))
 
@@ -126,17 +153,23 @@ def in_the_way(problem: Problem) -> Eye:
     tilt, depth = -1.95, 0.0075
     place = depth * np.array([-np.cos(tilt), 0.0, np.sin(tilt)])
     assert problem.eye is not None
-    lens = Lens(frozen(place, (3,)), frozen([1.2e-3, 1.2e-3, 1.2e-3], (3,)), frozen(np.eye(3), (3, 3)))
+    lens = Lens(
+        frozen(place, (3,)), frozen([1.2e-3, 1.2e-3, 1.2e-3], (3,)), frozen(np.eye(3), (3, 3))
+    )
     return dataclasses.replace(problem.eye, lens=lens, clearance=0.5e-3)
 
 
 @pytest.mark.parametrize("objective", ["time", "time then heat"])
 def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective: str) -> None:
     """It swings over the lens first and is inserted behind it."""
-    problem = moving(laser_scan, "free", SWING, FAR, objective=objective, eye=in_the_way(laser_scan))
+    problem = moving(
+        laser_scan, "free", SWING, FAR, objective=objective, eye=in_the_way(laser_scan)
+    )
     without = plan(dataclasses.replace(problem, eye=None))
     against = check(without.trajectory, problem.robot, problem.task_limits)
-    assert next(found for found in against.limits if found.name == LensClearance.name).margin < -0.02
+    assert (
+        next(found for found in against.limits if found.name == LensClearance.name).margin < -0.02
+    )
     result = plan(problem)
     assert result.passed
     assert -1e-6 <= limit(result, LensClearance.name).margin < 1e-2
@@ -167,9 +200,13 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
 
 
 @pytest.mark.parametrize("strength", [2.19e-3, 4e-3, 6.72e-3])
-def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(laser_scan: Problem, strength: float) -> None:
+def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
+    laser_scan: Problem, strength: float
+) -> None:
     """What a row was lowered too much for the space between collocation points is given back."""
-    problem = moving(with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan))
+    problem = moving(
+        with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan)
+    )
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     points = feasible_phases(problem, mechanism)[0][0].points
     durations = [solve_free(problem, mechanism, points, count=n).duration for n in (32, 40, 57)]
@@ -179,7 +216,9 @@ def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(laser_scan: Proble
 def ball_at(problem: Problem, roll: float, tilt: float, depth: float, radius: float) -> Eye:
     """The eye with a ball for a lens, on the axis of a tool at this roll and tilt."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    place = tip_position(mechanism, inverse_task(mechanism, [[roll, tilt, 0.0, depth]]).joints[0, :1])[0]
+    place = tip_position(
+        mechanism, inverse_task(mechanism, [[roll, tilt, 0.0, depth]]).joints[0, :1]
+    )[0]
     assert problem.eye is not None
     lens = Lens(frozen(place, (3,)), frozen([radius] * 3, (3,)), frozen(np.eye(3), (3, 3)))
     return dataclasses.replace(problem.eye, lens=lens, clearance=0.5e-3)
@@ -194,14 +233,23 @@ def ball_at(problem: Problem, roll: float, tilt: float, depth: float, radius: fl
     ],
 )
 def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
-    laser_scan: Problem, tilt: float, depth: float, rolls: tuple[float, float], ball: tuple[float, float]
+    laser_scan: Problem,
+    tilt: float,
+    depth: float,
+    rolls: tuple[float, float],
+    ball: tuple[float, float],
 ) -> None:
     """No slower than through a point given by hand, and it does go back."""
     tilt, (begin, end) = np.radians(tilt), np.radians(rolls)
     eye = ball_at(laser_scan, 0.0, tilt, *ball)
     start = Task(roll=begin, tilt=tilt, spin=0.0, depth=depth)
     problem = dataclasses.replace(
-        laser_scan, start=start, motion=(Free(Task(roll=end)),), limits=(), eye=eye, objective="time"
+        laser_scan,
+        start=start,
+        motion=(Free(Task(roll=end)),),
+        limits=(),
+        eye=eye,
+        objective="time",
     )
     result = plan(problem)
     assert result.passed

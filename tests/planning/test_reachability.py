@@ -25,7 +25,11 @@ def random_rows(rng: np.random.Generator, grid: Array, *, viscous: bool) -> Line
     if viscous:
         a[:, 0], b[:, 0] = 0.0, np.abs(b[:, 0])
     ceiling = rng.uniform(0.5, 5) * (1.2 + np.sin(rng.uniform(1, 9) * grid))
-    rows = np.concatenate([a, -a], axis=1), np.concatenate([b, -b], axis=1), np.concatenate([c, -c], axis=1)
+    rows = (
+        np.concatenate([a, -a], axis=1),
+        np.concatenate([b, -b], axis=1),
+        np.concatenate([c, -c], axis=1),
+    )
     return LinearConstraints(*rows, np.zeros_like(rows[0]), ceiling)
 
 
@@ -44,7 +48,9 @@ def by_toppra(grid: Array, rows: LinearConstraints, speeds: tuple[float, float])
 
         def compute_constraint_params(self, *_: object, **__: object) -> tuple[object, ...]:
             collocated = rows.a, rows.b, rows.c, np.eye(count), np.ones(count)
-            a, b, c, f, g, *_ = canlinear_colloc_to_interpolate(*collocated, None, None, grid, identical=True)
+            a, b, c, f, g, *_ = canlinear_colloc_to_interpolate(
+                *collocated, None, None, grid, identical=True
+            )
             return a, b, c, f, g, None, np.stack([np.zeros(len(grid)), rows.ceiling], axis=1)
 
     class Line(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc, name-defined]
@@ -67,7 +73,9 @@ def random_case(seed: int) -> tuple[Array, LinearConstraints, tuple[float, float
     rng = np.random.default_rng(seed)
     grid = np.sort(np.concatenate([[0.0, 1.0], rng.uniform(0, 1, POINTS - 2)]))
     rows = random_rows(rng, grid, viscous=seed % 3 == 0)
-    first, last = (0.0, 0.0) if seed % 2 else np.sqrt(rows.ceiling[[0, -1]]) * rng.uniform(0, 0.5, 2)
+    first, last = (
+        (0.0, 0.0) if seed % 2 else np.sqrt(rows.ceiling[[0, -1]]) * rng.uniform(0, 0.5, 2)
+    )
     return grid, rows, (float(first), float(last))
 
 

@@ -40,7 +40,9 @@ def straight(**task: float) -> Motion:
 def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
     joints = list(problem.robot.joints)
     joints[i] = dataclasses.replace(joints[i], **changes)
-    return dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints)))
+    return dataclasses.replace(
+        problem, robot=dataclasses.replace(problem.robot, joints=tuple(joints))
+    )
 
 
 def weak(problem: Problem, i: int, factor: float) -> Problem:
@@ -83,8 +85,13 @@ def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
 
 def rolled(problem: Problem, _: Eye | None) -> Problem:
     """To joints, each within its own range, that roll the tool further than the problem allows."""
-    mechanism, limits = Mechanism.from_geometry(problem.robot.geometry), [j.position for j in problem.robot.joints]
-    found = inverse_task(mechanism, [[0.55, -1.9, 0.0, 0.001]], limits=limits, reference=np.zeros(4))
+    mechanism, limits = (
+        Mechanism.from_geometry(problem.robot.geometry),
+        [j.position for j in problem.robot.joints],
+    )
+    found = inverse_task(
+        mechanism, [[0.55, -1.9, 0.0, 0.001]], limits=limits, reference=np.zeros(4)
+    )
     first, second, third, fourth = found.joints[0, int(np.argmax(found.valid[0]))].tolist()
     return tilt(problem, motion=(Free(Joints((first, second, third, fourth))),))
 
@@ -102,16 +109,22 @@ class Case:
 def tilt(problem: Problem, **changes: Any) -> Problem:
     """A short tilt."""
     start = Task(**START)
-    return dataclasses.replace(problem, **{"start": start, "motion": (straight(tilt=-1.9),), **changes})
+    return dataclasses.replace(
+        problem, **{"start": start, "motion": (straight(tilt=-1.9),), **changes}
+    )
 
 
 def insertion(problem: Problem, depth: float = 0.015, **changes: Any) -> Problem:
     start = Task(**START)
-    return dataclasses.replace(problem, **{"start": start, "motion": (straight(depth=depth),), **changes})
+    return dataclasses.replace(
+        problem, **{"start": start, "motion": (straight(depth=depth),), **changes}
+    )
 
 
 CASES = {
-    "motor too weak on a line": Case(lambda p, _: weak(tilt(p), 0, 0.2), "motor torque", "roll", "straight"),
+    "motor too weak on a line": Case(
+        lambda p, _: weak(tilt(p), 0, 0.2), "motor torque", "roll", "straight"
+    ),
     "motor too weak at a point": Case(
         lambda p, _: weak(
             dataclasses.replace(tilt(p), motion=(Free(Task(**{"tilt": -1.9, "depth": 0.01})),)),
@@ -124,28 +137,47 @@ CASES = {
     ),
     "range of a joint": Case(lambda p, _: narrow(tilt(p)), "position", "tilt", "straight, at its"),
     "starts too fast": Case(
-        lambda p, _: insertion(p, start_rate={"depth": 0.03}), "velocity", "insertion", "straight, start rate"
+        lambda p, _: insertion(p, start_rate={"depth": 0.03}),
+        "velocity",
+        "insertion",
+        "straight, start rate",
     ),
     "no room to stop": Case(
-        lambda p, _: insertion(p, 0.0045, start_rate={"depth": 0.015}), "acceleration", "insertion", "straight"
+        lambda p, _: insertion(p, 0.0045, start_rate={"depth": 0.015}),
+        "acceleration",
+        "insertion",
+        "straight",
     ),
     "too little time for a motion": Case(
-        lambda p, _: insertion(p, motion=(dataclasses.replace(straight(depth=0.015), duration=0.3),)),
+        lambda p, _: insertion(
+            p, motion=(dataclasses.replace(straight(depth=0.015), duration=0.3),)
+        ),
         "duration",
         None,
         "straight",
     ),
     "too little time for all": Case(
-        lambda p, _: insertion(p, objective="effort", duration=0.3), "duration", None, "the whole motion"
+        lambda p, _: insertion(p, objective="effort", duration=0.3),
+        "duration",
+        None,
+        "the whole motion",
     ),
     "too near to the retina": Case(
-        lambda p, eye: in_eye(p, eye, {"depth": 0.0203}), "retina clearance", None, "straight, at its end"
+        lambda p, eye: in_eye(p, eye, {"depth": 0.0203}),
+        "retina clearance",
+        None,
+        "straight, at its end",
     ),
-    "too near to the lens": Case(lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "),
+    "too near to the lens": Case(
+        lambda p, eye: beside_lens(p, eye), "lens clearance", None, "straight, "
+    ),
     "a range of the task at joints": Case(rolled, "roll range", None, "free, at its end"),
     "cannot stop before its range": Case(
         lambda p, _: insertion(
-            p, motion=(Free(Task(**{"tilt": -1.7})),), start=Task(tilt=-1.425), start_rate={"tilt": 0.18}
+            p,
+            motion=(Free(Task(**{"tilt": -1.7})),),
+            start=Task(tilt=-1.425),
+            start_rate={"tilt": 0.18},
         ),
         "tilt range",
         None,
@@ -205,7 +237,9 @@ def test_a_reason_says_what_where_and_by_how_much(unplanned: Unplanned, name: st
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if CASES[name].constraint != "direction"])
-def test_its_relaxation_does_and_five_per_cent_less_does_not(unplanned: Unplanned, name: str) -> None:
+def test_its_relaxation_does_and_five_per_cent_less_does_not(
+    unplanned: Unplanned, name: str
+) -> None:
     result, cure = unplanned(name).plan, unplanned(name).cure
     assert cure is not None
     assert cure.works
@@ -255,25 +289,37 @@ def test_two_limits_in_the_way_are_relaxed_together(tilt_insert: Problem) -> Non
     assert "tried together, takes" in reason.relaxation
 
 
-def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(tilt_insert: Problem) -> None:
+def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(
+    tilt_insert: Problem,
+) -> None:
     robot = dataclasses.replace(tilt_insert.robot, limits=())
-    problem = dataclasses.replace(tilt_insert, robot=robot, limits=(), motion=(straight(tilt=np.radians(-140)),))
+    problem = dataclasses.replace(
+        tilt_insert, robot=robot, limits=(), motion=(straight(tilt=np.radians(-140)),)
+    )
     with pytest.raises(ProblemError, match="the speed of joint tilt grows without bound") as caught:
         plan(problem)
     assert "-139.778 deg to -79.778 deg" in str(caught.value)
 
 
-def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(tilt_insert: Problem) -> None:
+def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(
+    tilt_insert: Problem,
+) -> None:
     # joint 1 cannot go on beyond its range, and back it would take the tool around
     start = Joints((np.radians(294.1), np.radians(73.2), np.radians(39.4), -0.01))
     target = Free(Task(np.radians(16.7), np.radians(-136.5), np.radians(35.0), 0.01))
     found = plan_motion(dataclasses.replace(tilt_insert, start=start, motion=(target,)))
     assert found.reason is not None
-    assert found.reason.limit == next(each for each in tilt_insert.limits if each.name == TaskRange.name_of("roll"))
-    assert found.reason.message.startswith("roll would have to be -343.3 deg, its range ends at -30 deg")
+    assert found.reason.limit == next(
+        each for each in tilt_insert.limits if each.name == TaskRange.name_of("roll")
+    )
+    assert found.reason.message.startswith(
+        "roll would have to be -343.3 deg, its range ends at -30 deg"
+    )
 
 
-def test_the_clock_does_not_bound_what_is_searched(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_clock_does_not_bound_what_is_searched(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The same reason is found however long it takes: what counts is what was solved, not the time that it took."""
     asked: list[Problem] = []
 
@@ -283,7 +329,12 @@ def test_the_clock_does_not_bound_what_is_searched(tilt_insert: Problem, monkeyp
         return Reason(None, None, None, None, "no")
 
     monkeypatch.setattr("time.process_time", lambda: 1e3 * len(asked))
-    assert search(tilt_insert, Reason(None, "insert", None, None, "no motion found"), never, patience=10.0) is None
+    assert (
+        search(
+            tilt_insert, Reason(None, "insert", None, None, "no motion found"), never, patience=10.0
+        )
+        is None
+    )
     assert 9 <= len(asked) <= 10
 
 
@@ -314,9 +365,17 @@ def test_joint_2_past_the_workspace_boundary_is_named_before_anything_is_solved(
 ) -> None:
     """On the second branch the range of joint 2 leaves one way, past the boundary at -79.778 deg of tilt."""
     start, target = (Joints((0.0, np.radians(angle), 0.0, -0.004)) for angle in (begin, end))
-    problem = dataclasses.replace(tilt_insert, start=start, motion=(Free(target),), limits=(), objective="time")
-    robot = dataclasses.replace(problem.robot, limits=tuple(x for x in problem.robot.limits if x.name == "tilt range"))
-    result = plan(dataclasses.replace(problem, robot=robot, limits=(TaskRange("tilt", *np.radians([-139, -81])),)))
+    problem = dataclasses.replace(
+        tilt_insert, start=start, motion=(Free(target),), limits=(), objective="time"
+    )
+    robot = dataclasses.replace(
+        problem.robot, limits=tuple(x for x in problem.robot.limits if x.name == "tilt range")
+    )
+    result = plan(
+        dataclasses.replace(
+            problem, robot=robot, limits=(TaskRange("tilt", *np.radians([-139, -81])),)
+        )
+    )
     assert result.status == "infeasible"
     reason = result.reason
     assert (reason.constraint, reason.joint) == ("tilt range", None)

@@ -14,7 +14,9 @@ from ssm_planner.problem.problem import Problem
 
 
 @given(st.lists(st.floats(-1.0, 0.5), min_size=1, max_size=30))
-def test_every_excess_is_tightened_by_more_than_itself_and_neighbours_by_little(found: list[float]) -> None:
+def test_every_excess_is_tightened_by_more_than_itself_and_neighbours_by_little(
+    found: list[float],
+) -> None:
     excess = np.array(found)[:, None]
     more = backoff_of(excess)
     assert more.shape == excess.shape
@@ -35,7 +37,9 @@ def test_tightening_fades_with_the_distance() -> None:
     assert 0 < more[8] < more[9] < more[10]
 
 
-def test_the_same_program_is_not_solved_again(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_program_is_not_solved_again(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = plan_motion(tilt_insert)
     solved: list[int] = []
     monkeypatch.setattr(program, "ipopt", lambda *_, **__: solved.append(1))
@@ -47,4 +51,6 @@ def test_the_same_program_is_not_solved_again(tilt_insert: Problem, monkeypatch:
 def test_what_was_forgotten_is_solved_again_to_the_same_digits(tilt_insert: Problem) -> None:
     first = plan_motion(tilt_insert)
     program.forget_solutions()
-    assert np.array_equal(plan_motion(tilt_insert).trajectory.coefficients, first.trajectory.coefficients)
+    assert np.array_equal(
+        plan_motion(tilt_insert).trajectory.coefficients, first.trajectory.coefficients
+    )

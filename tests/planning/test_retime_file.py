@@ -30,19 +30,28 @@ def retimed(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> dict[s
 
 @pytest.mark.parametrize(("kind", "speed"), [("csv", 0.2), ("ros2", 0.5)])
 def test_a_slowed_export_is_as_fast_again(
-    tilt_insert: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, speed: float
+    tilt_insert: Problem,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    kind: str,
+    speed: float,
 ) -> None:
     made = plan(replace(tilt_insert, objective="time"))
     made.save(tmp_path / "plan")
     export(tmp_path / "plan", kind, tmp_path / kind, speed=speed)
-    found = retimed(tmp_path / kind / ("bag" if kind == "ros2" else "trajectory.csv"), tmp_path / "out", capsys)
+    found = retimed(
+        tmp_path / kind / ("bag" if kind == "ros2" else "trajectory.csv"), tmp_path / "out", capsys
+    )
     assert found["passed"]
     assert found["duration_in_file"] == pytest.approx(made.duration / speed, rel=1e-3)
     assert found["duration"] == pytest.approx(made.duration, rel=1e-3)
     assert found["runs"] == 2
     again = Plan.from_json((tmp_path / "out/plan.json").read_bytes(), tmp_path / "out/plan.json")
     assert again.passed
-    assert again.to_dict()["problem"] == json.loads((tmp_path / "out/plan.json").read_text())["problem"]
+    assert (
+        again.to_dict()["problem"]
+        == json.loads((tmp_path / "out/plan.json").read_text())["problem"]
+    )
     # every point of the new motion lies on the old path
     old = made.motion.sample(np.linspace(0.0, made.duration, 20_000)).q
     new = again.motion.sample(np.linspace(0.0, again.duration, 50)).q
@@ -51,10 +60,16 @@ def test_a_slowed_export_is_as_fast_again(
     assert distance.max() < 1e-3
 
 
-def test_points_alone_are_a_curve_with_rests_at_its_corners(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_points_alone_are_a_curve_with_rests_at_its_corners(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     angle = np.linspace(0, np.pi, 40)
-    curve = np.column_stack([0.2 * np.sin(angle), 0.6 + 0.1 * np.cos(angle), 0 * angle, -0.01 + 0.003 * np.sin(angle)])
-    points = np.concatenate([curve, curve[-1] + np.linspace(0, 1, 10)[1:, None] * [0.2, 0.0, 0.3, 0.0]])
+    curve = np.column_stack(
+        [0.2 * np.sin(angle), 0.6 + 0.1 * np.cos(angle), 0 * angle, -0.01 + 0.003 * np.sin(angle)]
+    )
+    points = np.concatenate(
+        [curve, curve[-1] + np.linspace(0, 1, 10)[1:, None] * [0.2, 0.0, 0.3, 0.0]]
+    )
     rows = np.column_stack([np.arange(len(points)) * 1.0, points])
     np.savetxt(
         tmp_path / "points.csv",
@@ -77,7 +92,10 @@ def test_paths_are_cut_at_corners_and_reversals_alone() -> None:
     assert len(smooth_runs(circle, np.ones(4))) == 1
     there_and_back = np.concatenate([circle, circle[-2::-1]])
     assert [len(run) for run in smooth_runs(there_and_back, np.ones(4))] == [100, 100]
-    assert [len(run) for run in smooth_runs(np.repeat(there_and_back, 3, axis=0), np.ones(4))] == [100, 100]
+    assert [len(run) for run in smooth_runs(np.repeat(there_and_back, 3, axis=0), np.ones(4))] == [
+        100,
+        100,
+    ]
     assert smooth_runs(np.ones((5, 4)), np.ones(4)) == []
 
 
@@ -89,8 +107,12 @@ def test_paths_are_cut_at_corners_and_reversals_alone() -> None:
         (["--robot", str(ROBOT), "--problem", "tilt_insert"], "whose joints are these?"),
     ],
 )
-def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:
-    (tmp_path / "still.csv").write_text("time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0.5,0,-0.01\n1,0,0.5,0,-0.01\n")
+def test_bad_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    (tmp_path / "still.csv").write_text(
+        "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0.5,0,-0.01\n1,0,0.5,0,-0.01\n"
+    )
     assert main(["retime", str(tmp_path / "still.csv"), *arguments]) == 2
     assert message in capsys.readouterr().err
 

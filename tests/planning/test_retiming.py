@@ -38,7 +38,9 @@ def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:
 
 
 @pytest.mark.parametrize(("factor", "passes"), [(0.35, 6), (0.29, 10)])
-def test_the_viscous_tangents_settle(tilt_insert: Problem, factor: float, passes: int, weaker: Weaker) -> None:
+def test_the_viscous_tangents_settle(
+    tilt_insert: Problem, factor: float, passes: int, weaker: Weaker
+) -> None:
     robot = weaker(tilt_insert.robot, factor)
     path = paths(tilt_insert)[0]
     result = retime(path, robot)
@@ -56,7 +58,9 @@ def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
     for torque in (0.7e-3, 0.6e-3, 0.5e-3, 0.45e-3, 0.4e-3):
         joints = tilt_insert.robot.joints
         assert joints[3].motor is not None
-        weak = replace(joints[3], motor=replace(joints[3].motor, max_torque=torque, nominal_torque=torque))
+        weak = replace(
+            joints[3], motor=replace(joints[3].motor, max_torque=torque, nominal_torque=torque)
+        )
         robot = replace(tilt_insert.robot, joints=(*joints[:3], weak))
         result = retime(path, robot, static=static)
         assert result.solved
@@ -80,7 +84,9 @@ def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Pr
     low, here, high = path.sample(s - h), path.sample(s), path.sample(s + h)
     assert np.allclose((high.q - low.q) / (2 * h), here.dq, rtol=1e-6, atol=1e-8)
     assert np.allclose((high.dq - low.dq) / (2 * h), here.ddq, rtol=1e-6, atol=1e-6)
-    assert np.allclose((high.ddq - low.ddq) / (2 * h), path.third_derivative(s), rtol=1e-5, atol=1e-5)
+    assert np.allclose(
+        (high.ddq - low.ddq) / (2 * h), path.third_derivative(s), rtol=1e-5, atol=1e-5
+    )
 
 
 def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
@@ -114,7 +120,9 @@ def test_a_slow_motion_is_re_timed_to_the_fastest_along_its_path(small_move: Pro
     planned = plan_motion(small_move)
     (phase,), trajectory = planned.phases, planned.trajectory
     assert trajectory is not None
-    slow = Trajectory(2.5 * trajectory.breaks, trajectory.coefficients / 2.5 ** np.arange(6)[:, None], ())
+    slow = Trajectory(
+        2.5 * trajectory.breaks, trajectory.coefficients / 2.5 ** np.arange(6)[:, None], ()
+    )
     knots, signs = np.array([0.0, 1.0]), np.sign(np.diff(phase.phase.points, axis=0))
     path = MotionPath(Mechanism.from_geometry(small_move.robot.geometry), slow, knots, signs)
     again = retime_motion(path, small_move.robot, small_move.task_limits)
@@ -134,16 +142,24 @@ def test_a_cross_check_that_differs_more_than_promised_has_failed(tilt_insert: P
 
 def test_paths_are_timed_together_as_each_alone(tilt_insert: Problem) -> None:
     """The path of a motion, and others of its mesh over shares of its way."""
-    problem = replace(tilt_insert, motion=(Free(Task(tilt=np.radians(-120), depth=0.012)),), planner="fast")
+    problem = replace(
+        tilt_insert, motion=(Free(Task(tilt=np.radians(-120), depth=0.012)),), planner="fast"
+    )
     phase = plan_motion(problem).phases[0]
     breaks, coefficients = phase.motion.breaks, phase.motion.coefficients
     shares = np.ones((4, 6, 1))
     shares[:, 1:] = np.array([1.0, 0.9, 0.7, 0.2])[:, None, None]
     whole = shares * coefficients[:, None]
-    whole[:, :, 0] = phase.phase.q_start + shares[:, 1] * (coefficients[:, 0] - phase.phase.q_start)[:, None]
-    mechanism, knots = Mechanism.from_geometry(problem.robot.geometry), phase.motion.borders / breaks[-1]
+    whole[:, :, 0] = (
+        phase.phase.q_start + shares[:, 1] * (coefficients[:, 0] - phase.phase.q_start)[:, None]
+    )
+    mechanism, knots = (
+        Mechanism.from_geometry(problem.robot.geometry),
+        phase.motion.borders / breaks[-1],
+    )
     paths = [
-        MotionPath(mechanism, Trajectory(breaks, whole[:, k], ()), knots, phase.motion.directions) for k in range(4)
+        MotionPath(mechanism, Trajectory(breaks, whole[:, k], ()), knots, phase.motion.directions)
+        for k in range(4)
     ]
     given = problem.robot, problem.task_limits, 200, 0.999
     alone = [retime_motion(path, *given).duration for path in paths]

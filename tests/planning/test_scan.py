@@ -40,13 +40,19 @@ def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
 
 def phases(result: Plan) -> tuple[Phase, ...]:
     """The phases of a plan with the points that they pass."""
-    return feasible_phases(result.problem, Mechanism.from_geometry(result.problem.robot.geometry))[0]
+    return feasible_phases(result.problem, Mechanism.from_geometry(result.problem.robot.geometry))[
+        0
+    ]
 
 
 def spots(result: Plan) -> list[Array]:
     """Tips (n, 3) at the spots of every run of the motion, ends of phases included; the tip's way there left out."""
     mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
-    return [tip_position(mechanism, phase.points[1:]) for phase in phases(result) if phase.motion.kind == "free"]
+    return [
+        tip_position(mechanism, phase.points[1:])
+        for phase in phases(result)
+        if phase.motion.kind == "free"
+    ]
 
 
 def on_retina(result: Plan, tips: Array) -> Array:
@@ -75,16 +81,22 @@ def _axis(mechanism: Mechanism) -> Array:
 
 
 @pytest.mark.parametrize("scan", [RING, THREE, RASTER])
-def test_every_spot_is_at_the_distance_and_passed_by_the_tip(laser_scan: Problem, scan: Scan) -> None:
+def test_every_spot_is_at_the_distance_and_passed_by_the_tip(
+    laser_scan: Problem, scan: Scan
+) -> None:
     result = scanning(laser_scan, scan)
     eye, mechanism = laser_scan.eye, Mechanism.from_geometry(laser_scan.robot.geometry)
     assert eye is not None
     at_breaks = tip_position(mechanism, result.trajectory.sample(result.trajectory.breaks).q)
     tips = np.concatenate(spots(result))
-    assert np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(eye.radius - DISTANCE, abs=1e-9)
+    assert np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(
+        eye.radius - DISTANCE, abs=1e-9
+    )
     for tip in tips:
         assert np.linalg.norm(at_breaks - tip, axis=1).min() < 1e-9
-    tasks = np.concatenate([task_from_joints(mechanism, phase.points[1:]) for phase in phases(result)])
+    tasks = np.concatenate(
+        [task_from_joints(mechanism, phase.points[1:]) for phase in phases(result)]
+    )
     assert tasks[:, 2] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -137,13 +149,18 @@ def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan
     first = int(np.searchsorted(at_breaks.t, passing.phases[0].duration))
     passed = [
         first,
-        *(first + int(np.abs(at_breaks.q[first:] - point).max(axis=1).argmin()) for point in points[1:-1]),
+        *(
+            first + int(np.abs(at_breaks.q[first:] - point).max(axis=1).argmin())
+            for point in points[1:-1]
+        ),
         -1,
     ]
     for k, on, before, behind in zip(passed[1:-1], going_on, passed[:-2], passed[2:], strict=True):
         assert np.all(at_breaks.qd[k][on] != 0)
         # a joint that goes back turns at the point, or beside it
-        speeds = passing.trajectory.sample(np.linspace(at_breaks.t[before], at_breaks.t[behind], 400)).qd[:, ~on]
+        speeds = passing.trajectory.sample(
+            np.linspace(at_breaks.t[before], at_breaks.t[behind], 400)
+        ).qd[:, ~on]
         assert np.all((speeds.min(axis=0) <= 0) & (speeds.max(axis=0) >= 0))
 
 
@@ -160,7 +177,9 @@ def test_a_tilt_out_of_reach_is_bad_input(laser_scan: Problem) -> None:
     motion = dataclasses.replace(RING, at=Task(tilt=float(np.radians(-141))), name="ring")
     robot = dataclasses.replace(laser_scan.robot, limits=())
     problem = dataclasses.replace(laser_scan, robot=robot, motion=(motion,), limits=())
-    with pytest.raises(ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"):
+    with pytest.raises(
+        ProblemError, match=r"cannot reach this tilt .allowed: -139\.778 deg to -79\.778 deg"
+    ):
         plan(problem)
 
 
@@ -181,7 +200,10 @@ def test_the_fastest_order_of_few_places_is_the_best_of_all_orders() -> None:
 
 def test_the_fastest_order_visits_every_spot_once_and_takes_less(laser_scan: Problem) -> None:
     scan = dataclasses.replace(THREE, dwell=0.02)
-    given, fastest = (scanning(laser_scan, dataclasses.replace(scan, order=order)) for order in ("given", "fastest"))
+    given, fastest = (
+        scanning(laser_scan, dataclasses.replace(scan, order=order))
+        for order in ("given", "fastest")
+    )
     own, other = (np.concatenate(spots(result)) for result in (given, fastest))
     assert len(own) == len(other)
     assert np.lexsort(own.T).tolist() != np.lexsort(other.T).tolist()

@@ -20,15 +20,24 @@ from ssm_planner.problem.problem import Problem
 def stribeck(drive: Drive) -> Drive:
     """mu + mu_stribeck = 0.4 as speed tends to 0, mu_static = 0.25."""
     friction = dataclasses.replace(
-        drive.friction, law="stribeck_gaussian", mu=0.2, mu_static=0.25, mu_stribeck=0.2, stribeck_speed=1.0
+        drive.friction,
+        law="stribeck_gaussian",
+        mu=0.2,
+        mu_static=0.25,
+        mu_stribeck=0.2,
+        stribeck_speed=1.0,
     )
     return dataclasses.replace(drive, friction=friction)
 
 
 @pytest.mark.parametrize("sigma", [1.0, -1.0])
-def test_the_planners_torque_at_a_start_is_the_breakaway_torque(tilt_insert: Problem, sigma: float) -> None:
+def test_the_planners_torque_at_a_start_is_the_breakaway_torque(
+    tilt_insert: Problem, sigma: float
+) -> None:
     drive = stribeck(tilt_insert.robot.joints[0].drive)
-    at = SimpleNamespace(sigma=[ca.SX(sigma)], qd=[ca.SX(0)], qdd=[ca.SX(0)], tau_rigid=[ca.SX(0.3)])
+    at = SimpleNamespace(
+        sigma=[ca.SX(sigma)], qd=[ca.SX(0)], qdd=[ca.SX(0)], tau_rigid=[ca.SX(0.3)]
+    )
     found = max(float(value) for value in directed_torques(drive, at, 0, breakaway=True))
     assert found == pytest.approx(sigma * breakaway_torque(drive, 0.3, sigma, mu=0.4), rel=1e-12)
 
@@ -48,7 +57,9 @@ def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:
     phase = SimpleNamespace(motion=SimpleNamespace(name="motion 1"))
     needed = abs(float(breakaway_torque(drive, load[most], sign, mu=0.4)))
     motor = dataclasses.replace(joint.motor, max_torque=0.99 * needed)
-    weak = dataclasses.replace(robot, joints=(dataclasses.replace(joint, drive=drive, motor=motor), *robot.joints[1:]))
+    weak = dataclasses.replace(
+        robot, joints=(dataclasses.replace(joint, drive=drive, motor=motor), *robot.joints[1:])
+    )
     reason = motor_too_weak(SimpleNamespace(robot=weak), phase, path)
     assert reason is not None
     assert reason.joint == joint.name

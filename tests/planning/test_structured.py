@@ -32,7 +32,9 @@ from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.text import verdicts
 
-pytestmark = pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
+pytestmark = pytest.mark.skipif(
+    not available(), reason="the package is built without its compiled part"
+)
 SAME = 1e-6
 """Share of the duration within which both solvers agree."""
 Solve = tuple[Any, Any, Any, InitialPoint, NlpSolution]
@@ -43,7 +45,9 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
     """What the structured solver was asked, and its answers."""
     found: list[Solve] = []
 
-    def noted(structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any) -> NlpSolution:
+    def noted(
+        structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any
+    ) -> NlpSolution:
         solution = solve_structured(structure, element, data, start, **options)
         found.append((structure, element, data, start, solution))
         return solution
@@ -56,7 +60,9 @@ def fast(problem: Problem) -> Problem:
     return unchecked(problem, planner="fast")
 
 
-def gives_up(structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any) -> NlpSolution:
+def gives_up(
+    structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any
+) -> NlpSolution:
     solution = solve_structured(structure, element, data, start, **options)
     return dataclasses.replace(solution, message=NOT_CONVERGED)
 
@@ -76,9 +82,17 @@ def agree(solves: list[Solve]) -> int:
 
 @pytest.mark.parametrize(
     ("name", "jerk"),
-    [("tilt_insert", None), ("tilt_insert", 35.0), ("waypoints", None), ("waypoints", 35.0), ("laser_scan", None)],
+    [
+        ("tilt_insert", None),
+        ("tilt_insert", 35.0),
+        ("waypoints", None),
+        ("waypoints", 35.0),
+        ("laser_scan", None),
+    ],
 )
-def test_shipped_problems(name: str, jerk: float | None, solves: list[Solve], with_jerk: Any) -> None:
+def test_shipped_problems(
+    name: str, jerk: float | None, solves: list[Solve], with_jerk: Any
+) -> None:
     problem = dataclasses.replace(load_problem(f"problems/{name}.yaml"), objective="time")
     if jerk is not None:
         problem = unchecked(problem, robot=with_jerk(problem.robot, jerk, jerk / 10))
@@ -99,7 +113,9 @@ def test_random_problems(seed: int, solves: list[Solve], tilt_insert: Problem) -
 
 
 def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem) -> None:
-    ours, ipopts = (plan(dataclasses.replace(tilt_insert, planner=planner)) for planner in ("fast", "ipopt"))
+    ours, ipopts = (
+        plan(dataclasses.replace(tilt_insert, planner=planner)) for planner in ("fast", "ipopt")
+    )
     assert ours.certificate is not None
     assert ours.certificate.passed
     assert ours.duration == pytest.approx(ipopts.duration, rel=SAME)
@@ -108,7 +124,9 @@ def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem)
     assert not any(line.startswith(("solver", "cross-check")) for line in verdicts(ipopts))
 
 
-def test_ipopt_solves_where_it_does_not_converge(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ipopt_solves_where_it_does_not_converge(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(refinement, "solve_structured", gives_up)
     found = plan(fast(tilt_insert))
     assert found.certificate is not None
@@ -117,7 +135,9 @@ def test_ipopt_solves_where_it_does_not_converge(tilt_insert: Problem, monkeypat
     assert any(line.split() == ["solver", "Ipopt"] for line in verdicts(found))
 
 
-def test_joints_that_turn_back_at_points_need_no_ipopt(monkeypatch: pytest.MonkeyPatch, solves: list[Solve]) -> None:
+def test_joints_that_turn_back_at_points_need_no_ipopt(
+    monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
+) -> None:
     monkeypatch.delattr(Transcription, "solve")
     planned = plan_motion(fast(load_problem("problems/waypoints.yaml")))
     assert planned.status == "solved"
@@ -145,7 +165,10 @@ def test_a_solution_is_where_its_neighbour_starts(
     """Bounds lowered by little: a few iterations, none of them in vain."""
     to = Task(roll=0.3, tilt=np.radians(tilt), spin=-0.4, depth=0.02)
     problem = dataclasses.replace(
-        tilt_insert, motion=(Free(to),), limits=(*tilt_insert.limits, TipSpeed(speed)), objective="time"
+        tilt_insert,
+        motion=(Free(to),),
+        limits=(*tilt_insert.limits, TipSpeed(speed)),
+        objective="time",
     )
     assert plan_motion(fast(problem)).status == "solved"
     warm = [own for _, _, _, start, own in solves if start.structured is not None]
@@ -206,7 +229,10 @@ def test_the_mesh_is_finer_where_the_closed_form_is_not_the_fastest(
     points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
     found = solve_free(tilt_insert, mechanism, points, method="confirmed")
     limits = ((joint.velocity, joint.acceleration) for joint in tilt_insert.robot.joints)
-    alone = [rest_to_rest(abs(way), *most).duration for way, most in zip(points[1] - points[0], limits, strict=True)]
+    alone = [
+        rest_to_rest(abs(way), *most).duration
+        for way, most in zip(points[1] - points[0], limits, strict=True)
+    ]
     assert found.duration == pytest.approx(max(alone), rel=1e-6)
     coarse = max(structure.elements for structure, *_ in solves)
     solves.clear()
@@ -220,7 +246,9 @@ def test_a_motion_left_when_it_was_about_the_fastest_is_worked_out_to_the_same(
 ) -> None:
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
     points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
-    problem = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time")
+    problem = dataclasses.replace(
+        tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time"
+    )
     whole = solve_free(problem, mechanism, points, method="confirmed")
     about = solve_free(problem, mechanism, points, method="confirmed", about=True)
     assert about.rest is not None
@@ -232,7 +260,9 @@ def test_a_motion_left_when_it_was_about_the_fastest_is_worked_out_to_the_same(
     assert about.duration == pytest.approx(whole.duration, rel=1e-3)
 
 
-def test_ipopt_alone_where_there_is_nothing_to_confirm(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ipopt_alone_where_there_is_nothing_to_confirm(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     problem = dataclasses.replace(
         tilt_insert, objective="time", motion=tilt_insert.motion[1:], start=tilt_insert.motion[0].to
     )
@@ -241,7 +271,11 @@ def test_ipopt_alone_where_there_is_nothing_to_confirm(tilt_insert: Problem, mon
 
     def does_not_confirm(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
         found = solve(self, *given, confirming=confirming)
-        return dataclasses.replace(found, message="Maximum_Iterations_Exceeded") if confirming else found
+        return (
+            dataclasses.replace(found, message="Maximum_Iterations_Exceeded")
+            if confirming
+            else found
+        )
 
     with monkeypatch.context() as patch:
         patch.setattr(Transcription, "solve", does_not_confirm)
@@ -268,7 +302,9 @@ def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.M
     assert found.passed
     assert {phase.solver for phase in found.phases} == {"structured"}
     assert found.duration == pytest.approx(sum(durations(problem, planner="fast")), rel=1e-12)
-    assert any("differ by up to 1e-03: the shorter motion is taken" in line for line in verdicts(found))
+    assert any(
+        "differ by up to 1e-03: the shorter motion is taken" in line for line in verdicts(found)
+    )
 
 
 @pytest.mark.parametrize("planner", ["fast", "optimal"])
@@ -335,7 +371,9 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
     joints = tuple(
         joint
         if joint.motor is None
-        else dataclasses.replace(joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque))
+        else dataclasses.replace(
+            joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque)
+        )
         for joint in problem.robot.joints
     )
     robot = dataclasses.replace(problem.robot, joints=joints)
@@ -344,7 +382,9 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
     deep = Task(roll=-0.1, tilt=-2.05, spin=0.3, depth=0.016)
     durations = []
     for start, goal in ((problem.start, deep), (deep, problem.start)):
-        there = dataclasses.replace(problem, robot=robot, limits=limits, eye=eye, start=start, motion=(Free(goal),))
+        there = dataclasses.replace(
+            problem, robot=robot, limits=limits, eye=eye, start=start, motion=(Free(goal),)
+        )
         found = plan(fast(there), relaxations=False)
         assert found.passed
         assert {phase.solver for phase in found.phases} == {"structured"}
@@ -354,14 +394,20 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
 
 def faster_starting(problem: Problem, times: float, **to: float) -> Problem:
     """One straight motion, with jerk limits that let every joint reach its acceleration in 1/times s."""
-    joints = tuple(unchecked(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints)
+    joints = tuple(
+        unchecked(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints
+    )
     start = Task(tilt=np.radians(-85.0), depth=0.0)
     robot = unchecked(problem.robot, joints=joints)
-    return dataclasses.replace(problem, robot=robot, start=start, motion=(Straight(**to),), objective="time")
+    return dataclasses.replace(
+        problem, robot=robot, start=start, motion=(Straight(**to),), objective="time"
+    )
 
 
 @pytest.mark.parametrize(("depth", "times"), [(6e-3, 3.0), (29e-3, 10.0), (15e-3, 30.0)])
-def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(tilt_insert: Problem, depth: float, times: float) -> None:
+def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(
+    tilt_insert: Problem, depth: float, times: float
+) -> None:
     problem = faster_starting(tilt_insert, times, depth=depth)
     own = problem.robot.joints[3]
     found = plan(problem)

@@ -31,15 +31,23 @@ def test_as_long_as_the_closed_form_says(tilt_insert: Problem, kind: str, depth:
     joint = tilt_insert.robot.joints[3]
     result = plan(inserting(tilt_insert, kind, depth))
     assert result.passed
-    assert result.duration == pytest.approx(rest_to_rest(depth, joint.velocity, joint.acceleration).duration, rel=1e-3)
+    assert result.duration == pytest.approx(
+        rest_to_rest(depth, joint.velocity, joint.acceleration).duration, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
 @pytest.mark.parametrize("first", [True, False])
-def test_a_move_to_where_the_robot_is_takes_no_time_and_is_said(tilt_insert: Problem, kind: str, first: bool) -> None:
+def test_a_move_to_where_the_robot_is_takes_no_time_and_is_said(
+    tilt_insert: Problem, kind: str, first: bool
+) -> None:
     alone, still = inserting(tilt_insert, kind, 1e-3), inserting(tilt_insert, kind, 0.0)
     there = dataclasses.replace(inserting(tilt_insert, kind, 1e-3).motion[0], name="again")
-    motion = (dataclasses.replace(still.motion[0], name="again"), *alone.motion) if first else (*alone.motion, there)
+    motion = (
+        (dataclasses.replace(still.motion[0], name="again"), *alone.motion)
+        if first
+        else (*alone.motion, there)
+    )
     result, expected = plan(dataclasses.replace(alone, motion=motion)), plan(alone)
     assert result.passed
     assert result.duration == expected.duration
@@ -53,7 +61,9 @@ def test_a_move_to_where_the_robot_is_lasts_as_long_as_asked_for(tilt_insert: Pr
     still = dataclasses.replace(inserting(tilt_insert, "straight", 0.0).motion[0], duration=0.5)
     alone = inserting(tilt_insert, "straight", 1e-3)
     result = plan(
-        dataclasses.replace(alone, motion=(*alone.motion, dataclasses.replace(still, depth=START["depth"] + 1e-3)))
+        dataclasses.replace(
+            alone, motion=(*alone.motion, dataclasses.replace(still, depth=START["depth"] + 1e-3))
+        )
     )
     assert result.passed
     assert result.phases[1].duration == 0.5

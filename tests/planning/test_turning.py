@@ -51,17 +51,30 @@ def to_anywhere(tilt_insert: Problem) -> Problem:
 
 
 def optimum(
-    problem: Problem, q: Array, qd: Array, target: Array, *, qd_end: Array | None = None, pull: Array | None = None
+    problem: Problem,
+    q: Array,
+    qd: Array,
+    target: Array,
+    *,
+    qd_end: Array | None = None,
+    pull: Array | None = None,
 ) -> float:
     """The slowest joint alone, by Ruckig."""
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
     slowest = 0.0
     for i, joint in enumerate(problem.robot.joints):
         task, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
-        task.current_position, task.current_velocity, task.target_position = [q[i]], [qd[i]], [target[i]]
+        task.current_position, task.current_velocity, task.target_position = (
+            [q[i]],
+            [qd[i]],
+            [target[i]],
+        )
         task.target_velocity = [0.0 if qd_end is None else qd_end[i]]
         task.current_acceleration = [0.0 if pull is None else pull[i]]
-        task.max_velocity, task.max_acceleration = [joint.velocity], [(1 + 1e-9) * joint.acceleration]
+        task.max_velocity, task.max_acceleration = (
+            [joint.velocity],
+            [(1 + 1e-9) * joint.acceleration],
+        )
         task.max_jerk = [joint.jerk or np.inf]
         assert ruckig.Ruckig(1).calculate(task, found) == ruckig.Result.Working
         slowest = max(slowest, found.duration)
@@ -118,13 +131,19 @@ def test_where_jerk_is_limited_the_acceleration_goes_on_too(
 def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: Problem) -> None:
     first, last = Joints((-0.3, 0.5, 0.1, -0.008)), Joints((0.3, -0.2, 0.5, -0.015))
     rate = {"depth": -0.012}
-    problem = dataclasses.replace(tilt_insert, objective="time", start=first, motion=(Free(last),), end_rate=rate)
+    problem = dataclasses.replace(
+        tilt_insert, objective="time", start=first, motion=(Free(last),), end_rate=rate
+    )
     found = plan(problem)
     assert found.passed, found.reason
     depth = found.motion.uniform(500).q[:, 3]
     assert depth.min() < -0.015 - 0.9 * 0.012**2 / 0.2  # beyond the target by its braking way
     least = optimum(
-        problem, np.array(first.values), np.zeros(4), np.array(last.values), qd_end=np.array([0, 0, 0, 0.012])
+        problem,
+        np.array(first.values),
+        np.zeros(4),
+        np.array(last.values),
+        qd_end=np.array([0, 0, 0, 0.012]),
     )
     assert found.duration == pytest.approx(least, rel=1e-4)
 
@@ -134,13 +153,19 @@ def test_too_fast_to_stop_before_the_target_it_overshoots(tilt_insert: Problem) 
     motion = (Free(Task(depth=start + 0.0005)),)
     first = Task(tilt=-1.6, depth=start)
     found = plan(
-        dataclasses.replace(tilt_insert, objective="time", start=first, motion=motion, start_rate={"depth": speed})
+        dataclasses.replace(
+            tilt_insert, objective="time", start=first, motion=motion, start_rate={"depth": speed}
+        )
     )
     assert found.passed, found.reason
     a = tilt_insert.robot.joints[3].acceleration
     beyond = speed**2 / (2 * a) - 0.0005
     assert found.duration == pytest.approx(speed / a + 2 * np.sqrt(beyond / a), rel=1e-4)
-    missed = check(found.motion, found.robot, dataclasses.replace(found.limits, start_rate={"depth": 0.9 * speed}))
+    missed = check(
+        found.motion,
+        found.robot,
+        dataclasses.replace(found.limits, start_rate={"depth": 0.9 * speed}),
+    )
     assert [each.name for each in missed.violations] == ["start velocity"]
 
 
@@ -152,14 +177,18 @@ def test_points_are_passed_after_turning(tilt_insert: Problem) -> None:
     qd = np.array([[-0.6, 0.7, 0.3, -0.015]])
     rates = task_rates(mechanism, [start.values], qd)[0]
     problem = dataclasses.replace(tilt_insert, objective="time", start=start, motion=motion)
-    found = plan(dataclasses.replace(problem, start_rate=dict(zip(TASK, rates.tolist(), strict=True))))
+    found = plan(
+        dataclasses.replace(problem, start_rate=dict(zip(TASK, rates.tolist(), strict=True)))
+    )
     assert found.passed, found.reason
     q = found.motion.uniform(2000).q
     assert np.abs(q - through[0].values).max(axis=1).min() < 1e-3
     assert found.motion.sample(0.0).qd == pytest.approx(qd, abs=1e-9)
 
 
-def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(shipped: Plan, tilt_insert: Problem) -> None:
+def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
+    shipped: Plan, tilt_insert: Problem
+) -> None:
     line = dataclasses.replace(tilt_insert, motion=(Straight(tilt=np.radians(-100)),))
     found = plan(begun_at(line, shipped, 0.9))
     assert found.passed, found.reason
@@ -184,8 +213,18 @@ def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) 
         assert (velocity[:, sign == 0] == 0).all()
 
 
-def test_the_command_begins_at_an_instant_of_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["plan", "tilt_insert", "--from", str(ROOT / "results/tilt_insert"), "--json", "-o", str(tmp_path / "on")]
+def test_the_command_begins_at_an_instant_of_a_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [
+        "plan",
+        "tilt_insert",
+        "--from",
+        str(ROOT / "results/tilt_insert"),
+        "--json",
+        "-o",
+        str(tmp_path / "on"),
+    ]
     assert main([*words, "--at", "1.2s"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["passed"]
@@ -232,14 +271,24 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
     qdd = np.clip(rng.uniform(-1.5, 1.5, (400, 4)), -1, 1) * most
     q, qd = np.tile(state.q, (400, 1)), np.tile(state.qd, (400, 1))
     samples = Samples(np.zeros(400), q, qd, qdd, np.zeros((400, 4)))
-    torque = motor_motion(robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)).torque
+    torque = motor_motion(
+        robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+    ).torque
     i = int(np.nanargmax(np.abs(torque).min(axis=0)))
     least = float((np.sign(qd[0, i]) * torque[:, i]).min())
     assert least > 0
     for share in (0.9, 1.01):
-        motor = dataclasses.replace(robot.joints[i].motor, max_torque=share * least, nominal_torque=1e-3)
-        joints = (*robot.joints[:i], dataclasses.replace(robot.joints[i], motor=motor), *robot.joints[i + 1 :])
-        weak = dataclasses.replace(to_anywhere, robot=dataclasses.replace(robot, joints=joints), duty=None)
+        motor = dataclasses.replace(
+            robot.joints[i].motor, max_torque=share * least, nominal_torque=1e-3
+        )
+        joints = (
+            *robot.joints[:i],
+            dataclasses.replace(robot.joints[i], motor=motor),
+            *robot.joints[i + 1 :],
+        )
+        weak = dataclasses.replace(
+            to_anywhere, robot=dataclasses.replace(robot, joints=joints), duty=None
+        )
         there = begun_at(weak, shipped, at)
         mechanism = Mechanism.from_geometry(robot.geometry)
         (phase,), _ = planner.feasible_phases(there, mechanism)
@@ -250,7 +299,9 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
             assert reason.available == share * least
 
 
-def test_a_joint_that_stands_but_for_rounding_begins_at_rest(shipped: Plan, to_anywhere: Problem) -> None:
+def test_a_joint_that_stands_but_for_rounding_begins_at_rest(
+    shipped: Plan, to_anywhere: Problem
+) -> None:
     """Else a weak motor would have to brake it against its load."""
     drift = shipped.motion.coefficients.copy()
     drift[:, :, 2] = 0.0
@@ -260,14 +311,17 @@ def test_a_joint_that_stands_but_for_rounding_begins_at_rest(shipped: Plan, to_a
     assert phase.qd_start[2] == 0.0
 
 
-def reaches(duration: float, way: float, begin: tuple[float, float], limits: Array, count: int = 160) -> bool:
+def reaches(
+    duration: float, way: float, begin: tuple[float, float], limits: Array, count: int = 160
+) -> bool:
     """Whether one joint alone comes to rest a way away from q̇, q̈ in this time; limits (3,): jerk constant on intervals."""
     speed, pull = begin
     velocity, acceleration, jerk = limits
     h = duration / count
     steps = np.arange(1, count + 1)[:, None] - np.arange(count)
     a, v, q = (
-        np.where(steps > 0, part, 0.0) for part in (h, h**2 * (steps - 1 / 2), h**3 * (steps * (steps - 1) / 2 + 1 / 6))
+        np.where(steps > 0, part, 0.0)
+        for part in (h, h**2 * (steps - 1 / 2), h**3 * (steps * (steps - 1) / 2 + 1 / 6))
     )
     t = h * np.arange(1, count + 1)
     start_a, start_v = np.full(count, pull), speed + pull * t
@@ -275,7 +329,14 @@ def reaches(duration: float, way: float, begin: tuple[float, float], limits: Arr
         np.zeros(count),
         A_ub=jerk * np.vstack([a / acceleration, -a / acceleration, v / velocity, -v / velocity]),
         b_ub=1
-        + np.concatenate([-start_a / acceleration, start_a / acceleration, -start_v / velocity, start_v / velocity]),
+        + np.concatenate(
+            [
+                -start_a / acceleration,
+                start_a / acceleration,
+                -start_v / velocity,
+                start_v / velocity,
+            ]
+        ),
         A_eq=jerk * np.vstack([a[-1] / acceleration, v[-1] / velocity, q[-1] / abs(way)]),
         b_eq=[
             -pull / acceleration,
@@ -292,7 +353,10 @@ def test_under_a_jerk_limit_it_is_as_fast_as_the_slowest_joint() -> None:
     base = load_problem(ROOT / "problems/direct_reach.yaml")
     joints = [unchecked(joint, jerk=100 * joint.acceleration) for joint in base.robot.joints]
     robot = unchecked(base.robot, joints=tuple(joints))
-    speed, pull = (2.735333, -3.141592, 4.195394, 0.02533739), (-11.73423, 0.0, -8.723335, -0.03827418)
+    speed, pull = (
+        (2.735333, -3.141592, 4.195394, 0.02533739),
+        (-11.73423, 0.0, -8.723335, -0.03827418),
+    )
     start, to = (0.882121, -0.079921, 0.40618, -0.011803), (0.063436, 0.586358, -0.26295, -0.004234)
     mechanism = Mechanism.from_geometry(robot.geometry)
     rates = task_rates(mechanism, np.array([start]), np.array([speed]))[0]

@@ -25,10 +25,15 @@ WithJerk = Callable[[Robot, float, float], Robot]
 DEPTH = TaskRange("depth", 0.0, 0.03)
 
 
-def free(base: Problem, start: tuple[float, ...], to: dict[str, float], *limits: Any, **changes: Any) -> Problem:
+def free(
+    base: Problem, start: tuple[float, ...], to: dict[str, float], *limits: Any, **changes: Any
+) -> Problem:
     """From (roll, tilt, spin) in degrees and a depth in mm to angles in degrees and a depth in mm."""
     roll, tilt, spin = np.radians(start[:3])
-    target = {name: 1e-3 * value if name == "depth" else float(np.radians(value)) for name, value in to.items()}
+    target = {
+        name: 1e-3 * value if name == "depth" else float(np.radians(value))
+        for name, value in to.items()
+    }
     return replace(
         base,
         start=Task(roll=roll, tilt=tilt, spin=spin, depth=1e-3 * start[3]),
@@ -65,7 +70,9 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
     assert result.duration < 1.002 * 1.4817
 
 
-def test_ipopt_confirms_the_motion_alone_that_is_taken(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ipopt_confirms_the_motion_alone_that_is_taken(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not the one without turning points, which is refined only as far as it takes to know that it is slower."""
     confirmed: list[NlpSolution] = []
     solve = Transcription.solve
@@ -75,7 +82,9 @@ def test_ipopt_confirms_the_motion_alone_that_is_taken(tilt_insert: Problem, mon
         return confirmed[-1]
 
     monkeypatch.setattr(Transcription, "solve", noted)
-    planned = plan_motion(free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.02))).phases[0]
+    planned = plan_motion(
+        free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.02))
+    ).phases[0]
     assert planned.turns_back
     assert [own.iterations <= 2 for own in confirmed] == [True]
 
@@ -93,7 +102,9 @@ def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:
     assert timed.duration == pytest.approx(asked, rel=1e-9)
 
 
-def test_weak_motors_are_spared_by_a_joint_that_turns_back(tilt_insert: Problem, weaker: Weaker) -> None:
+def test_weak_motors_are_spared_by_a_joint_that_turns_back(
+    tilt_insert: Problem, weaker: Weaker
+) -> None:
     robot = weaker(tilt_insert.robot, 0.35)
     problem = free(tilt_insert, (0, -85, 0, 0), {"tilt": -135}, robot=robot)
     result = plan(problem)
@@ -140,7 +151,9 @@ def test_turning_joints_stay_in_their_range(tilt_insert: Problem, planner: Any) 
     assert free_to_turn.duration < result.duration < without(problem)
 
 
-def test_without_the_compiled_part_joints_turn_back_too(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_compiled_part_joints_turn_back_too(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """There is no sketch then: turning points are found one after the other."""
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
     problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.012))
@@ -154,10 +167,16 @@ def test_reversals_of_a_motion_are_told() -> None:
     t = np.linspace(0.0, 1.0, 41)
     waves = np.array([1.0, 2.0, 0.0, 3.0]) * np.pi
     far = np.array([1.0, 1.0, 0.0, 0.01])
-    q, qd, qdd = far * np.sin(waves * t[:, None]), far * waves * np.cos(waves * t[:, None]), np.zeros((41, 4))
+    q, qd, qdd = (
+        far * np.sin(waves * t[:, None]),
+        far * waves * np.cos(waves * t[:, None]),
+        np.zeros((41, 4)),
+    )
     qdd -= far * waves**2 * np.sin(waves * t[:, None])
     states = (q, qd, qdd)
-    motion = Trajectory(t, hermite(t, *(tuple(each[k] for each in states) for k in (slice(-1), slice(1, None)))), ())
+    motion = Trajectory(
+        t, hermite(t, *(tuple(each[k] for each in states) for k in (slice(-1), slice(1, None)))), ()
+    )
     assert reversals(motion, np.full(4, 0.1)) == pytest.approx([0.25, 0.5, 0.75], abs=2e-3)
     expected = [1 / 6, 0.25, 0.5, 0.75, 5 / 6]
     assert reversals(motion, np.full(4, 1e-3)) == pytest.approx(expected, abs=2e-3)
@@ -171,8 +190,12 @@ def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) 
     assert result.duration == pytest.approx(result.lower_bound, rel=1e-4)
 
 
-@pytest.mark.parametrize(("to", "limits"), [({"roll": 20, "depth": 5}, ()), ({"tilt": -95}, (TipSpeed(0.02),))])
-def test_where_nothing_pays_the_motion_is_the_same(tilt_insert: Problem, to: dict[str, float], limits: Any) -> None:
+@pytest.mark.parametrize(
+    ("to", "limits"), [({"roll": 20, "depth": 5}, ()), ({"tilt": -95}, (TipSpeed(0.02),))]
+)
+def test_where_nothing_pays_the_motion_is_the_same(
+    tilt_insert: Problem, to: dict[str, float], limits: Any
+) -> None:
     problem = free(tilt_insert, (-5, -120, 0, 15), to, *limits)
     turning, plain = (plan_motion(problem, turning=turning) for turning in (True, False))
     assert turning.trajectory is not None

@@ -36,11 +36,15 @@ ASIDE = (0.1, 0.7, 0.3, 0.0)
 """Joint 2 turns back there, joint 4 has not begun to move."""
 
 
-def through(problem: Problem, *points: tuple[float, ...], first: tuple[float, ...] = FIRST) -> Problem:
+def through(
+    problem: Problem, *points: tuple[float, ...], first: tuple[float, ...] = FIRST
+) -> Problem:
     """The problem from `first` to the last point through the others."""
     *passed, goal = (Joints(point) for point in points)
     motion = (Free(goal, through=tuple(passed)),)
-    return dataclasses.replace(problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),))
+    return dataclasses.replace(
+        problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+    )
 
 
 def passing(motion: Plan | Trajectory, point: tuple[float, ...]) -> tuple[float, Array]:
@@ -57,14 +61,19 @@ def passing(motion: Plan | Trajectory, point: tuple[float, ...]) -> tuple[float,
 
 def unmotored(robot: Robot) -> Robot:
     return dataclasses.replace(
-        robot, joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints)
+        robot,
+        joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints),
     )
 
 
 @pytest.mark.parametrize("jerk", [False, True])
-def test_a_point_on_the_way_is_passed_at_speed(tilt_insert: Problem, with_jerk: WithJerk, jerk: bool) -> None:
+def test_a_point_on_the_way_is_passed_at_speed(
+    tilt_insert: Problem, with_jerk: WithJerk, jerk: bool
+) -> None:
     if jerk:
-        tilt_insert = dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0))
+        tilt_insert = dataclasses.replace(
+            tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0)
+        )
     whole = plan(through(tilt_insert, BETWEEN, LAST))
     _, speed = passing(whole, BETWEEN)
     limit = np.array([joint.velocity for joint in tilt_insert.robot.joints])
@@ -73,10 +82,14 @@ def test_a_point_on_the_way_is_passed_at_speed(tilt_insert: Problem, with_jerk: 
     parts = plan(through(tilt_insert, BETWEEN)), plan(through(tilt_insert, LAST, first=BETWEEN))
     without = plan(through(tilt_insert, LAST))
     backoff = 1.001 * 1.0005  # the motion of least heat, on a mesh
-    assert without.duration / backoff <= whole.duration <= 0.95 * sum(part.duration for part in parts)
+    assert (
+        without.duration / backoff <= whole.duration <= 0.95 * sum(part.duration for part in parts)
+    )
 
 
-def test_a_joint_that_turns_back_at_a_point_is_at_rest_there_and_the_others_go_on(tilt_insert: Problem) -> None:
+def test_a_joint_that_turns_back_at_a_point_is_at_rest_there_and_the_others_go_on(
+    tilt_insert: Problem,
+) -> None:
     planned = plan_motion(through(tilt_insert, ASIDE, LAST), turning=False)
     assert planned.trajectory is not None
     _, speed = passing(planned.trajectory, ASIDE)
@@ -96,7 +109,9 @@ def test_a_joint_with_time_to_spare_turns_back_beyond_the_point(
     robot = unmotored(tilt_insert.robot)
     if jerk:
         robot = with_jerk(robot, 60.0, 2.0)
-    problem = dataclasses.replace(through(tilt_insert, point, last, first=first), robot=robot, objective="time")
+    problem = dataclasses.replace(
+        through(tilt_insert, point, last, first=first), robot=robot, objective="time"
+    )
     rested, result = plan_motion(problem, turning=False).phases[0], plan(problem)
     assert result.passed
     _, speed = passing(result.motion, point)
@@ -132,10 +147,14 @@ def test_both_solvers_may_do_on_fewer_elements_where_one_of_them_fails(
     problem = through(dataclasses.replace(tilt_insert, objective="time"), BETWEEN, LAST)
     asked: list[tuple[str, int | None]] = []
 
-    def solve(*arguments: Any, method: str, count: int | None = None, **named: Any) -> PhaseSolution:
+    def solve(
+        *arguments: Any, method: str, count: int | None = None, **named: Any
+    ) -> PhaseSolution:
         asked.append((method, count))
         if method == "confirmed" and count is None:
-            return PhaseSolution("not converged", "Structured_Solver_Not_Converged", solver="structured")
+            return PhaseSolution(
+                "not converged", "Structured_Solver_Not_Converged", solver="structured"
+            )
         return solve_free(*arguments, method=method, count=count, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(planner, "solve_free", solve)
@@ -154,7 +173,9 @@ def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> N
     spin = float(task_from_joints(mechanism, np.array([BETWEEN]))[0, 2])
     problem = through(tilt_insert, middle, BETWEEN, LAST)
     points = Task(*task.tolist()), Tip(tuple(tip.tolist()), spin)
-    same = dataclasses.replace(problem, motion=(dataclasses.replace(problem.motion[0], through=points),))
+    same = dataclasses.replace(
+        problem, motion=(dataclasses.replace(problem.motion[0], through=points),)
+    )
     result = plan(same)
     assert 0 < passing(result, middle)[0] < passing(result, BETWEEN)[0] < result.duration
     assert result.duration == pytest.approx(plan(problem).duration, rel=1e-6)
@@ -162,7 +183,10 @@ def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> N
 
 def test_another_order_takes_another_time(tilt_insert: Problem) -> None:
     middle = (-0.2, 0.5, 0.1, -0.002)
-    forth, back = plan(through(tilt_insert, middle, BETWEEN, LAST)), plan(through(tilt_insert, BETWEEN, middle, LAST))
+    forth, back = (
+        plan(through(tilt_insert, middle, BETWEEN, LAST)),
+        plan(through(tilt_insert, BETWEEN, middle, LAST)),
+    )
     assert passing(back, BETWEEN)[0] < passing(back, middle)[0]
     assert back.duration > 1.2 * forth.duration
 
@@ -172,22 +196,30 @@ def test_the_mesh_is_fine_enough(tilt_insert: Problem, weaker: Weaker) -> None:
     problem = through(tilt_insert, ASIDE, LAST)
     problem = dataclasses.replace(problem, robot=weaker(problem.robot, 0.36), objective="time")
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    coarse, fine = (solve_free(problem, mechanism, np.array([FIRST, ASIDE, LAST]), count=n) for n in (40, 80))
+    coarse, fine = (
+        solve_free(problem, mechanism, np.array([FIRST, ASIDE, LAST]), count=n) for n in (40, 80)
+    )
     assert coarse.solved
     assert fine.solved
     assert abs(coarse.breaks[-1] / fine.breaks[-1] - 1) < 2e-3
 
 
-def test_without_motors_time_scales_with_the_limits_and_the_way_back_takes_as_long(tilt_insert: Problem) -> None:
+def test_without_motors_time_scales_with_the_limits_and_the_way_back_takes_as_long(
+    tilt_insert: Problem,
+) -> None:
     """Velocities twice, accelerations four times as high: half the time. The same points in reverse: the same time."""
     robot = unmotored(tilt_insert.robot)
-    problem = dataclasses.replace(through(tilt_insert, ASIDE, BETWEEN, LAST), robot=robot, objective="time")
+    problem = dataclasses.replace(
+        through(tilt_insert, ASIDE, BETWEEN, LAST), robot=robot, objective="time"
+    )
     joints = (
         dataclasses.replace(joint, velocity=2 * joint.velocity, acceleration=4 * joint.acceleration)
         for joint in robot.joints
     )
     faster = dataclasses.replace(problem, robot=dataclasses.replace(robot, joints=tuple(joints)))
-    back = dataclasses.replace(through(tilt_insert, BETWEEN, ASIDE, FIRST, first=LAST), robot=robot, objective="time")
+    back = dataclasses.replace(
+        through(tilt_insert, BETWEEN, ASIDE, FIRST, first=LAST), robot=robot, objective="time"
+    )
     duration = plan(problem).duration
     assert 2 * plan(faster).duration == pytest.approx(duration, rel=1e-6)
     assert plan(back).duration == pytest.approx(duration, rel=1e-3)
@@ -196,8 +228,13 @@ def test_without_motors_time_scales_with_the_limits_and_the_way_back_takes_as_lo
 def test_many_points(tilt_insert: Problem) -> None:
     """Twenty points along a straight line in joint space cost little time."""
     shares = np.linspace(0.0, 1.0, 22)[1:]
-    curve = np.array(FIRST) + np.subtract(LAST, FIRST) * (shares + 0.05 * np.sin(2 * np.pi * shares))[:, None]
-    result = plan(dataclasses.replace(through(tilt_insert, *map(tuple, curve.tolist())), objective="time"))
+    curve = (
+        np.array(FIRST)
+        + np.subtract(LAST, FIRST) * (shares + 0.05 * np.sin(2 * np.pi * shares))[:, None]
+    )
+    result = plan(
+        dataclasses.replace(through(tilt_insert, *map(tuple, curve.tolist())), objective="time")
+    )
     for point in curve:
         passing(result, tuple(point))
     assert result.duration < 1.05 * plan(through(tilt_insert, LAST)).duration
@@ -208,4 +245,6 @@ def test_a_point_twice_in_a_row_is_one_point(tilt_insert: Problem) -> None:
         plan(through(tilt_insert, BETWEEN, BETWEEN, LAST)).duration
         == plan(through(tilt_insert, BETWEEN, LAST)).duration
     )
-    assert plan(through(tilt_insert, LAST, LAST)).duration == plan(through(tilt_insert, LAST)).duration
+    assert (
+        plan(through(tilt_insert, LAST, LAST)).duration == plan(through(tilt_insert, LAST)).duration
+    )

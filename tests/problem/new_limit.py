@@ -23,7 +23,9 @@ class AxisSpeed(SpeedLimit):
 
 
 # before the planner is imported, as it would stand in kinematics/forward.py
-JACOBIANS[AxisSpeed] = lambda mechanism, q: casadi.jacobian(forward_symbolic(mechanism, q)[0][:, 2], q)
+JACOBIANS[AxisSpeed] = lambda mechanism, q: casadi.jacobian(
+    forward_symbolic(mechanism, q)[0][:, 2], q
+)
 
 
 def main(problem_file: str, kind: str, largest: float, folder: str) -> None:

@@ -56,18 +56,26 @@ def bad_contents(value: Any, field: str, rng: np.random.Generator) -> Any:
     if isinstance(now, bool):
         return rng.choice(np.array(["yes", "1"]))
     if isinstance(now, (int, float)):
-        return [math.nan, math.inf, -math.inf, "1.0", "fast", True, [now], object(), 1j][rng.integers(9)]
+        return [math.nan, math.inf, -math.inf, "1.0", "fast", True, [now], object(), 1j][
+            rng.integers(9)
+        ]
     if isinstance(now, str):
         return [3, 1.5, True, [now], object()][rng.integers(5)]
     if isinstance(now, np.ndarray):
         with_nan = now.copy()
         with_nan.flat[rng.integers(now.size)] = [math.nan, math.inf][rng.integers(2)]
-        return [with_nan, now.ravel()[:-1], now[None], now.astype(str), "x", now.astype(bool)][rng.integers(6)]
+        return [with_nan, now.ravel()[:-1], now[None], now.astype(str), "x", now.astype(bool)][
+            rng.integers(6)
+        ]
     if isinstance(now, tuple) and now and isinstance(now[0], float):
         fixed = "..." not in str(typing.get_type_hints(type(value))[field])
-        return [(math.nan, *now[1:]), ("a", *now[1:]), (True, *now[1:]), 3.0, (*now, now[-1]) if fixed else (None,)][
-            rng.integers(5)
-        ]
+        return [
+            (math.nan, *now[1:]),
+            ("a", *now[1:]),
+            (True, *now[1:]),
+            3.0,
+            (*now, now[-1]) if fixed else (None,),
+        ][rng.integers(5)]
     if isinstance(now, tuple):
         return [("nonsense",), (*now, object()), 3, "abc"][rng.integers(4)]
     if isinstance(now, Mapping):
@@ -100,10 +108,24 @@ NOT_POSITIVE = [
     (kind, field, number)
     for kind, fields in {
         "Joint": ("velocity", "acceleration", "jerk"),
-        "Motor": ("nominal_torque", "max_torque", "max_speed", "rotor_inertia", "torque_constant", "encoder_counts"),
+        "Motor": (
+            "nominal_torque",
+            "max_torque",
+            "max_speed",
+            "rotor_inertia",
+            "torque_constant",
+            "encoder_counts",
+        ),
         "Drive": ("ratio", "gamma", "lead_angle", "pressure_angle"),
         "Friction": ("stribeck_speed", "identified_speed"),
-        "Ratings": ("continuous_output", "peak_output", "input_speed", "duty", "free_length", "root_diameter"),
+        "Ratings": (
+            "continuous_output",
+            "peak_output",
+            "input_speed",
+            "duty",
+            "free_length",
+            "root_diameter",
+        ),
         "Rig": ("motor_nominal_torque", "payload_arm", "gravity"),
         "Stroke": ("reach", "velocity", "acceleration"),
         "Eye": ("radius", "port"),
@@ -259,7 +281,8 @@ def test_no_point_outside_its_range_gets_past(seed: int) -> None:
 def test_a_robot_whose_own_range_is_narrower_brings_its_range_along() -> None:
     robot = dataclasses.replace(ROBOT, limits=(TaskRange("tilt", -2.0, -1.45),))
     with pytest.raises(
-        ProblemError, match=r"motion\[0\].tilt = -135 deg: outside the limits of tilt .* -114.592 deg to"
+        ProblemError,
+        match=r"motion\[0\].tilt = -135 deg: outside the limits of tilt .* -114.592 deg to",
     ):
         dataclasses.replace(PROBLEM, robot=robot)
 
@@ -274,9 +297,13 @@ def test_a_point_on_the_end_of_its_range_passes() -> None:
 HEALTHY: list[Callable[[], Any]] = [
     lambda: dataclasses.replace(ROBOT, name="another", gravity=[0, 0, -9.8]),
     lambda: dataclasses.replace(JOINT, velocity=np.float64(2.0), jerk=50, position=[-1, 1]),
-    lambda: dataclasses.replace(DRIVE.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3),
+    lambda: dataclasses.replace(
+        DRIVE.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3
+    ),
     lambda: dataclasses.replace(DRIVE, self_locking=False, friction_ranges={"mu": [0.05, 0.5]}),
-    lambda: dataclasses.replace(PROBLEM, motion=[Straight(tilt=-2.0), Dwell(0.2)], limits=[TipSpeed(0.02)]),
+    lambda: dataclasses.replace(
+        PROBLEM, motion=[Straight(tilt=-2.0), Dwell(0.2)], limits=[TipSpeed(0.02)]
+    ),
     lambda: dataclasses.replace(PROBLEM, objective="effort", duration=9.0),
     lambda: dataclasses.replace(PROBLEM, planner="toppra"),
     lambda: dataclasses.replace(BY_NAME["Scan"], diameters=(), rows=3, columns=np.int64(4)),
@@ -291,7 +318,11 @@ def test_healthy_edits_pass(edit: Callable[[], Any]) -> None:
 
 @pytest.mark.parametrize("value", VALUES, ids=lambda value: type(value).__name__)
 def test_values_are_equal_by_content(value: Any) -> None:
-    for same in (dataclasses.replace(value), copy.deepcopy(value), pickle.loads(pickle.dumps(value))):
+    for same in (
+        dataclasses.replace(value),
+        copy.deepcopy(value),
+        pickle.loads(pickle.dumps(value)),
+    ):
         assert same == value
         assert hash(same) == hash(value)
     assert value != 3

@@ -39,11 +39,20 @@ from ssm_planner.problem.serialization import plain, robot_from_plain, task_limi
 
 ROOT = Path(__file__).parent.parent.parent
 bounds = st.floats(1e-3, 1e3)
-ordered = st.tuples(st.floats(-10, 10), st.floats(1e-3, 10)).map(lambda ends: (ends[0], ends[0] + ends[1]))
+ordered = st.tuples(st.floats(-10, 10), st.floats(1e-3, 10)).map(
+    lambda ends: (ends[0], ends[0] + ends[1])
+)
 limits = st.one_of(
     *(
         st.builds(kind, st.just("tilt"), bounds)
-        for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque, ContinuousTorque)
+        for kind in (
+            JointVelocity,
+            JointAcceleration,
+            JointJerk,
+            MotorSpeed,
+            MotorTorque,
+            ContinuousTorque,
+        )
     ),
     ordered.map(lambda ends: JointPosition("tilt", *ends)),
     st.builds(lambda name, ends: TaskRange(name, *ends), st.sampled_from(TASK), ordered),
@@ -57,7 +66,9 @@ values = st.floats(-2e3, 2e3)
 
 
 @given(limits, values, st.lists(values, max_size=20))
-def test_tightened_never_allows_what_the_limit_forbids(limit: Limit, worst: float, others: list[float]) -> None:
+def test_tightened_never_allows_what_the_limit_forbids(
+    limit: Limit, worst: float, others: list[float]
+) -> None:
     if limit.allows(worst):
         return
     stricter = limit.tightened(worst, limit.bound(worst))
@@ -74,7 +85,9 @@ def test_tightened_never_allows_what_the_limit_forbids(limit: Limit, worst: floa
 
 
 @given(limits, values, values)
-def test_relaxed_allows_the_value_and_all_that_the_limit_allows(limit: Limit, value: float, other: float) -> None:
+def test_relaxed_allows_the_value_and_all_that_the_limit_allows(
+    limit: Limit, value: float, other: float
+) -> None:
     looser = limit.relaxed(value)
     if looser is None:
         assert isinstance(limit, (RetinaClearance, LensClearance))
@@ -104,7 +117,9 @@ def test_every_limit_of_a_problem_put_back_in_its_place_changes_nothing(
 
 @settings(max_examples=25)
 @given(st.floats(1.01, 3.0))
-def test_a_limit_put_on_a_problem_replaces_its_own_and_no_other(laser_scan: Problem, factor: float) -> None:
+def test_a_limit_put_on_a_problem_replaces_its_own_and_no_other(
+    laser_scan: Problem, factor: float
+) -> None:
     problem = laser_scan
     before = {limit.key: limit for limit in problem.all_limits}
     assert len(before) == len(problem.all_limits)
@@ -147,15 +162,22 @@ def test_self_locking_raises_the_friction_and_never_lowers_it(tilt_insert: Probl
 
 
 def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
-    motion = tuple(dataclasses.replace(m, duration=2.0 + k) for k, m in enumerate(tilt_insert.motion))
+    motion = tuple(
+        dataclasses.replace(m, duration=2.0 + k) for k, m in enumerate(tilt_insert.motion)
+    )
     timed = dataclasses.replace(tilt_insert, motion=motion)
     longer = Duration(2.0, motion[0].name).relaxed(5.0).on(timed)
     assert [m.duration for m in longer.motion] == [5.0, *(m.duration for m in motion[1:])]
     whole = dataclasses.replace(timed, motion=tilt_insert.motion, duration=4.0)
     assert Duration(4.0).relaxed(6.0).on(whole).duration == 6.0
-    assert Duration(3.0, motion[0].name).relaxed(6.0).on(whole).duration == 6.0  # its share of that of all
+    assert (
+        Duration(3.0, motion[0].name).relaxed(6.0).on(whole).duration == 6.0
+    )  # its share of that of all
     both = Duration(2.0, motion[0].name).relaxed(5.0).on(dataclasses.replace(timed, duration=4.0))
-    assert (both.duration, [m.duration for m in both.motion]) == (4.0, [5.0, *(m.duration for m in motion[1:])])
+    assert (both.duration, [m.duration for m in both.motion]) == (
+        4.0,
+        [5.0, *(m.duration for m in motion[1:])],
+    )
     with pytest.raises(ProblemError, match="no motion other of 2 s"):
         Duration(2.0, "other").on(timed)
 
@@ -163,8 +185,16 @@ def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
 @pytest.mark.parametrize(
     ("limit", "value", "words"),
     [
-        (MotorTorque("roll", 0.01), 0.012, "largest motor torque of joint roll of 12 mN·m instead of 10 mN·m"),
-        (ContinuousTorque("tilt", 0.01), 0.02, "continuous torque of joint tilt of 20 mN·m instead of 10 mN·m"),
+        (
+            MotorTorque("roll", 0.01),
+            0.012,
+            "largest motor torque of joint roll of 12 mN·m instead of 10 mN·m",
+        ),
+        (
+            ContinuousTorque("tilt", 0.01),
+            0.02,
+            "continuous torque of joint tilt of 20 mN·m instead of 10 mN·m",
+        ),
         (
             JointVelocity("insertion", 0.01, True),
             0.02,
@@ -184,9 +214,17 @@ def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
         (TaskRange("depth", 0.0, 0.03), -0.01, "range of depth from -10 mm instead of 0 mm"),
         (TipSpeed(0.02), 0.025, "tip speed of 25 mm/s instead of 20 mm/s"),
         (TaskRate("depth", 0.02), 0.025, "insertion speed of 25 mm/s instead of 20 mm/s"),
-        (RetinaClearance(0.001, 0.012), 0.0005, "clearance from the retina of 0.5 mm instead of 1 mm"),
+        (
+            RetinaClearance(0.001, 0.012),
+            0.0005,
+            "clearance from the retina of 0.5 mm instead of 1 mm",
+        ),
         (LensClearance(0.0005, 0.002), 1.2, "radius of the shaft of 0.4 mm instead of 0.5 mm"),
-        (SelfLocking("roll", 0.1), 0.15, "lowest friction coefficient μ of joint roll of 0.15 instead of 0.1"),
+        (
+            SelfLocking("roll", 0.1),
+            0.15,
+            "lowest friction coefficient μ of joint roll of 0.15 instead of 0.1",
+        ),
         (Duration(2.0), 3.0, "a duration of 3 s instead of 2 s"),
     ],
 )
@@ -197,7 +235,10 @@ def test_a_limit_says_what_it_would_be_instead(limit: Limit, value: float, words
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda: TaskRange("tlt", -1, 1), ("TaskRange.coordinate = tlt", "roll, tilt, spin, depth")),
+        (
+            lambda: TaskRange("tlt", -1, 1),
+            ("TaskRange.coordinate = tlt", "roll, tilt, spin, depth"),
+        ),
         (lambda: TaskRange("tilt", 1, -1), ("TaskRange.lower = 1", "below -1")),
         (lambda: TaskRange("tilt", math.nan, 1), ("TaskRange.lower = nan",)),
         (lambda: TaskRate("yaw", 1), ("TaskRate.coordinate = yaw",)),
@@ -215,7 +256,9 @@ def test_what_cannot_be_a_limit_is_refused(make, told) -> None:
         assert part in str(caught.value)
 
 
-def test_a_problem_refuses_limits_of_joints_among_its_own_and_one_given_twice(tilt_insert: Problem) -> None:
+def test_a_problem_refuses_limits_of_joints_among_its_own_and_one_given_twice(
+    tilt_insert: Problem,
+) -> None:
     for wrong, told in (
         ((MotorTorque("roll", 1.0),), "not a limit of the task"),
         ((TipSpeed(1.0), TipSpeed(2.0)), "given twice"),
@@ -236,11 +279,18 @@ def test_limits_survive_plan_json(laser_scan: Problem) -> None:
     assert set(task_limits_from_plain(document).all_limits) == set(problem.task_limits.all_limits)
     robot = robot_from_plain(document["robot"])
     assert robot.limits == problem.robot.limits
-    assert [joint.limits for joint in robot.joints] == [joint.limits for joint in problem.robot.joints]
+    assert [joint.limits for joint in robot.joints] == [
+        joint.limits for joint in problem.robot.joints
+    ]
 
 
 def test_names_are_those_of_results() -> None:
-    assert [TaskRate(name, 1.0).name for name in TASK] == ["roll rate", "tilt rate", "spin rate", "insertion speed"]
+    assert [TaskRate(name, 1.0).name for name in TASK] == [
+        "roll rate",
+        "tilt rate",
+        "spin rate",
+        "insertion speed",
+    ]
     assert [TaskRange(name, 0.0, 1.0).name for name in TASK] == [f"{name} range" for name in TASK]
     assert [Jump("roll", 1.0, derivative=k).name for k in range(3)] == [
         "position jump",
@@ -250,7 +300,9 @@ def test_names_are_those_of_results() -> None:
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
-def test_a_new_limit_on_a_speed_of_the_tool_takes_two_places_of_code(kind: str, tmp_path: Path) -> None:
+def test_a_new_limit_on_a_speed_of_the_tool_takes_two_places_of_code(
+    kind: str, tmp_path: Path
+) -> None:
     """new_limit.py defines one: it is planned, checked, written, read back, drawn, tightened and put into words."""
     script, problem = Path(__file__).parent / "new_limit.py", ROOT / "problems/tilt_insert.yaml"
     command = [sys.executable, str(script), str(problem), kind, "0.3", str(tmp_path)]

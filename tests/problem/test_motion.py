@@ -43,7 +43,9 @@ def test_the_same_problem_in_python_as_text_and_as_a_mapping() -> None:
     )
     assert [motion.name for motion in written.motion] == ["tilt", "dwell", "insert"]
     assert isinstance(written.limits, tuple)
-    assert plain(written.start)["task"] == pytest.approx({"roll": 0, "tilt": math.radians(-85), "spin": 0, "depth": 0})
+    assert plain(written.start)["task"] == pytest.approx(
+        {"roll": 0, "tilt": math.radians(-85), "spin": 0, "depth": 0}
+    )
     text, data = Problem.from_yaml(TEXT), Problem.from_dict(DATA)
     assert text == data
     for field in ("robot", "objective", "planner"):
@@ -60,7 +62,9 @@ def test_the_ranges_of_the_robot_hold_whatever_the_problem_says() -> None:
     roll = TaskRange("roll", -0.5, 0.5)
     assert dataclasses.replace(problem, limits=(roll,)).ranges == robots | {"roll": (-0.5, 0.5)}
     low, high = robots["tilt"]
-    wider = dataclasses.replace(problem, limits=(TaskRange("tilt", low - 1, high + 1), TaskRange("depth", -1.0, 1.0)))
+    wider = dataclasses.replace(
+        problem, limits=(TaskRange("tilt", low - 1, high + 1), TaskRange("depth", -1.0, 1.0))
+    )
     assert wider.ranges == robots
     assert dict(wider.wider) == {"tilt": (low - 1, high + 1), "depth": (-1.0, 1.0)}
     assert not problem.wider
@@ -72,7 +76,9 @@ def test_the_ranges_of_the_robot_hold_whatever_the_problem_says() -> None:
 def test_messages_name_the_key_or_the_line() -> None:
     with pytest.raises(ProblemError, match=r"^motion\[0\]\.tilt\.to = 5 mm: "):
         Problem.from_dict({**DATA, "motion": [{"tilt": {"to": "5 mm"}}]})
-    with pytest.raises(ProblemError, match=r"^line 4: motion\[0\]\.tilt\.to = -200 deg: outside the limits of tilt"):
+    with pytest.raises(
+        ProblemError, match=r"^line 4: motion\[0\]\.tilt\.to = -200 deg: outside the limits of tilt"
+    ):
         Problem.from_yaml(TEXT.replace("-135 deg", "-200 deg"))
     with pytest.raises(ProblemError, match=r"^planner = toppra: TOPP-RA cannot take a duration"):
         Problem.from_dict({**DATA, "planner": "toppra", "objective": "effort", "duration": "9 s"})
@@ -96,7 +102,15 @@ def test_every_form_of_a_point_survives_plan_json() -> None:
     document = plain(problem)
     keys = {"task", "joints", "tip", "spin", "line"}
     assert set(document["start"]) == set(document["motion"][0]["target"]) == keys
-    assert set(document["motion"][0]) == {"kind", "name", "target", "duration", "line", "through", "scan"}
+    assert set(document["motion"][0]) == {
+        "kind",
+        "name",
+        "target",
+        "duration",
+        "line",
+        "through",
+        "scan",
+    }
     back = problem_from_plain(json.loads(json.dumps(document)))
     assert back == problem
     assert back.start.line == 3
@@ -105,7 +119,11 @@ def test_every_form_of_a_point_survives_plan_json() -> None:
 def test_names_of_motions_by_default() -> None:
     assert Straight(roll=0.1).name == "roll"
     assert Straight(roll=0.1, depth=0.01).name == "straight"
-    assert (Free(Task(tilt=-2.0)).name, Dwell(1).name, Scan(Task(tilt=-2.0), 1e-3, (1e-3,)).name) == (
+    assert (
+        Free(Task(tilt=-2.0)).name,
+        Dwell(1).name,
+        Scan(Task(tilt=-2.0), 1e-3, (1e-3,)).name,
+    ) == (
         "free",
         "dwell",
         "scan",

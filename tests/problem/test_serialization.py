@@ -49,9 +49,15 @@ def test_a_robot_survives_json_bit_for_bit(robot: Robot) -> None:
 def test_every_optional_value_survives(robot: Robot) -> None:
     drive = robot.joints[0].drive
     friction = dataclasses.replace(
-        drive.friction, law="stribeck_gaussian", stribeck_speed=3, covariance={"mu": {"mu": 1e-4}}, mu_lowest=0.1
+        drive.friction,
+        law="stribeck_gaussian",
+        stribeck_speed=3,
+        covariance={"mu": {"mu": 1e-4}},
+        mu_lowest=0.1,
     )
-    drive = dataclasses.replace(drive, friction=friction, placeholders=("preload",), dimensions={"ratio": 120.0})
+    drive = dataclasses.replace(
+        drive, friction=friction, placeholders=("preload",), dimensions={"ratio": 120.0}
+    )
     joint = dataclasses.replace(robot.joints[0], drive=drive, jerk=12.5)
     full = dataclasses.replace(robot, joints=(joint, *robot.joints[1:]))
     back = robot_from_plain(through_json(full))
@@ -68,7 +74,11 @@ def test_every_optional_value_survives(robot: Robot) -> None:
         (("joints", 0, "velocity"), None, "robot.joints[0].velocity"),
         (("joints", 2, "position"), [1.0], "robot.joints[2].position"),
         (("joints", 0, "kind"), "helical", "robot.joints[0].kind"),
-        (("joints", 0, "drive", "friction", "mu"), float("inf"), "robot.joints[0].drive.friction.mu"),
+        (
+            ("joints", 0, "drive", "friction", "mu"),
+            float("inf"),
+            "robot.joints[0].drive.friction.mu",
+        ),
         (("geometry", "omega1"), [1.0, 0.0], "robot.geometry.omega1"),
         (("geometry", "insertion_sign"), True, "robot.geometry.insertion_sign"),
         (("bodies", 1, "mass"), True, "robot.bodies[1].mass"),

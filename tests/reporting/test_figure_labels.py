@@ -25,7 +25,9 @@ def test_names_of_phases_never_collide(count: int) -> None:
     edges = np.concatenate(([0.0], np.cumsum(draw.uniform(0.05, 1.0, count))))
     edges *= plan.motion.duration / edges[-1]
     names = [f"ring, {'laser' if k % 2 else 'spot'} {k // 2 + 1}" for k in range(count)]
-    phases = tuple(Span(name, start, end) for name, (start, end) in zip(names, pairwise(edges), strict=True))
+    phases = tuple(
+        Span(name, start, end) for name, (start, end) in zip(names, pairwise(edges), strict=True)
+    )
     motion = Trajectory(plan.motion.breaks, plan.motion.coefficients, phases)
     figure, panels = new_panels(
         9.0, 6.4, rows=3, columns=2, edges=(0.75, 0.1, 0.5, 0.55), gaps=(0.85, 0.2), sharex=True
@@ -55,7 +57,11 @@ def test_limits_stand_in_the_figure_of_the_motion() -> None:
     """The velocity limits that the legend names are lines at their values."""
     plan = load_plan(PLAN)
     axes = motion_figure(plan.motion, plan.robot).axes[2]
-    levels = {round(float(line.get_ydata()[0]), 6) for line in axes.get_lines() if len(line.get_ydata()) == 2}
+    levels = {
+        round(float(line.get_ydata()[0]), 6)
+        for line in axes.get_lines()
+        if len(line.get_ydata()) == 2
+    }
     bound = round(float(np.rad2deg(plan.robot.joints[0].velocity)), 6)
     assert {bound, -bound} <= levels
 
@@ -71,8 +77,14 @@ def test_figures_of_a_width_are_that_wide_and_their_type_is_not_scaled(name: str
     ):
         assert figure.get_size_inches()[0] == WIDTHS[name]
         figure.canvas.draw()
-        texts = [text for axes in figure.axes for text in (axes.xaxis.label, axes.yaxis.label, *axes.texts)]
-        texts += [axes._right_title for axes in figure.axes] + [each for key in figure.legends for each in key.texts]
+        texts = [
+            text
+            for axes in figure.axes
+            for text in (axes.xaxis.label, axes.yaxis.label, *axes.texts)
+        ]
+        texts += [axes._right_title for axes in figure.axes] + [
+            each for key in figure.legends for each in key.texts
+        ]
         boxes = [text.get_window_extent() for text in texts if text.get_text()]
         for i, box in enumerate(boxes):
             assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1

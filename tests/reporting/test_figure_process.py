@@ -60,7 +60,10 @@ def test_the_same_bytes(plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path
         begin(drawer, plan)
         files = drawer.result()
         about = f"plan {plan.sha256}"
-        named = {f"{name}.png": png_with_text(endings["png"], "Source", about) for name, endings in files.items()}
+        named = {
+            f"{name}.png": png_with_text(endings["png"], "Source", about)
+            for name, endings in files.items()
+        }
         assert named == drawn_here
         assert content(write_figures(plan, tmp_path, drawer)) == drawn_here
     assert not running(drawer)
@@ -91,7 +94,11 @@ FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_what_does_not_come_is_drawn_here(
-    fault: str, plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fault: str,
+    plan: Plan,
+    drawn_here: dict[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     FAULTS[fault](monkeypatch)
     with FigureProcess() as drawer:

@@ -53,7 +53,9 @@ class Reader(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_report(load_plan(PLAN), tmp_path_factory.mktemp("page") / "report.html").read_text(encoding="utf-8")
+    return write_report(load_plan(PLAN), tmp_path_factory.mktemp("page") / "report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_page_and_terminal_show_where_the_joints_start_and_end(page: str) -> None:
@@ -63,7 +65,9 @@ def test_page_and_terminal_show_where_the_joints_start_and_end(page: str) -> Non
     ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
     for k, (row, unit) in enumerate(zip(rows, ("deg", "deg", "deg", "mm"), strict=True)):
         shown = [float(cell.replace("\u2212", "-")) for cell in row[1:3]]
-        assert shown == pytest.approx(ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3)
+        assert shown == pytest.approx(
+            ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3
+        )
         assert row[3] == unit
     assert "<h3>Joints at both ends</h3>" in page
     assert "joint        from" in "\n".join(summary_lines(plan))
@@ -75,7 +79,8 @@ def stretched(factor: float, **names: str) -> dict[str, Any]:
     trajectory = document["trajectory"]
     trajectory["breaks_s"] = [factor * t for t in trajectory["breaks_s"]]
     trajectory["coefficients"] = [
-        [[value / factor**k for value in row] for k, row in enumerate(piece)] for piece in trajectory["coefficients"]
+        [[value / factor**k for value in row] for k, row in enumerate(piece)]
+        for piece in trajectory["coefficients"]
     ]
     for phase in trajectory["phases"]:
         phase["start_s"], phase["end_s"] = factor * phase["start_s"], factor * phase["end_s"]
@@ -88,7 +93,10 @@ def test_nothing_is_fetched_and_the_file_is_small(page: str) -> None:
     assert len(page.encode()) < 5 * MEGABYTE
     for name, attributes in Reader(page).tags:
         for key in ("src", "href", "action", "data", "srcset"):
-            assert not attributes.get(key) or str(attributes[key]).startswith(("data:", "#")), (name, attributes)
+            assert not attributes.get(key) or str(attributes[key]).startswith(("data:", "#")), (
+                name,
+                attributes,
+            )
     assert "default-src 'none'" in page
     styles = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
     assert not any("url(" in style or "@import" in style for style in styles)
@@ -137,7 +145,9 @@ def test_a_loaded_plan_is_sized_as_the_file_says(tmp_path: Path) -> None:
     path.write_text(json.dumps(load_plan(PLAN).to_dict()), encoding="utf-8")
     sizing = load_plan(path).sizing
     assert sizing is not None
-    assert json.loads(path.read_text(encoding="utf-8"))["sizing"] == json.loads(json.dumps(sizing.to_dict()))
+    assert json.loads(path.read_text(encoding="utf-8"))["sizing"] == json.loads(
+        json.dumps(sizing.to_dict())
+    )
 
 
 def test_torque_split_adds_up_to_the_torque() -> None:
@@ -161,7 +171,9 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
     data = report_data(plan)
     assert data["scene"]["eye"] == plain(problem.eye)
     found = {limit.name: limit for limit in check(plan.trajectory, plan.robot, plan.limits).limits}
-    panels = {limit["name"]: (panel, limit) for panel in data["panels"] for limit in panel["limits"]}
+    panels = {
+        limit["name"]: (panel, limit) for panel in data["panels"] for limit in panel["limits"]
+    }
     for name, scale in (
         ("tilt rate", 180 / np.pi),
         ("insertion speed", 1e3),
@@ -187,9 +199,9 @@ def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
     other = tmp_path / "plan.json"
     other.write_text(json.dumps(document), encoding="utf-8")
     for pair in ((PLAN, other), (other, PLAN)):
-        assert "Tip to retina" in write_comparison(*map(load_plan, pair), tmp_path / "comparison.html").read_text(
-            encoding="utf-8"
-        )
+        assert "Tip to retina" in write_comparison(
+            *map(load_plan, pair), tmp_path / "comparison.html"
+        ).read_text(encoding="utf-8")
 
 
 def test_a_simulated_playback_stands_beside_its_plan(tmp_path: Path) -> None:
@@ -198,18 +210,27 @@ def test_a_simulated_playback_stands_beside_its_plan(tmp_path: Path) -> None:
     result = simulate(plan, Scenario(speed=0.5, stall=("tilt", 2.0)))
     data = simulation_data(plan, result)
     planned, simulated = (
-        {name: np.frombuffer(base64.b64decode(values), dtype="<f8") for name, values in side.items()}
+        {
+            name: np.frombuffer(base64.b64decode(values), dtype="<f8")
+            for name, values in side.items()
+        }
         for side in data["channels"]
     )
     t = simulated["t"]
     assert t[-1] == pytest.approx(result.time[-1])
     for i in (0, 1, 2, 3):
-        np.testing.assert_allclose(simulated[f"q{i}"], np.interp(t, result.time, result.q[:, i]), atol=1e-12)
-        np.testing.assert_allclose(simulated[f"q{i}"] - planned[f"q{i}"], simulated[f"error{i}"], atol=2e-5)
+        np.testing.assert_allclose(
+            simulated[f"q{i}"], np.interp(t, result.time, result.q[:, i]), atol=1e-12
+        )
+        np.testing.assert_allclose(
+            simulated[f"q{i}"] - planned[f"q{i}"], simulated[f"error{i}"], atol=2e-5
+        )
     assert np.abs(simulated["error1"]).max() > 1.0
     shown = {panel["title"] for panel in data["panels"]}
     assert shown >= {"Tip, away from the plan", "roll", "tilt", "insertion"}
-    text = write_simulation_page(plan, result, tmp_path / "simulation.html").read_text(encoding="utf-8")
+    text = write_simulation_page(plan, result, tmp_path / "simulation.html").read_text(
+        encoding="utf-8"
+    )
     assert "the following error left its window" in text
 
 
@@ -222,7 +243,9 @@ def test_text_never_becomes_markup(text: str) -> None:
     pages = [template.render(t=t, marks=[("good", t.header[0], t.header[0])]) for t in tables]
     plain, hostile = (Reader(page).tags for page in pages)
     assert len(hostile) >= len(plain) - 1  # an empty caption is left out
-    assert [entry for entry in plain if entry[0] != "caption"] == [entry for entry in hostile if entry[0] != "caption"]
+    assert [entry for entry in plain if entry[0] != "caption"] == [
+        entry for entry in hostile if entry[0] != "caption"
+    ]
 
 
 def test_a_name_that_a_template_misses_is_an_error() -> None:
@@ -230,7 +253,9 @@ def test_a_name_that_a_template_misses_is_an_error() -> None:
         templates().get_template("report.html").render(data="{}")
 
 
-@given(st.recursive(TEXT | st.floats(allow_nan=False, allow_infinity=False), st.lists, max_leaves=5))
+@given(
+    st.recursive(TEXT | st.floats(allow_nan=False, allow_infinity=False), st.lists, max_leaves=5)
+)
 def test_embedded_json_cannot_end_its_element(data: Any) -> None:
     text = safe_json(data)
     assert not set("<>&") & set(text)
@@ -240,7 +265,9 @@ def test_embedded_json_cannot_end_its_element(data: Any) -> None:
 @given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=20))
 def test_channels_are_exact(values: list[float]) -> None:
     array = np.array(values)
-    assert np.array_equal(np.frombuffer(base64.b64decode(encoded({"x": array})["x"]), dtype="<f8"), array)
+    assert np.array_equal(
+        np.frombuffer(base64.b64decode(encoded({"x": array})["x"]), dtype="<f8"), array
+    )
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=60))
@@ -272,7 +299,9 @@ def test_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_comparison_joins_limits_of_both(tmp_path: Path) -> None:
     other = tmp_path / "plan.json"
     other.write_text(json.dumps(stretched(1.5, name="<script>other</script>")), encoding="utf-8")
-    text = write_comparison(load_plan(PLAN), load_plan(other), tmp_path / "comparison.html").read_text(encoding="utf-8")
+    text = write_comparison(
+        load_plan(PLAN), load_plan(other), tmp_path / "comparison.html"
+    ).read_text(encoding="utf-8")
     assert "+50.00 %" in text
     assert "<script>other" not in text
 
@@ -285,8 +314,13 @@ def run(*words: str | Path) -> int:
     return pages.run_report(parser.parse_args([str(word) for word in words]))
 
 
-def test_command_writes_report_comparison_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(PLAN.parent, "-o", tmp_path / "r.html", "--figures", tmp_path / "figures", "--json") == 0
+def test_command_writes_report_comparison_and_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        run(PLAN.parent, "-o", tmp_path / "r.html", "--figures", tmp_path / "figures", "--json")
+        == 0
+    )
     files = json.loads(capsys.readouterr().out)["files"]
     assert {Path(path).suffix for path in files.values()} == {".html", ".png", ".pdf"}
     assert all(Path(path).stat().st_size > 1000 for path in files.values())
@@ -299,5 +333,10 @@ def test_figures_are_the_same_bytes_each_time(tmp_path: Path) -> None:
 
     plan = load_plan(PLAN)
     first, second = (write_figures_of_file(plan, tmp_path / name) for name in ("a", "b"))
-    assert {path.name for path in first.values()} == {"motion.png", "motion.pdf", "motors.png", "motors.pdf"}
+    assert {path.name for path in first.values()} == {
+        "motion.png",
+        "motion.pdf",
+        "motors.png",
+        "motors.pdf",
+    }
     assert all(first[name].read_bytes() == second[name].read_bytes() for name in first)

@@ -37,16 +37,24 @@ POSE = [0.2, -1.7, 0.3, 0.012]
 @pytest.fixture(scope="module")
 def server(tilt_insert: Problem) -> Iterator[ViewServer]:
     with ViewServer(Study(tilt_insert)) as running:
-        threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+        threading.Thread(
+            target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        ).start()
         yield running
         running.shutdown()
 
 
-def send(server: ViewServer, method: str, path: str, body: Any = None, **headers: str | None) -> tuple[int, str]:
+def send(
+    server: ViewServer, method: str, path: str, body: Any = None, **headers: str | None
+) -> tuple[int, str]:
     """Status and text of an answer; headers replace those that the page sends, None leaves one out."""
     connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
     text = body if isinstance(body, (str, bytes)) else json.dumps(body)
-    sent = {"Content-Type": "application/json", "X-Token": server.token, "Host": f"127.0.0.1:{server.server_port}"}
+    sent = {
+        "Content-Type": "application/json",
+        "X-Token": server.token,
+        "Host": f"127.0.0.1:{server.server_port}",
+    }
     sent |= {key.replace("_", "-"): value for key, value in headers.items()}  # type: ignore[dict-item]
     try:
         connection.putrequest(method, path, skip_host=True)
@@ -80,7 +88,9 @@ def test_page_holds_the_token_and_nothing_from_elsewhere(server: ViewServer) -> 
     assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", text)
 
 
-@pytest.mark.parametrize("host", ["example.org", "127.0.0.1", "127.0.0.1:1", "localhost.example.org", None])
+@pytest.mark.parametrize(
+    "host", ["example.org", "127.0.0.1", "127.0.0.1:1", "localhost.example.org", None]
+)
 def test_other_host_names_are_refused(server: ViewServer, host: str | None) -> None:
     for method, path in (("GET", "/"), ("POST", "/ik")):
         status, text = send(server, method, path, {}, Host=host)
@@ -121,7 +131,15 @@ def test_what_is_no_json_object_is_refused(server: ViewServer, body: str | bytes
 
 
 def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
-    for path in ("/etc/passwd", "/../server.py", "/report/", "/report/none", "/workspace", "/?x", "/report/../"):
+    for path in (
+        "/etc/passwd",
+        "/../server.py",
+        "/report/",
+        "/report/none",
+        "/workspace",
+        "/?x",
+        "/report/../",
+    ):
         assert send(server, "GET", path)[0] == 404
     assert send(server, "POST", "/", {})[0] == 404
     for method in ("PUT", "DELETE", "OPTIONS", "HEAD"):
@@ -143,7 +161,9 @@ def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
         ("/progress", {"job": "../x"}, "job"),
     ],
 )
-def test_bad_values_are_named(server: ViewServer, path: str, request_: dict[str, Any], key: str) -> None:
+def test_bad_values_are_named(
+    server: ViewServer, path: str, request_: dict[str, Any], key: str
+) -> None:
     status, text = send(server, "POST", path, json.dumps(request_))
     assert status == 400
     assert key in json.loads(text)["error"]
@@ -175,17 +195,27 @@ def test_band_is_the_closed_form_tilt_range(server: ViewServer) -> None:
     assert found["tilt_range"] == pytest.approx([low, high])
     assert found["margin"] == pytest.approx(min(-2.0 - low, high + 1.5))
     vertices = np.reshape(found["scene"]["bands"][0]["vertices"], (-1, 3))
-    angles = np.arccos(vertices @ np.array(found["scene"]["axes"][0]) / np.linalg.norm(vertices, axis=1))
+    angles = np.arccos(
+        vertices @ np.array(found["scene"]["axes"][0]) / np.linalg.norm(vertices, axis=1)
+    )
     assert angles.min() == pytest.approx(-high, abs=1e-4)
     assert angles.max() == pytest.approx(-low, abs=1e-4)
     assert not found["own"]
 
 
-def test_plan_runs_with_progress_and_gives_a_report(server: ViewServer, tilt_insert: Problem) -> None:
+def test_plan_runs_with_progress_and_gives_a_report(
+    server: ViewServer, tilt_insert: Problem
+) -> None:
     own = Mechanism.from_geometry(tilt_insert.robot.geometry)
     target = [0.0, math.radians(-100), 0.0, 0.005]
     start = [0.0, math.radians(-90), 0.0, 0.0]
-    request = {"alpha": own.alpha, "beta": own.beta, "start": start, "target": target, "tilt_range": [-2.4, -1.45]}
+    request = {
+        "alpha": own.alpha,
+        "beta": own.beta,
+        "start": start,
+        "target": target,
+        "tilt_range": [-2.4, -1.45],
+    }
     job = ask(server, "/plan", request)["job"]
     status, text = send(server, "POST", "/plan", request)
     assert status == 400
@@ -206,7 +236,12 @@ def test_plan_runs_with_progress_and_gives_a_report(server: ViewServer, tilt_ins
 
 def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert: Problem) -> None:
     own = Mechanism.from_geometry(tilt_insert.robot.geometry)
-    request = {"alpha": own.alpha, "beta": own.beta, "start": [0.0, -1.6, 0.0, 0.0], "target": [0.0, -2.2, 0.0, 0.0]}
+    request = {
+        "alpha": own.alpha,
+        "beta": own.beta,
+        "start": [0.0, -1.6, 0.0, 0.0],
+        "target": [0.0, -2.2, 0.0, 0.0],
+    }
     status, text = send(server, "POST", "/plan", {**request, "tilt_range": [-2.0, -1.5]})
     found = json.loads(text)
     assert status == 400
@@ -223,7 +258,9 @@ def finished(server: ViewServer, job: str, seconds: float = 60.0) -> dict[str, A
     raise AssertionError("never done")
 
 
-def test_a_plan_is_cancelled_at_once_and_the_next_one_works(server: ViewServer, tilt_insert: Problem) -> None:
+def test_a_plan_is_cancelled_at_once_and_the_next_one_works(
+    server: ViewServer, tilt_insert: Problem
+) -> None:
     job = ask(server, "/plan", {"own": True})["job"]
     while not ask(server, "/progress", {"job": job})["steps"]:
         time.sleep(0.005)
@@ -234,7 +271,9 @@ def test_a_plan_is_cancelled_at_once_and_the_next_one_works(server: ViewServer, 
     assert "check passed" in finished(server, ask(server, "/plan", {"own": True})["job"])["message"]
 
 
-def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time(tmp_path: Path) -> None:
+def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time(
+    tmp_path: Path,
+) -> None:
     class Steps(type(tmp_path)):  # type: ignore[misc]
         def read_text(self, *_: Any, **__: Any) -> str:
             job.outcome = Outcome("planned", "page", "{}")
@@ -251,14 +290,20 @@ def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time
     assert job.to_dict()["plan"] == "/plan/identity"
 
 
-def test_waypoints_and_dwells_are_planned_and_saved(server: ViewServer, tilt_insert: Problem, tmp_path: Path) -> None:
+def test_waypoints_and_dwells_are_planned_and_saved(
+    server: ViewServer, tilt_insert: Problem, tmp_path: Path
+) -> None:
     """What is saved as YAML is the problem that is planned, and the plan can be had as plan.json."""
     own = Mechanism.from_geometry(tilt_insert.robot.geometry)
     request = {
         "alpha": own.alpha,
         "beta": own.beta,
         "start": [0.0, math.radians(-90), 0.0, 0.0],
-        "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.0]}, {"dwell": 0.2}, {"pose": [0.0, -1.8, 0.0, 0.004]}],
+        "motion": [
+            {"pose": [0.0, math.radians(-100), 0.0, 0.0]},
+            {"dwell": 0.2},
+            {"pose": [0.0, -1.8, 0.0, 0.004]},
+        ],
         "tilt_range": [math.radians(-139), math.radians(-81)],
     }
     path = tmp_path / "saved.yaml"
@@ -281,7 +326,9 @@ def test_a_relaxation_can_be_planned(tilt_insert: Problem) -> None:
 
     weak = replace(tilt_insert, motion=(replace(tilt_insert.motion[0], duration=0.5),))
     with ViewServer(Study(weak)) as running:
-        threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+        threading.Thread(
+            target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        ).start()
         first = finished(running, ask(running, "/plan", {"own": True})["job"])
         assert first["report"] is None
         assert first["relaxation"]
@@ -293,7 +340,9 @@ def test_a_relaxation_can_be_planned(tilt_insert: Problem) -> None:
 def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
     wanted = [math.radians(-130), math.radians(-90)]
     found = ask(server, "/suggest", {"tilt_range": wanted})
-    reached = ask(server, "/workspace", {"alpha": found["alpha"], "beta": found["beta"], "tilt_range": wanted})
+    reached = ask(
+        server, "/workspace", {"alpha": found["alpha"], "beta": found["beta"], "tilt_range": wanted}
+    )
     assert reached["margin"] == pytest.approx(found["margin"], abs=1e-9)
     status, text = send(server, "POST", "/suggest", {"tilt_range": [-1.0, 1.0]})
     assert status == 400

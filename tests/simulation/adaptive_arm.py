@@ -41,7 +41,9 @@ class AdaptiveMotion:
     status: str
 
 
-def simulate_arm(arm: ArmSimulation, reference: Reference, times: Array, rtol: float = 1e-7) -> AdaptiveMotion:
+def simulate_arm(
+    arm: ArmSimulation, reference: Reference, times: Array, rtol: float = 1e-7
+) -> AdaptiveMotion:
     """Integrate the arm from rest at reference(times[0]) and sample it at `times` (n,), increasing."""
     from scipy.integrate import solve_ivp
 
@@ -61,7 +63,14 @@ def simulate_arm(arm: ArmSimulation, reference: Reference, times: Array, rtol: f
         owners, watched = plant.events(modes, since)
         inside = times[(times > t) & (times <= end)]
         found = solve_ivp(
-            plant.rates, (t, end), x, args=(modes,), events=watched, t_eval=inside, rtol=rtol, atol=rtol * plant.scale
+            plant.rates,
+            (t, end),
+            x,
+            args=(modes,),
+            events=watched,
+            t_eval=inside,
+            rtol=rtol,
+            atol=rtol * plant.scale,
         )
         if len(found.t):
             kept.extend(found.y.T)
@@ -88,9 +97,13 @@ class _Arm:
         self.arm, self.reference = arm, reference
         q, qd, force, locked = (ca.SX.sym(name, 4) for name in ("q", "qd", "force", "locked"))
         qdd = arm.accelerations(q, qd, force, locked)
-        self.dynamics = ca.Function("dynamics", [q, qd, force, locked], [qdd, arm.body.symbolic(q, qd, qdd)])
+        self.dynamics = ca.Function(
+            "dynamics", [q, qd, force, locked], [qdd, arm.body.symbolic(q, qd, qdd)]
+        )
         speeds = [1.0, 1.0, 1.0, 0.1]
-        self.scale = np.array([*([1e-3] * 4), *speeds, *([1e-1] * 4), *([10.0] * 4), *([1e-3] * 4), *([1e-2] * 4)])
+        self.scale = np.array(
+            [*([1e-3] * 4), *speeds, *([1e-1] * 4), *([10.0] * 4), *([1e-3] * 4), *([1e-2] * 4)]
+        )
 
     def torques(self, t: float, x: Array) -> Array:
         q, qd, _ = self.reference(t)
@@ -146,7 +159,9 @@ class _Arm:
         drive, tau = self.arm.drive(k), float(self.torques(t, x)[k])
         if mode == 0:
             upper = breakaway_torque(drive, load, 1.0, self._mu_static(drive, np.inf))
-            return (1 if tau > 0.5 * (upper + breakaway_torque(drive, load, -1.0)) else -1), "starts"
+            return (
+                1 if tau > 0.5 * (upper + breakaway_torque(drive, load, -1.0)) else -1
+            ), "starts"
         onwards = breaks_away(drive, tau, load, self._mu_static(drive, 0.0))
         return (onwards, "reverses") if onwards == -mode else (0, "stops")
 
@@ -178,4 +193,6 @@ class _Arm:
 
     def _mu_static(self, drive: Drive, rest: float) -> float:
         f = friction_of(drive)
-        return float(static_coefficient(f, rest, min(float(friction_coefficient(f, 0.0)), f.mu_static)))
+        return float(
+            static_coefficient(f, rest, min(float(friction_coefficient(f, 0.0)), f.mu_static))
+        )

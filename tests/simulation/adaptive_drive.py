@@ -14,7 +14,12 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
-from ssm_planner.dynamics.transmission import always_unique, breakaway_torque, mesh_coefficients, output_effort
+from ssm_planner.dynamics.transmission import (
+    always_unique,
+    breakaway_torque,
+    mesh_coefficients,
+    output_effort,
+)
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, drive_step, servo_step
@@ -46,7 +51,9 @@ def mesh_torque(drive: Drive, F: float, wd: float, direction: float, mu: float) 
     if drive.kind != "antibacklash_screw":
         return mean * F + direction * half * abs(F)
     main, second = mean - direction * half, mean + direction * half
-    return main * (F - drive.preload) + second * (drive.preload + drive.second_nut_mass * wd / drive.ratio)
+    return main * (F - drive.preload) + second * (
+        drive.preload + drive.second_nut_mass * wd / drive.ratio
+    )
 
 
 def servo_torque(servo: Servo, error: float, integral: float) -> float:
@@ -59,7 +66,9 @@ def servo_rate(servo: Servo, error: float, integral: float) -> float:
     return 0.0 if abs(wanted) > servo.limit and wanted * error > 0 else servo.ki * error
 
 
-def slip_acceleration(drive: Drive, tau: float, w: float, load: float, direction: int, mu: float) -> Slip:
+def slip_acceleration(
+    drive: Drive, tau: float, w: float, load: float, direction: int, mu: float
+) -> Slip:
     """Acceleration of a drive that moves (or starts to move) in `direction` (±1) under the motor torque tau, N·m.
 
     load: effort on the output besides its inertia and friction; the inertia of the load belongs to the drive
@@ -87,7 +96,11 @@ def slip_acceleration(drive: Drive, tau: float, w: float, load: float, direction
     if not found:
         return Slip(float("nan"), float("nan"), "none")
     wd, carried = found[0]
-    return Slip(float(wd), float(carried), "unique" if len(found) == 1 or found[0] == found[1] else "several")
+    return Slip(
+        float(wd),
+        float(carried),
+        "unique" if len(found) == 1 or found[0] == found[1] else "several",
+    )
 
 
 def breaks_away(drive: Drive, tau: float, load: float, mu_static: float) -> int:
@@ -99,7 +112,9 @@ def breaks_away(drive: Drive, tau: float, load: float, mu_static: float) -> int:
     return 0
 
 
-def friction_power(drive: Drive, w: float, effort: float, direction: int, mu: float, wd: float = 0.0) -> float:
+def friction_power(
+    drive: Drive, w: float, effort: float, direction: int, mu: float, wd: float = 0.0
+) -> float:
     """Power that mesh, bearings and output friction turn into heat, W, ≥ 0 in motion."""
     f = friction_of(drive)
     qd = w / drive.ratio
@@ -142,7 +157,9 @@ class DriveMotion:
         """Largest |work − (kinetic + potential + dissipated)| over the largest energy that passed."""
         stored = self.kinetic + self.potential
         error = self.work - (stored - stored[0]) - self.dissipated
-        scale = max(float(np.max(np.abs(x))) for x in (self.work, self.dissipated, stored - stored[0]))
+        scale = max(
+            float(np.max(np.abs(x))) for x in (self.work, self.dissipated, stored - stored[0])
+        )
         return float(np.max(np.abs(error)) / scale) if scale > 1e-15 else 0.0
 
 
@@ -172,12 +189,16 @@ class _Plant:
 
     def ill_posed(self, t: float, x: Array, state: int) -> bool:
         mu = float(friction_coefficient(friction_of(self.drive), x[_SPEED]))
-        outcome = slip_acceleration(self.drive, self.torque(t, x), x[_SPEED], self.load, state, mu).outcome
+        outcome = slip_acceleration(
+            self.drive, self.torque(t, x), x[_SPEED], self.load, state, mu
+        ).outcome
         return outcome != "unique"
 
     def mu_static(self, rest: float) -> float:
         f = friction_of(self.drive)
-        return float(static_coefficient(f, rest, min(float(friction_coefficient(f, 0.0)), f.mu_static)))
+        return float(
+            static_coefficient(f, rest, min(float(friction_coefficient(f, 0.0)), f.mu_static))
+        )
 
 
 def simulate_drive(
@@ -225,7 +246,14 @@ def simulate_drive(
 
 
 def _piece(
-    plant: _Plant, t: float, x: Array, state: int, end: float, rest_since: float, rtol: float, max_step: float
+    plant: _Plant,
+    t: float,
+    x: Array,
+    state: int,
+    end: float,
+    rest_since: float,
+    rtol: float,
+    max_step: float,
 ) -> tuple[Array, Array, int | None]:
     """Integrate one state until it ends: (times, states, index of the event or None)."""
     from scipy.integrate import solve_ivp
@@ -233,7 +261,14 @@ def _piece(
     watched = _sliding_events() if state else _standing_events(plant, rest_since)
     scale = np.array([1e-3, 1e-4, 1e-7, 1e-9, 1e-9])
     found = solve_ivp(
-        plant.rates, (t, end), x, args=(state,), events=watched, rtol=rtol, atol=rtol * scale, max_step=max_step
+        plant.rates,
+        (t, end),
+        x,
+        args=(state,),
+        events=watched,
+        rtol=rtol,
+        atol=rtol * scale,
+        max_step=max_step,
     )
     fired = [k for k, at in enumerate(found.t_events or []) if len(at)]
     return found.t, found.y.T, fired[0] if fired else None
@@ -264,7 +299,9 @@ def _standing_events(plant: _Plant, rest_since: float) -> list[Any]:
     return [forwards, backwards]
 
 
-def _next_state(plant: _Plant, t: float, x: Array, state: int, event: int) -> tuple[int, float, str]:
+def _next_state(
+    plant: _Plant, t: float, x: Array, state: int, event: int
+) -> tuple[int, float, str]:
     """(new state, start of rest, name) after an event; x is corrected to an exact standstill."""
     x[_SPEED] = 0.0
     if state == 0:
@@ -276,11 +313,18 @@ def _next_state(plant: _Plant, t: float, x: Array, state: int, event: int) -> tu
 
 
 def _collect(
-    plant: _Plant, pieces: list[tuple[Array, Array, int]], events: tuple[tuple[float, str], ...], status: str
+    plant: _Plant,
+    pieces: list[tuple[Array, Array, int]],
+    events: tuple[tuple[float, str], ...],
+    status: str,
 ) -> DriveMotion:
     time = np.concatenate([times for times, _, _ in pieces]) if pieces else np.zeros(1)
     x = np.concatenate([states for _, states, _ in pieces]) if pieces else np.zeros((1, 5))
-    state = np.concatenate([np.full(len(times), s) for times, _, s in pieces]) if pieces else np.zeros(1)
+    state = (
+        np.concatenate([np.full(len(times), s) for times, _, s in pieces])
+        if pieces
+        else np.zeros(1)
+    )
     drive = plant.drive
     moved = (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2
     return DriveMotion(
@@ -350,15 +394,24 @@ def _status(drive: Drive, w: Array) -> str:
     return "done" if always_unique(drive) else NOT_UNIQUE
 
 
-def _period(drive: Drive, servo: Servo | None, load: float, period: float, steps: int) -> ca.Function:
+def _period(
+    drive: Drive, servo: Servo | None, load: float, period: float, steps: int
+) -> ca.Function:
     """(state, wanted speed) → (state after one control period, torque in it)."""
     x, wanted = ca.SX.sym("x", 6), ca.SX.sym("wanted")
     angle, w, integral, rest, work, loss = ca.vertsplit(x)
-    tau, integral = (ca.SX(0), integral) if servo is None else servo_step(servo, wanted - w, integral, period)
+    tau, integral = (
+        (ca.SX(0), integral) if servo is None else servo_step(servo, wanted - w, integral, period)
+    )
     h = period / steps
     for _ in range(steps):
         step = drive_step(drive, w, rest, tau, ca.SX(load), h=h)
         mean = 0.5 * (w + step.w)
         angle, work, loss = angle + h * mean, work + h * tau * mean, loss + step.loss
         w, rest = step.w, step.rest
-    return ca.Function("period", [x, wanted], [ca.vertcat(angle, w, integral, rest, work, loss), tau], {"cse": True})
+    return ca.Function(
+        "period",
+        [x, wanted],
+        [ca.vertcat(angle, w, integral, rest, work, loss), tau],
+        {"cse": True},
+    )

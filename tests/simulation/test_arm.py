@@ -35,7 +35,11 @@ def arm(robot):
 def polynomial(t, start, step, duration):
     """Rest-to-rest quintic: (q, qd, qdd) at t."""
     s = np.clip(np.asarray(t) / duration, 0.0, 1.0)[..., None]
-    p, v, a = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2, 60 * s * (1 - s) * (1 - 2 * s)
+    p, v, a = (
+        s**3 * (10 - 15 * s + 6 * s**2),
+        30 * s**2 * (1 - s) ** 2,
+        60 * s * (1 - s) * (1 - 2 * s),
+    )
     return start + step * p, step * v / duration, step * a / duration**2
 
 

@@ -57,13 +57,17 @@ def test_a_loop_is_the_stated_pid():
     gains, period = Gains(p=3.0, i=40.0, d=0.02, ff_velocity=0.0, ff_acceleration=0.0), 4e-4
     x, e, w, f = ca.SX.sym("x", 3), ca.SX.sym("e", 2), ca.SX.sym("w"), ca.SX.sym("f")
     step = loop_step(gains, MOTOR, period, error=e, before=x, w=w, feedforward=f)
-    function = ca.Function("loop", [x, e, w, f], [step.current, step.saturated, step.integral, step.derivative])
+    function = ca.Function(
+        "loop", [x, e, w, f], [step.current, step.saturated, step.integral, step.derivative]
+    )
     rng = np.random.default_rng(3)
     errors = np.cumsum(rng.normal(0, 0.01, 200))
     current = integral = derivative = before = 0.0
     lag, delay = np.exp(-period / MOTOR.lag), gains.d / (10 * gains.p)
     for error in errors:
-        found = [float(v) for v in function([current, integral, derivative], [error, before], 100.0, 0.3)]
+        found = [
+            float(v) for v in function([current, integral, derivative], [error, before], 100.0, 0.3)
+        ]
         # backward Euler of a filtered derivative
         derivative = (delay * derivative + gains.d * (error - before)) / (delay + period)
         demanded = gains.p * error + integral + derivative + 0.3
@@ -71,7 +75,9 @@ def test_a_loop_is_the_stated_pid():
         integral += gains.i * error * period
         before = error
         assert not found[1]
-        np.testing.assert_allclose([found[0], *found[2:]], [current, integral, derivative], rtol=1e-12)
+        np.testing.assert_allclose(
+            [found[0], *found[2:]], [current, integral, derivative], rtol=1e-12
+        )
 
 
 def test_an_integral_stops_where_the_current_is_cut_off():
@@ -142,7 +148,14 @@ def test_the_default_bandwidth_leaves_its_phase_margin(robot):
             i = i + follows * (line[0] - i)
             integral = integral + period * gains.i * error
             after = [q + period * w + period**2 / 2 * k * unit * i, w + period * k * unit * i]
-            state[:, column] = [*after, i, integral, derivative, error, *(line[1:] if delay else [])]
+            state[:, column] = [
+                *after,
+                i,
+                integral,
+                derivative,
+                error,
+                *(line[1:] if delay else []),
+            ]
         return np.abs(np.linalg.eigvals(state)).max()
 
     assert radius(0) < 1
@@ -158,7 +171,10 @@ def test_the_default_bandwidth_leaves_its_phase_margin(robot):
         ("loop_period: 3 s", ["loop_period", "0.01 ms to 2 ms"]),
         ("output_share: 1.2", ["output_share", "up to 1"]),
         ("counts_per_turn: 0.5", ["counts_per_turn", "whole"]),
-        ("compliance: {insertion: {backlash: 1 deg}}", ["compliance.insertion.backlash", "a length"]),
+        (
+            "compliance: {insertion: {backlash: 1 deg}}",
+            ["compliance.insertion.backlash", "a length"],
+        ),
         ("gain: 3", ["gain", "unknown key"]),
     ],
 )

@@ -39,7 +39,14 @@ FRICTION = {
     "rig1_lead_screw": Friction(0.27, 0.3, 1e-3, 3e-5, 3e-2, 1e-3),
     "rig2_antibacklash_screw": Friction(0.2, 0.23, 2e-3, 3e-5, 2e-2),
     "rig3_worm": Friction(
-        0.12, 0.18, 5.5e-4, 1.15e-5, 4e-3, law="stribeck_exponential", mu_stribeck=0.06, stribeck_speed=0.688
+        0.12,
+        0.18,
+        5.5e-4,
+        1.15e-5,
+        4e-3,
+        law="stribeck_exponential",
+        mu_stribeck=0.06,
+        stribeck_speed=0.688,
     ),
 }
 RIGS = tuple(FRICTION)
@@ -52,7 +59,12 @@ def rig(name: str):
 
 
 @pytest.mark.parametrize("name", RIGS)
-@given(wd=st.floats(-2000, 2000), speed=st.floats(0.01, 50), sign=st.sampled_from([-1, 1]), load=st.floats(-1, 1))
+@given(
+    wd=st.floats(-2000, 2000),
+    speed=st.floats(0.01, 50),
+    sign=st.sampled_from([-1, 1]),
+    load=st.floats(-1, 1),
+)
 def test_forward_dynamics_inverts_the_inverse_law(name, wd, speed, sign, load):
     drive, scale, inertia = rig(name)
     drive, load, w = with_load(drive, inertia), load * abs(scale), sign * speed
@@ -77,7 +89,9 @@ def test_a_large_load_inertia_leaves_no_unique_motion():
     steady = float(motor_torque(heavy, output_effort(heavy, load, 5 / 60, 0), 5.0, 0.0, mu=mu))
     assert slip_acceleration(heavy, steady, 5.0, load, 1, mu).outcome == "several"
     assert slip_acceleration(heavy, 0.0, 5.0, load, 1, mu).outcome == "none"
-    stopped = simulate_drive(drive, servo_for(drive, 0.02), lambda t: 5.0, 1.0, load=load, load_inertia=0.05)
+    stopped = simulate_drive(
+        drive, servo_for(drive, 0.02), lambda t: 5.0, 1.0, load=load, load_inertia=0.05
+    )
     assert stopped.status == NOT_UNIQUE
     fixed = simulate_drive_fixed(drive, None, np.zeros(5), load=load, load_inertia=0.05)
     assert fixed.status == NOT_UNIQUE
@@ -88,12 +102,16 @@ def test_a_large_load_inertia_leaves_no_unique_motion():
 def test_steady_state_is_the_inverse_law(name, w):
     drive, load, inertia = rig(name)
     servo = servo_for(drive, 0.02, bandwidth=200.0)
-    adaptive = simulate_drive(drive, servo, lambda t: w, 2.0, load=load, load_inertia=inertia, rtol=1e-10)
+    adaptive = simulate_drive(
+        drive, servo, lambda t: w, 2.0, load=load, load_inertia=inertia, rtol=1e-10
+    )
     fixed = simulate_drive_fixed(drive, servo, np.full(2000, w), load=load, load_inertia=inertia)
     for motion in (adaptive, fixed):
         assert motion.status == "done"
         effort = output_effort(drive, load, motion.w[-1] / drive.ratio, 0.0)
-        assert motion.tau[-1] == pytest.approx(float(motor_torque(drive, effort, motion.w[-1], 0.0)), rel=1e-6)
+        assert motion.tau[-1] == pytest.approx(
+            float(motor_torque(drive, effort, motion.w[-1], 0.0)), rel=1e-6
+        )
         assert motion.w[-1] == pytest.approx(w, rel=1e-6)
 
 
@@ -105,8 +123,15 @@ def test_move_rest_move_back(name):
     def wanted(t: float) -> float:
         return 5.0 * (0.1 < t < 1.0) - 5.0 * (1.5 < t < 2.4)
 
-    motion = simulate_drive(drive, servo, wanted, 3.0, load=load, load_inertia=inertia, max_step=0.05)
-    assert [name for _, name in motion.events] == ["starts forwards", "stops", "starts backwards", "stops"]
+    motion = simulate_drive(
+        drive, servo, wanted, 3.0, load=load, load_inertia=inertia, max_step=0.05
+    )
+    assert [name for _, name in motion.events] == [
+        "starts forwards",
+        "stops",
+        "starts backwards",
+        "stops",
+    ]
     assert motion.energy_error < 1e-7
     assert np.all(motion.w[motion.state == 0] == 0.0)
     assert np.all(np.diff(motion.dissipated) >= -1e-15)
@@ -114,14 +139,18 @@ def test_move_rest_move_back(name):
         if name_of_event.startswith("starts"):
             k = int(np.searchsorted(motion.time, at))
             sign = 1.0 if name_of_event.endswith("forwards") else -1.0
-            assert motion.tau[k] == pytest.approx(float(breakaway_torque(drive, load, sign)), rel=1e-5)
+            assert motion.tau[k] == pytest.approx(
+                float(breakaway_torque(drive, load, sign)), rel=1e-5
+            )
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_fixed_steps_tend_to_the_adaptive_motion(name):
     drive, load, inertia = rig(name)
     servo = servo_for(drive, 0.02, bandwidth=100.0)
-    exact = simulate_drive(drive, servo, lambda t: 6.0 * math.sin(6 * t), 2.0, load=load, load_inertia=inertia)
+    exact = simulate_drive(
+        drive, servo, lambda t: 6.0 * math.sin(6 * t), 2.0, load=load, load_inertia=inertia
+    )
     errors = []
     for period in (4e-3, 1e-3, 2.5e-4):
         time = np.arange(0.0, 2.0, period)
@@ -143,7 +172,9 @@ def test_a_self_locking_drive_stays_without_power_and_a_slippery_one_runs(name):
     ):
         assert np.all(motion.angle == 0.0)
         assert motion.energy_error == 0.0
-    slippery = replace(drive, friction=Friction(0.01, 0.01, 0.0, 0.0), preload=0.0, self_locking=False)
+    slippery = replace(
+        drive, friction=Friction(0.01, 0.01, 0.0, 0.0), preload=0.0, self_locking=False
+    )
     motion = simulate_drive(slippery, off, lambda t: 0.0, 0.5, load=load, load_inertia=inertia)
     loaded = with_load(slippery, inertia)
     expected = slip_acceleration(loaded, 0.0, 0.0, load, 1, 0.01).wd
@@ -167,7 +198,9 @@ def test_stick_slip_where_static_friction_exceeds_kinetic():
 
 def test_a_longer_rest_needs_more_torque_to_leave():
     drive, load, _ = rig("rig3_worm")
-    drive = replace(drive, friction=replace(FRICTION["rig3_worm"], mu_static=0.5, dwell_constant=0.5))
+    drive = replace(
+        drive, friction=replace(FRICTION["rig3_worm"], mu_static=0.5, dwell_constant=0.5)
+    )
     servo = servo_for(drive, 0.02, bandwidth=200.0)
     torques = []
     for rest in (0.1, 0.5, 3.0):
@@ -184,7 +217,10 @@ def test_a_longer_rest_needs_more_torque_to_leave():
 def test_breakaway_is_exactly_at_its_torque():
     drive, load, _ = rig("rig3_worm")
     high, low = (float(breakaway_torque(drive, load, s)) for s in (1.0, -1.0))
-    assert [breaks_away(drive, tau, load, 0.18) for tau in (low * 1.001, low * 0.999, high * 0.999, high * 1.001)] == [
+    assert [
+        breaks_away(drive, tau, load, 0.18)
+        for tau in (low * 1.001, low * 0.999, high * 0.999, high * 1.001)
+    ] == [
         -1,
         0,
         0,

@@ -39,7 +39,9 @@ def sliding(q: np.ndarray, speed: float, sign: int) -> Trajectory:
     coefficients = np.zeros((3, 6, 4))
     coefficients[:, 0] = q
     start = -4e-3 - (speed * (RAMP + STEADY) if sign > 0 else 0.0)
-    coefficients[:, 0, INSERTION] = start + sign * speed * np.array([0.0, RAMP / 2, RAMP / 2 + STEADY])
+    coefficients[:, 0, INSERTION] = start + sign * speed * np.array(
+        [0.0, RAMP / 2, RAMP / 2 + STEADY]
+    )
     coefficients[:, 1, INSERTION] = sign * speed * np.array([0.0, 1.0, 1.0])
     coefficients[:, 2, INSERTION] = sign * speed / (2 * RAMP) * np.array([1.0, 0.0, -1.0])
     return Trajectory(breaks, coefficients, (Span("slide", 0.0, float(breaks[-1])),))
@@ -51,7 +53,9 @@ class Bench:
     def __init__(self, plan: Plan, folder: Path) -> None:
         q = plan.motion.sample(plan.motion.breaks[-1:]).q[0]
         motions = [sliding(q, speed, sign) for speed in SPEEDS for sign in (1, -1)]
-        self.stages = [_Stage(replace(plan, trajectory=motion), Scenario(), Controller()) for motion in motions]
+        self.stages = [
+            _Stage(replace(plan, trajectory=motion), Scenario(), Controller()) for motion in motions
+        ]
         self.drive, self.folder = plan.robot.joints[INSERTION].drive, folder
         self.arm = self.stages[0].arm(0.0)
         for stage in self.stages:
@@ -63,24 +67,44 @@ class Bench:
     def identified(self, rng: np.random.Generator) -> tuple[dict[str, float], MapFit]:
         """Parameters drawn, and what identification makes of recordings with them."""
         place = {name: FRICTION.index(name) for name in FRICTION}
-        truth = {name: self.friction[place[name]] * float(np.exp(rng.normal(0, SPREAD))) for name in DRAWN}
-        recordings = [self._recorded(stage, truth, 1 + SCATTER * rng.normal()) for stage in self.stages]
+        truth = {
+            name: self.friction[place[name]] * float(np.exp(rng.normal(0, SPREAD)))
+            for name in DRAWN
+        }
+        recordings = [
+            self._recorded(stage, truth, 1 + SCATTER * rng.normal()) for stage in self.stages
+        ]
         fit = fit_map(self.drive, torque_map(recordings), self.load)
         whole = {**truth, "b_oc": self.friction[place["b_oc"]]}
-        slow = map_torque(with_parameters(self.drive, "coulomb", whole), np.array([1e-6, -1e-6]), self.load)
+        slow = map_torque(
+            with_parameters(self.drive, "coulomb", whole), np.array([1e-6, -1e-6]), self.load
+        )
         return {**truth, "forwards": slow[0], "backwards": slow[1]}, fit
 
     def _recorded(self, stage: _Stage, truth: dict[str, float], scatter: float) -> Recording:
         """The even part of one motion, as the drive's recorder would write it; scatter: times bearing friction."""
         friction = stage.friction.reshape(4, -1).copy()
-        values = {**truth, "mu_static": truth["mu"], "b_c": scatter * truth["b_c"], "b_v": scatter * truth["b_v"]}
+        values = {
+            **truth,
+            "mu_static": truth["mu"],
+            "b_c": scatter * truth["b_c"],
+            "b_v": scatter * truth["b_v"],
+        }
         for name, value in values.items():
             friction[INSERTION, FRICTION.index(name)] = value
-        played = self.arm.play(self.arm.start(stage.planned[0]), stage.told, stage.offsets, friction.ravel())
+        played = self.arm.play(
+            self.arm.start(stage.planned[0]), stage.told, stage.offsets, friction.ravel()
+        )
         none = PowerLosses(*np.zeros((3, 1)))
-        path = write_recording(stage.result(played, none), "insertion", self.folder / "recording.csv")
+        path = write_recording(
+            stage.result(played, none), "insertion", self.folder / "recording.csv"
+        )
         lines = path.read_text(encoding="utf-8").splitlines()
-        even = [row for row in lines[6:] if RAMP + SETTLED <= float(row.split(";")[0]) / 1e3 <= RAMP + STEADY]
+        even = [
+            row
+            for row in lines[6:]
+            if RAMP + SETTLED <= float(row.split(";")[0]) / 1e3 <= RAMP + STEADY
+        ]
         path.write_text("\n".join(lines[:6] + even) + "\n", encoding="utf-8")
         axis = stage.axes["insertion"]
         return read_recording(path, nominal_torque=axis.rated_torque, direction=axis.direction)

@@ -53,15 +53,22 @@ def short(plan):
 def without_controller(loop_period=4e-4):
     """No feedback and no feed-forward: motors without torque, and no window to leave."""
     axis = AxisController(p=0, i=0, d=0, ff_velocity=0, ff_acceleration=0, following_error=10.0)
-    return Controller(loop_period=loop_period, torque_offset=False, joints=dict.fromkeys(DRIVEN, axis))
+    return Controller(
+        loop_period=loop_period, torque_offset=False, joints=dict.fromkeys(DRIVEN, axis)
+    )
 
 
 def stage_of(plan, controller, steps):
     """A stage whose arm takes so many steps in each period of the position loop."""
     stage = _Stage(plan, Scenario(), controller)
-    windows = {name: 2 * np.pi / axis.counts_per_turn * stage.windows[name] for name, axis in stage.axes.items()}
+    windows = {
+        name: 2 * np.pi / axis.counts_per_turn * stage.windows[name]
+        for name, axis in stage.axes.items()
+    }
     springs = compliance_of(plan.robot, controller)
-    stage.arms[0.0] = ControlledArm(plan.robot, controller, stage.axes, windows, compliance=springs, steps=steps)
+    stage.arms[0.0] = ControlledArm(
+        plan.robot, controller, stage.axes, windows, compliance=springs, steps=steps
+    )
     return stage
 
 
@@ -89,7 +96,9 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
     stage = stage_of(plan, replace(controller, torque_offset=torques), 1)
     played = stage.play()
     arm = stage.arm(0.0)
-    motion = arm.motion(arm.period * np.arange(len(played.states)), played.states[:, :STATE], np.zeros((1, 4)))
+    motion = arm.motion(
+        arm.period * np.arange(len(played.states)), played.states[:, :STATE], np.zeros((1, 4))
+    )
     assert np.ptp(motion.q[:, 2]) > 0.2  # what has no drive moves, and shakes the rest
     assert (np.ptp(motion.q[:, 0]) > 1.0) == torques
     assert motion.energy_error <= 1e-6
@@ -99,7 +108,10 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
 def test_halving_the_step_changes_the_torque_little_and_four_times_less_each_time(plan):
     t = np.arange(0.0, plan.motion.duration, 1e-3)
     s = plan.motion.sample(t)
-    runs = [ArmSimulation(plan.robot, steps=steps).run(s.q, s.qd).tau[:, [0, 1, 3]] for steps in (2, 4, 8)]
+    runs = [
+        ArmSimulation(plan.robot, steps=steps).run(s.q, s.qd).tau[:, [0, 1, 3]]
+        for steps in (2, 4, 8)
+    ]
     peak = np.abs(runs[-1]).max(axis=0)
     errors = [np.abs(a - b).max(axis=0) / peak for a, b in pairwise(runs)]
     assert errors[1].max() <= 1e-4
@@ -113,9 +125,14 @@ def test_halving_the_step_of_the_cascade_changes_its_torque_little(plan):
         j if j.motor is None else replace(j, motor=replace(j.motor, encoder_counts=counts[j.name]))
         for j in plan.robot.joints
     ]
-    plan = replace(plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=tuple(fine))))
+    plan = replace(
+        plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=tuple(fine)))
+    )
     controller = Controller(joints={name: AxisController(i=0.0) for name in DRIVEN})
-    runs = [stage_of(plan, controller, steps).play().states[:, CURRENT][:, [0, 1, 3]] for steps in (STEPS, 2 * STEPS)]
+    runs = [
+        stage_of(plan, controller, steps).play().states[:, CURRENT][:, [0, 1, 3]]
+        for steps in (STEPS, 2 * STEPS)
+    ]
     assert np.all(np.abs(runs[0] - runs[1]).max(axis=0) <= 1e-4 * np.abs(runs[1]).max(axis=0))
 
 
@@ -124,7 +141,11 @@ def test_the_set_points_are_the_exported_ones(plan, tmp_path):
     streams = setpoints(plan, axes_of(plan.robot, 4096), 1)
     assert set(streams) == set(DRIVEN)
     for joint, stream in streams.items():
-        file = next(path for path in files.values() if path.name in (f"{joint}.csv", f"{joint}_unverified.csv"))
+        file = next(
+            path
+            for path in files.values()
+            if path.name in (f"{joint}.csv", f"{joint}_unverified.csv")
+        )
         names = file.read_text(encoding="utf-8").split("\n", 1)[0].split(",")[1:]
         rows = np.loadtxt(file, delimiter=",", skiprows=1)
         assert list(stream) == names
@@ -241,8 +262,12 @@ def test_the_compliance_matters_as_a_spring_does(plan, nominal, scale):
 
 def test_backlash_is_free_play(plan):
     stiff = {name: JointCompliance(backlash=0.0) for name in DRIVEN}
-    loose = {name: JointCompliance(backlash=0.01 if name != "insertion" else 2e-5) for name in DRIVEN}
-    arms = [_Stage(plan, Scenario(), Controller(compliance=each)).arm(0.0) for each in (stiff, loose)]
+    loose = {
+        name: JointCompliance(backlash=0.01 if name != "insertion" else 2e-5) for name in DRIVEN
+    }
+    arms = [
+        _Stage(plan, Scenario(), Controller(compliance=each)).arm(0.0) for each in (stiff, loose)
+    ]
     twist = np.linspace(-0.02, 0.02, 9)
     np.testing.assert_allclose(arms[0].compliance.stretch(0, twist), twist)
     np.testing.assert_allclose(
@@ -314,8 +339,12 @@ def test_draws_are_what_single_playbacks_are(short):
 def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan, short):
     drive = plan.robot.joints[0].drive
     sets = np.column_stack([np.linspace(0.12, 0.14, 50), np.full(50, 3e-3)])
-    known = replace(drive, friction=replace(drive.friction, posterior=Posterior(("mu", "b_c"), sets)))
-    robot = replace(plan.robot, joints=(replace(plan.robot.joints[0], drive=known), *plan.robot.joints[1:]))
+    known = replace(
+        drive, friction=replace(drive.friction, posterior=Posterior(("mu", "b_c"), sets))
+    )
+    robot = replace(
+        plan.robot, joints=(replace(plan.robot.joints[0], drive=known), *plan.robot.joints[1:])
+    )
     frictions, notes = drawn_frictions(robot, 100)
     mu, b_c = frictions[:, FRICTION.index("mu")], frictions[:, FRICTION.index("b_c")]
     assert set(np.round(mu, 12)) == set(np.round(sets[:, 0], 12))

@@ -50,7 +50,10 @@ def with_covariance(drive: Drive, relative: float = 0.08) -> Drive:
     sigma = {name: relative * getattr(friction, name) for name in ("b_c", "b_v", "mu", "b_oc")}
     tied = {("mu", "b_oc"): -0.6, ("b_c", "b_v"): -0.7}
     table = {
-        a: {b: sigma[a] * sigma[b] * (1.0 if a == b else tied.get((a, b), tied.get((b, a), 0.0))) for b in sigma}
+        a: {
+            b: sigma[a] * sigma[b] * (1.0 if a == b else tied.get((a, b), tied.get((b, a), 0.0)))
+            for b in sigma
+        }
         for a in sigma
     }
     return replace(drive, friction=replace(friction, covariance=table, identified_speed=20.0))
@@ -74,6 +77,8 @@ def equipped(robot: Robot, motor: Motor = COMPLETE, ratings: bool = True) -> Rob
         )
         drive = replace(with_covariance(joint.drive, 0.03), ratings=rated if ratings else None)
         # the drive's input inertia counts the rotor in
-        drive = replace(drive, input_inertia=max(drive.input_inertia, 1.25 * (motor.rotor_inertia or 0.0)))
+        drive = replace(
+            drive, input_inertia=max(drive.input_inertia, 1.25 * (motor.rotor_inertia or 0.0))
+        )
         joints.append(replace(joint, drive=drive, motor=motor))
     return replace(robot, joints=tuple(joints))

@@ -32,7 +32,11 @@ def plan_file(folder: Path, robot: Robot) -> Path:
     document = {
         "format": FORMAT,
         "version": VERSION,
-        "problem": plain(replace(load_problem(Path(__file__).parents[2] / "problems/tilt_insert.yaml"), robot=robot)),
+        "problem": plain(
+            replace(
+                load_problem(Path(__file__).parents[2] / "problems/tilt_insert.yaml"), robot=robot
+            )
+        ),
         "certificate": None,
         "trajectory": random_trajectory(3).to_dict(),
     }
@@ -42,7 +46,17 @@ def plan_file(folder: Path, robot: Robot) -> Path:
 
 def test_everything_known(tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
     plan = plan_file(tmp_path, equipped(robot))
-    status = run(plan, "--supply", "24 V", "--current-limit", "20 A", "--json", "-o", tmp_path / "out", "--what-if")
+    status = run(
+        plan,
+        "--supply",
+        "24 V",
+        "--current-limit",
+        "20 A",
+        "--json",
+        "-o",
+        tmp_path / "out",
+        "--what-if",
+    )
     document = json.loads(capsys.readouterr().out)
     assert status == 0
     assert document["adequate"] is True
@@ -53,15 +67,21 @@ def test_everything_known(tmp_path: Path, robot: Robot, capsys: pytest.CaptureFi
     assert json.loads((tmp_path / "out/sizing.json").read_text())["adequate"] is True
 
 
-def test_a_motor_that_does_not_suffice(tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-    plan = plan_file(tmp_path, equipped(robot, replace(COMPLETE, nominal_torque=1e-5, max_torque=2e-5)))
+def test_a_motor_that_does_not_suffice(
+    tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = plan_file(
+        tmp_path, equipped(robot, replace(COMPLETE, nominal_torque=1e-5, max_torque=2e-5))
+    )
     assert run(plan) == 1
     out = capsys.readouterr().out
     assert "does NOT suffice" in out
     assert "Traceback" not in out
 
 
-def test_a_csv_needs_the_robot(tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_csv_needs_the_robot(
+    tmp_path: Path, robot: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
     from ssm_planner.formats.csv import write_csv
     from ssm_planner.sizing.requirements import motor_requirements
 
@@ -71,7 +91,9 @@ def test_a_csv_needs_the_robot(tmp_path: Path, robot: Robot, capsys: pytest.Capt
         run(path)
     run(path, "--robot", SHIPPED / "robots/vitreoretinal.yaml", "--json")
     document = json.loads(capsys.readouterr().out)
-    for row, expected in zip(document["requirements"], motor_requirements(trajectory, robot), strict=True):
+    for row, expected in zip(
+        document["requirements"], motor_requirements(trajectory, robot), strict=True
+    ):
         assert row["rms_torque"] == pytest.approx(expected.rms_torque, rel=1e-2)
 
 
@@ -86,7 +108,15 @@ def test_what_is_missing_is_said(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_candidates_for_all_joints_and_for_one(capsys: pytest.CaptureFixture[str]) -> None:
     other = SHIPPED / "motors/maxon_ecx_torque_22_m.yaml"
-    run(SHIPPED / "motorisation/paper.yaml", "--motor", EC_MAX, f"tilt={other}", "--spread", "0.1", "--json")
+    run(
+        SHIPPED / "motorisation/paper.yaml",
+        "--motor",
+        EC_MAX,
+        f"tilt={other}",
+        "--spread",
+        "0.1",
+        "--json",
+    )
     document = json.loads(capsys.readouterr().out)
     rows = [(row["joint"], row["motor"][:12]) for row in document["motors"]]
     assert sorted(rows) == [
@@ -108,9 +138,15 @@ def test_candidates_for_all_joints_and_for_one(capsys: pytest.CaptureFixture[str
         ([SHIPPED / "tilt_insert.yaml"], "plan it first"),
         ([SHIPPED / "motorisation/paper.yaml", "--motor", "nothing.yaml"], "no such file"),
         ([SHIPPED / "motorisation/paper.yaml", "--motor", f"spin={EC_MAX}"], "no drive"),
-        ([SHIPPED / "motorisation/paper.yaml", "--motor", f"wrist={EC_MAX}"], "no joint of this name"),
+        (
+            [SHIPPED / "motorisation/paper.yaml", "--motor", f"wrist={EC_MAX}"],
+            "no joint of this name",
+        ),
         ([SHIPPED / "motorisation/paper.yaml", "--confidence", "2"], "confidence"),
-        ([SHIPPED / "motorisation/paper.yaml", "--motor", SHIPPED / "tilt_insert.yaml"], "unknown key"),
+        (
+            [SHIPPED / "motorisation/paper.yaml", "--motor", SHIPPED / "tilt_insert.yaml"],
+            "unknown key",
+        ),
     ],
 )
 def test_bad_input_is_one_clear_error(words: list[object], part: str) -> None:

@@ -43,7 +43,9 @@ def catalogue() -> Iterator[Motor]:
     with (PROBLEMS / "catalogues/motors_24v.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             figures = {name: units.quantity(row[name], kind) for name, kind in KINDS.items()}
-            yield Motor(name=row["order_number"], max_torque=figures.pop("chart_max_torque"), **figures)
+            yield Motor(
+                name=row["order_number"], max_torque=figures.pop("chart_max_torque"), **figures
+            )
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +69,12 @@ def reference_torque(load: JointLoad, inertia: float, values: dict[str, float]) 
     way, w = load.direction, load.qd * drive.ratio
     mu = np.where(load.breakaway > 0, friction.mu_static / friction.mu, 1.0) * values["mu"]
     mu = np.where(load.breakaway > 0, np.maximum(mu, values["mu"]), mu)
-    effort = load.tau_rigid + drive.output_inertia * load.qdd + values["b_oc"] * way + values["b_ov"] * load.qd
+    effort = (
+        load.tau_rigid
+        + drive.output_inertia * load.qdd
+        + values["b_oc"] * way
+        + values["b_ov"] * load.qd
+    )
     phi = np.arctan(mu / np.cos(drive.pressure_angle))
     mesh = drive.gamma * np.tan(drive.lead_angle + np.sign(effort * way) * phi) * effort
     torque = inertia * load.qdd * drive.ratio + values["b_c"] * way + values["b_v"] * w + mesh
@@ -108,7 +115,9 @@ def hottest(load: JointLoad, motor: Motor, torque: Array) -> Array:
     peak = winding.copy()
     for _ in range(max(int(3 * motor.time_constant_winding / span), 2)):
         for k, step in enumerate(np.diff(load.t)):
-            gained = heat((torque[:, k] + torque[:, k + 1]) / 2, winding) - (winding - housing) / inner
+            gained = (
+                heat((torque[:, k] + torque[:, k + 1]) / 2, winding) - (winding - housing) / inner
+            )
             winding = np.minimum(winding + step * gained / capacity, 2000.0)
             peak = np.maximum(peak, winding)
     return peak
@@ -119,9 +128,16 @@ def answers(load: JointLoad, motor: Motor, spread: float) -> bool | None:
     own, drive = load.motor, load.drive
     stated = own.rotor_inertia
     most = min(own.nominal_torque / 2e4, drive.input_inertia) if stated is None else stated
-    inertias = np.linspace(drive.input_inertia - most, drive.input_inertia - (stated or 0.0), 5) + motor.rotor_inertia
+    inertias = (
+        np.linspace(drive.input_inertia - most, drive.input_inertia - (stated or 0.0), 5)
+        + motor.rotor_inertia
+    )
     rng = np.random.default_rng(7)
-    factors = [1 + spread * np.array(corner) for corner in itertools.product((-1, 1), repeat=5)] if spread else []
+    factors = (
+        [1 + spread * np.array(corner) for corner in itertools.product((-1, 1), repeat=5)]
+        if spread
+        else []
+    )
     factors += [1 + spread * rng.uniform(-1, 1, 5) for _ in range(30 if spread else 1)]
     stated_friction = np.array([getattr(drive.friction, name) for name in FRICTION])
     torque = [
@@ -153,7 +169,9 @@ def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
     assert found[False] > 20
 
 
-def test_what_is_not_stated_is_named(axes: tuple[JointLoad, ...], motors: list[Motor], robot: Robot) -> None:
+def test_what_is_not_stated_is_named(
+    axes: tuple[JointLoad, ...], motors: list[Motor], robot: Robot
+) -> None:
     """A figure taken away leaves open what needs it, and nothing that another figure rules out."""
     load = axes[1]
     strong = max(motors, key=lambda motor: motor.nominal_torque)
@@ -163,4 +181,6 @@ def test_what_is_not_stated_is_named(axes: tuple[JointLoad, ...], motors: list[M
         assert verdict.adequate is None
         assert name in needed(verdict)
         assert assess(load, replace(weak, **{name: None}), Conditions(spread=0.0)).adequate is False
-    assert assess(load, replace(strong, rotor_inertia=None), Conditions(spread=0.0)).adequate is True
+    assert (
+        assess(load, replace(strong, rotor_inertia=None), Conditions(spread=0.0)).adequate is True
+    )

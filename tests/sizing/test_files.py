@@ -49,19 +49,47 @@ def written(path: Path, folder: Path, *edits: tuple[str, str], append: str = "")
 @pytest.mark.parametrize(
     ("edits", "key", "reason"),
     [
-        ([("rotor_inertia: 4.45 g*cm^2", "rotor_inertia: 4.45 kg*m^2")], "rotor_inertia", "implausible"),
-        ([("terminal_resistance: 0.955 ohm", "terminal_resistance: 955 ohm")], "terminal_resistance", "% of what"),
+        (
+            [("rotor_inertia: 4.45 g*cm^2", "rotor_inertia: 4.45 kg*m^2")],
+            "rotor_inertia",
+            "implausible",
+        ),
+        (
+            [("terminal_resistance: 0.955 ohm", "terminal_resistance: 955 ohm")],
+            "terminal_resistance",
+            "% of what",
+        ),
         (
             [("max_winding_temperature: 155 degC", "max_winding_temperature: 155 K")],
             "max_winding_temperature",
             "is the unit right, degC",
         ),
-        ([("time_constant_winding: 1.99 s", "time_constant_winding: 1990 s")], "time_constant_winding", "exchanged"),
+        (
+            [("time_constant_winding: 1.99 s", "time_constant_winding: 1990 s")],
+            "time_constant_winding",
+            "exchanged",
+        ),
         ([("nominal_current: 2.71 A", "nominal_current: 27.1 A")], "nominal_torque", "contradicts"),
-        ([("speed_constant: 1050 rpm/V", "speed_constant: 105 rpm/V")], "speed_constant", "contradicts"),
-        ([("nominal_torque: 23 mN*m", "nominal_torque: 23 N*m")], "nominal_torque", "is the unit right, mN*m"),
-        ([("nominal_torque: 23 mN*m", "nominal_torque: -23 mN*m")], "nominal_torque", "not greater than zero"),
-        ([("terminal_resistance: 0.955 ohm", "terminal_resistance: 0 ohm")], "terminal_resistance", "not greater"),
+        (
+            [("speed_constant: 1050 rpm/V", "speed_constant: 105 rpm/V")],
+            "speed_constant",
+            "contradicts",
+        ),
+        (
+            [("nominal_torque: 23 mN*m", "nominal_torque: 23 N*m")],
+            "nominal_torque",
+            "is the unit right, mN*m",
+        ),
+        (
+            [("nominal_torque: 23 mN*m", "nominal_torque: -23 mN*m")],
+            "nominal_torque",
+            "not greater than zero",
+        ),
+        (
+            [("terminal_resistance: 0.955 ohm", "terminal_resistance: 0 ohm")],
+            "terminal_resistance",
+            "not greater",
+        ),
         (
             [("max_speed:", "torque_constant_per_kelvin: 0.0011\nmax_speed:")],
             "torque_constant_per_kelvin",
@@ -88,12 +116,16 @@ def written(path: Path, folder: Path, *edits: tuple[str, str], append: str = "")
         ),
     ],
 )
-def test_slips_in_a_motor_file(tmp_path: Path, edits: list[tuple[str, str]], key: str, reason: str) -> None:
+def test_slips_in_a_motor_file(
+    tmp_path: Path, edits: list[tuple[str, str]], key: str, reason: str
+) -> None:
     path = written(MOTOR, tmp_path, *edits)
     with pytest.raises(ProblemError) as caught:
         load_motor(path)
     message = str(caught.value)
-    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if text.startswith(f"{key}:"))
+    line = next(
+        n for n, text in enumerate(path.read_text().splitlines(), 1) if text.startswith(f"{key}:")
+    )
     assert message.startswith(f"{path}:{line}: {key}")
     assert reason in message
     assert "allowed" in message
@@ -103,15 +135,22 @@ def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path
     """The paper names neither winding of joint 4: the robot has one, and the other beside it."""
     insertion = robot.joints[3]
     orders = {"standard": "ECXZ13M1VF40N1IL1D561A", "high-power": "ECXZ13M2KN48N1IL1D497A"}
-    for motor, (winding, order) in zip((insertion.motor, *insertion.alternatives), orders.items(), strict=True):
+    for motor, (winding, order) in zip(
+        (insertion.motor, *insertion.alternatives), orders.items(), strict=True
+    ):
         assert winding in motor.name
         assert motor.placeholders == ("encoder_counts",)
-        assert all(order in motor.sources[name] for name in ("nominal_torque", "rotor_inertia", "stall_torque", "mass"))
+        assert all(
+            order in motor.sources[name]
+            for name in ("nominal_torque", "rotor_inertia", "stall_torque", "mass")
+        )
         assert "no rating" in motor.sources["max_torque"]
     rig = load_motor(SHIPPED / "motors/rig_motor.yaml")
     assert (rig.encoder_counts, rig.mass, rig.placeholders) == (1024, pytest.approx(0.072), ())
     assert "inferred" in rig.sources["rotor_inertia"]
-    path = written(Path(insertion.motor.file), tmp_path, ("stall_torque: 28.4 mN*m", "stall_torque: 83.9 mN*m"))
+    path = written(
+        Path(insertion.motor.file), tmp_path, ("stall_torque: 28.4 mN*m", "stall_torque: 83.9 mN*m")
+    )
     with pytest.raises(ProblemError, match=r"stall_torque.*contradicts .* 28.44 mN\*m"):
         load_motor(path)
     again = robot_from_plain(json.loads(json.dumps(plain(robot))))
@@ -140,21 +179,43 @@ def test_ratings_and_ranges_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("edit", "key", "reason"),
     [
-        (("peak_output: 60 N", "peak_output: 6 N"), "ratings.peak_output", "smaller than continuous_output"),
-        (("peak_output: 60 N", "peak_output: 60 N*m"), "ratings.peak_output", "a torque, not a force"),
+        (
+            ("peak_output: 60 N", "peak_output: 6 N"),
+            "ratings.peak_output",
+            "smaller than continuous_output",
+        ),
+        (
+            ("peak_output: 60 N", "peak_output: 60 N*m"),
+            "ratings.peak_output",
+            "a torque, not a force",
+        ),
         (("duty: 0.5", "duty: 50"), "ratings.duty", "more than all"),
-        (("root_diameter: 2.4 mm", "root_diameter: 240 mm"), "ratings.root_diameter", "thicker than long"),
-        (("free_length: 60 mm", "free_length: 0 mm"), "ratings.free_length", "not greater than zero"),
+        (
+            ("root_diameter: 2.4 mm", "root_diameter: 240 mm"),
+            "ratings.root_diameter",
+            "thicker than long",
+        ),
+        (
+            ("free_length: 60 mm", "free_length: 0 mm"),
+            "ratings.free_length",
+            "not greater than zero",
+        ),
         (("ends: fixed-supported", "ends: welded"), "ratings.ends", "not one of the values"),
         (("mu: [0.14, 0.2]", "mu: [0.18, 0.2]"), "friction_ranges.mu", "does not hold the value"),
         (("mu: [0.14, 0.2]", "mu: [0.1, 0.2]"), "friction_ranges.mu", "does not lock itself"),
         (("mu: [0.14, 0.2]", "mu: 0.2"), "friction_ranges.mu", ""),
-        (("b_v: [4e-6 N*m*s/rad,", "b_v: [-4e-6 N*m*s/rad,"), "friction_ranges.b_v", "not negative"),
+        (
+            ("b_v: [4e-6 N*m*s/rad,", "b_v: [-4e-6 N*m*s/rad,"),
+            "friction_ranges.b_v",
+            "not negative",
+        ),
         (("  source: lubricant between 10 and 40 degC\n", ""), "friction_ranges.source", "missing"),
         (("  b_v: [4e", "  b_vv: [4e"), "friction_ranges.b_vv", "did you mean 'b_v'"),
     ],
 )
-def test_slips_in_ratings_and_ranges(tmp_path: Path, edit: tuple[str, str], key: str, reason: str) -> None:
+def test_slips_in_ratings_and_ranges(
+    tmp_path: Path, edit: tuple[str, str], key: str, reason: str
+) -> None:
     path = written(SCREW, tmp_path, append=RATINGS.replace(*edit))
     with pytest.raises(ProblemError) as caught:
         load_drive(path)

@@ -13,7 +13,16 @@ from sizing_cases import with_covariance
 
 from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.problem.drive import Ratings
-from ssm_planner.sizing.checks import BENDING, COLUMN, DENSITY, YOUNG, Case, buckling_load, critical_speed, gear_checks
+from ssm_planner.sizing.checks import (
+    BENDING,
+    COLUMN,
+    DENSITY,
+    YOUNG,
+    Case,
+    buckling_load,
+    critical_speed,
+    gear_checks,
+)
 from ssm_planner.sizing.demand import linear_band
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -40,7 +49,11 @@ def test_bending_constants_are_roots_of_the_frequency_equation(ends) -> None:
 def test_column_constants_are_roots_of_eulers_equation() -> None:
     x = math.pi / COLUMN["fixed-supported"]
     assert math.tan(x) == pytest.approx(x, rel=1e-7)
-    assert (COLUMN["fixed-free"], COLUMN["supported-supported"], COLUMN["fixed-fixed"]) == (2.0, 1.0, 0.5)
+    assert (COLUMN["fixed-free"], COLUMN["supported-supported"], COLUMN["fixed-fixed"]) == (
+        2.0,
+        1.0,
+        0.5,
+    )
 
 
 @given(st.floats(0.02, 1), st.floats(0.001, 0.02), st.floats(1.1, 4))
@@ -60,10 +73,14 @@ def test_against_a_textbook_beam() -> None:
     inertia, area = math.pi * 0.01**4 / 64, math.pi * 0.01**2 / 4
     expected = (math.pi / 0.5) ** 2 * math.sqrt(YOUNG * inertia / (DENSITY * area))
     assert critical_speed(0.5, 0.01, "supported-supported") == pytest.approx(expected)
-    assert buckling_load(0.5, 0.01, "supported-supported") == pytest.approx(math.pi**2 * YOUNG * inertia / 0.25)
+    assert buckling_load(0.5, 0.01, "supported-supported") == pytest.approx(
+        math.pi**2 * YOUNG * inertia / 0.25
+    )
 
 
-def checks_of(load: JointLoad, ratings: Ratings | None, conditions: Conditions | None = None) -> dict:
+def checks_of(
+    load: JointLoad, ratings: Ratings | None, conditions: Conditions | None = None
+) -> dict:
     load = replace(load, drive=replace(load.drive, ratings=ratings))
     conditions = conditions or Conditions()
     spread = spread_of(load.drive, conditions.spread)
@@ -89,7 +106,9 @@ def test_margins_by_hand(loads: tuple[JointLoad, ...]) -> None:
         share = load.moving_share * 3.0 / 4.0
         assert found["gear_duty"].worst == pytest.approx(share)
         moving = load.direction != 0
-        cube = np.cbrt(load.weight[moving] @ np.abs(load.effort()[moving]) ** 3 / load.weight[moving].sum())
+        cube = np.cbrt(
+            load.weight[moving] @ np.abs(load.effort()[moving]) ** 3 / load.weight[moving].sum()
+        )
         assert found["gear_continuous_output"].worst == pytest.approx(cube, rel=1e-9)
         if load.joint == "insertion":
             limit = 0.8 * critical_speed(0.06, 2.4e-3, "fixed-free")
@@ -109,13 +128,20 @@ def test_self_locking_at_the_lowest_plausible_friction(loads: tuple[JointLoad, .
     check = checks_of(identified, None)["self_locking"]
     mu = load.drive.friction.mu
     sigma = math.sqrt(math.log1p(0.05**2))
-    assert check.worst == pytest.approx(mu * math.exp(-2.326347874 * sigma - sigma**2 / 2), rel=5e-3)
+    assert check.worst == pytest.approx(
+        mu * math.exp(-2.326347874 * sigma - sigma**2 / 2), rel=5e-3
+    )
     # a range whose one end locks and whose other does not leaves it open; one that lies below does not
     straddling = checks_of(load, None, Conditions(spread=0.5))["self_locking"]
     assert straddling.passed is None
     assert "between 0.085 and 0.255" in straddling.needs
     slippery = replace(load.drive, friction=replace(load.drive.friction, mu=0.05))
-    assert checks_of(replace(load, drive=slippery), None, Conditions(spread=0.5))["self_locking"].passed is False
+    assert (
+        checks_of(replace(load, drive=slippery), None, Conditions(spread=0.5))[
+            "self_locking"
+        ].passed
+        is False
+    )
     # at the stated coefficient alone nothing is claimed, but its figure is there
     bare = checks_of(load, None)["self_locking"]
     assert (bare.passed, bare.nominal, bare.limit) == (None, mu, pytest.approx(needed))

@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 from sizing_cases import COMPLETE
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state, time_until, warm_up
+from ssm_planner.sizing.thermal_network import (
+    Cycle,
+    ThermalModel,
+    steady_state,
+    time_until,
+    warm_up,
+)
 
 MODEL = ThermalModel.from_motor(COMPLETE, 298.15)
 LINEAR = replace(MODEL, copper=0.0, magnet=0.0)
@@ -32,13 +38,17 @@ def closed_form(model: ThermalModel, power: float, t: np.ndarray) -> tuple[np.nd
     slow = (sum_ + np.sqrt(sum_**2 - 4 * product)) / 2
     fast = product / slow
     # T_h'' follows from both balances: T_h(0) = 0 and T_h'(0) = 0 fix its two amplitudes
-    housing = b * power * (1 - (slow * np.exp(-t / slow) - fast * np.exp(-t / fast)) / (slow - fast))
+    housing = (
+        b * power * (1 - (slow * np.exp(-t / slow) - fast * np.exp(-t / fast)) / (slow - fast))
+    )
     rate = b * power * (np.exp(-t / slow) - np.exp(-t / fast)) / (slow - fast)
     return housing + a * (d * rate + housing / b), housing
 
 
 def test_capacities_are_those_of_the_datasheet() -> None:
-    assert MODEL.c_winding * MODEL.r_winding_housing == pytest.approx(COMPLETE.time_constant_winding)
+    assert MODEL.c_winding * MODEL.r_winding_housing == pytest.approx(
+        COMPLETE.time_constant_winding
+    )
     assert MODEL.c_housing * MODEL.r_housing_ambient == pytest.approx(COMPLETE.time_constant_motor)
 
 
@@ -69,10 +79,14 @@ def test_nonlinear_loss_against_an_ode_solver() -> None:
     def balance(t: float, state: np.ndarray) -> list[float]:
         square = np.interp(t, cycle.t, cycle.square)
         heat = MODEL.power(square, state[0]) - (state[0] - state[1]) / MODEL.r_winding_housing
-        out = (state[0] - state[1]) / MODEL.r_winding_housing - (state[1] - 298.15) / MODEL.r_housing_ambient
+        out = (state[0] - state[1]) / MODEL.r_winding_housing - (
+            state[1] - 298.15
+        ) / MODEL.r_housing_ambient
         return [heat / MODEL.c_winding, out / MODEL.c_housing]
 
-    solved = solve_ivp(balance, (0, cycle.period), [320.0, 310.0], rtol=1e-9, atol=1e-9, max_step=0.02)
+    solved = solve_ivp(
+        balance, (0, cycle.period), [320.0, 310.0], rtol=1e-9, atol=1e-9, max_step=0.02
+    )
     reached = warm_up(MODEL, cycle, (320.0, 310.0))
     assert np.abs(np.interp(solved.t, cycle.t, reached.winding) - solved.y[0]).max() < 0.01
     assert np.abs(np.interp(solved.t, cycle.t, reached.housing) - solved.y[1]).max() < 0.01
@@ -96,7 +110,8 @@ def simulated(model: ThermalModel, cycle: Cycle) -> np.ndarray:
                 rates.append(
                     (
                         (model.loss * s * grown - flow) / model.c_winding,
-                        (flow - (at[1] - model.ambient) / model.r_housing_ambient) / model.c_housing,
+                        (flow - (at[1] - model.ambient) / model.r_housing_ambient)
+                        / model.c_housing,
                     )
                 )
                 at = (winding + h * rates[0][0], housing + h * rates[0][1])
@@ -127,7 +142,9 @@ def _timed(function) -> float:
 
 @given(st.floats(0.02, 0.11), st.floats(0.2, 60), st.floats(0, 30))
 @settings(max_examples=40, deadline=None)
-def test_steady_state_repeats_and_keeps_the_heat_balance(rms: float, period: float, pause: float) -> None:
+def test_steady_state_repeats_and_keeps_the_heat_balance(
+    rms: float, period: float, pause: float
+) -> None:
     cycle = cycle_of(rms, period, pause, count=801)
     found = steady_state(MODEL, cycle)
     if not found.steady:
@@ -161,7 +178,9 @@ def test_time_until_too_hot(rms: float) -> None:
         start, cycles = (reached.winding[-1], reached.housing[-1]), cycles + 1
         assert cycles < 3000
     first = cycle.t[np.argmax(reached.winding >= 428.15)]
-    assert found == pytest.approx(cycles * cycle.period + first, abs=cycle.period if cycles > 50 else 0.02)
+    assert found == pytest.approx(
+        cycles * cycle.period + first, abs=cycle.period if cycles > 50 else 0.02
+    )
 
 
 def test_a_sustainable_cycle_is_never_too_hot() -> None:
@@ -169,6 +188,11 @@ def test_a_sustainable_cycle_is_never_too_hot() -> None:
 
 
 def test_missing_figures_are_named() -> None:
-    for name in ("terminal_resistance", "time_constant_motor", "resistance_winding_housing", "torque_constant"):
+    for name in (
+        "terminal_resistance",
+        "time_constant_motor",
+        "resistance_winding_housing",
+        "torque_constant",
+    ):
         with pytest.raises(ProblemError, match=name):
             ThermalModel.from_motor(replace(COMPLETE, **{name: None}), 298.15)

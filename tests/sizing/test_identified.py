@@ -29,7 +29,10 @@ RIGS = {
     "rig3_worm": ("drive3_worm", "tilt"),
 }
 """Recordings of each rig, and a joint that its kind of drive can move."""
-STROKES = {"insertion": Stroke("insertion", -0.015, 0.01, 0.02, 0.1), "tilt": Stroke("tilt", 0.0, 1.5, 1.13, 3.49)}
+STROKES = {
+    "insertion": Stroke("insertion", -0.015, 0.01, 0.02, 0.1),
+    "tilt": Stroke("tilt", 0.0, 1.5, 1.13, 3.49),
+}
 DRAWS = 20_000
 
 
@@ -42,12 +45,19 @@ def reference_peaks(load: JointLoad, drive: Drive, posterior: Posterior) -> Arra
     keep = np.unique(np.linspace(0, moving.sum() - 1, 300).astype(int))
     keep = np.append(keep, np.flatnonzero(load.breakaway[moving] > 0))
     way, qd, qdd, rigid, start = (
-        part[moving][keep] for part in (load.direction, load.qd, load.qdd, load.tau_rigid, load.breakaway > 0)
+        part[moving][keep]
+        for part in (load.direction, load.qd, load.qdd, load.tau_rigid, load.breakaway > 0)
     )
     peaks = np.empty(DRAWS)
     for n, row in enumerate(rows):
-        values = {name: getattr(drive.friction, name) for name in ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")}
-        values |= {"mu_stribeck": drive.friction.mu_stribeck, "stribeck_speed": drive.friction.stribeck_speed}
+        values = {
+            name: getattr(drive.friction, name)
+            for name in ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
+        }
+        values |= {
+            "mu_stribeck": drive.friction.mu_stribeck,
+            "stribeck_speed": drive.friction.stribeck_speed,
+        }
         values |= {"preload": drive.preload} | dict(zip(posterior.names, row, strict=True))
         peaks[n] = np.abs(torque(drive, values, way, qd, qdd, rigid, start)).max()
     biggest = load.torque(drive)[np.argmax(np.abs(load.torque(drive)))]
@@ -56,7 +66,13 @@ def reference_peaks(load: JointLoad, drive: Drive, posterior: Posterior) -> Arra
 
 
 def torque(
-    drive: Drive, values: dict[str, float], way: Array, qd: Array, qdd: Array, rigid: Array, start: Array
+    drive: Drive,
+    values: dict[str, float],
+    way: Array,
+    qd: Array,
+    qdd: Array,
+    rigid: Array,
+    start: Array,
 ) -> Array:
     """(n,) motor torque; the static coefficient keeps its ratio to that just after the start."""
     friction, w = drive.friction, drive.ratio * qd
@@ -64,7 +80,9 @@ def torque(
     law = LAWS[int(values[LAW])] if LAW in values else friction.law
     if law != "coulomb":
         x = np.abs(w) / values["stribeck_speed"]
-        mu = mu + values["mu_stribeck"] * (np.exp(-2 * x) if law.endswith("exponential") else np.exp(-(x**2)))
+        mu = mu + values["mu_stribeck"] * (
+            np.exp(-2 * x) if law.endswith("exponential") else np.exp(-(x**2))
+        )
     ratio = friction.mu_static / (friction.mu + friction.mu_stribeck)
     mu = np.where(start, np.maximum(mu, ratio * (values["mu"] + values["mu_stribeck"])), mu)
     effort = rigid + drive.output_inertia * qdd + values["b_oc"] * way + values["b_ov"] * qd
@@ -73,7 +91,9 @@ def torque(
     if drive.kind != "antibacklash_screw":
         return own + gamma * np.tan(lead + np.sign(effort * way) * phi) * effort
     second = values["preload"] + drive.second_nut_mass * qdd
-    return own + gamma * (np.tan(lead - way * phi) * (effort - values["preload"]) + np.tan(lead + way * phi) * second)
+    return own + gamma * (
+        np.tan(lead - way * phi) * (effort - values["preload"]) + np.tan(lead + way * phi) * second
+    )
 
 
 def beyond(ripple: Ripple, peaks: Array, rng: np.random.Generator) -> Array:
@@ -97,14 +117,18 @@ def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
         replace(each, drive=drive, motor=motor, alternatives=()) if k == i else each
         for k, each in enumerate(robot.joints)
     )
-    duty = DutyCycle.of_motorisation(Motorisation("one axis", replace(robot, joints=joints), (STROKES[joint],)))
+    duty = DutyCycle.of_motorisation(
+        Motorisation("one axis", replace(robot, joints=joints), (STROKES[joint],))
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         (found,) = size(duty).joints
         expected = reference_peaks(found.load, drive, posterior)
     band = found.band
     for confidence in (0.5, 0.9, 0.99):
-        assert band.high("peak_torque", confidence) == pytest.approx(np.quantile(expected, confidence), rel=0.1)
+        assert band.high("peak_torque", confidence) == pytest.approx(
+            np.quantile(expected, confidence), rel=0.1
+        )
     assert np.isfinite(expected).all()
     assert band.at("peak_torque") < band.high("peak_torque", 0.99) < 20 * band.at("peak_torque")
     # every draw is a set of the posterior as it stands: none is clipped

@@ -24,7 +24,9 @@ from ssm_planner.sizing.motor_limits import (
 
 @given(st.floats(0, 1400), st.floats(260, 430), st.floats(6, 48), st.floats(1, 30))
 @settings(max_examples=50, deadline=None)
-def test_on_the_line_the_voltage_is_the_supply(speed: float, temperature: float, supply: float, current: float) -> None:
+def test_on_the_line_the_voltage_is_the_supply(
+    speed: float, temperature: float, supply: float, current: float
+) -> None:
     conditions = Conditions(supply_voltage=supply, current_limit=current)
     w = np.array([speed])
     torque = available_torque(COMPLETE, conditions, w, temperature)
@@ -50,7 +52,9 @@ def test_the_line_ends_at_stall_and_at_no_load() -> None:
 def test_copper_and_magnets_warm() -> None:
     assert resistance(COMPLETE, 398.15) == pytest.approx(0.5 * 1.393)
     assert torque_constant(COMPLETE, 398.15) == pytest.approx(0.026 * 0.89)
-    assert torque_constant(replace(COMPLETE, torque_constant_per_kelvin=None), 398.15) < 0.026 * 0.89
+    assert (
+        torque_constant(replace(COMPLETE, torque_constant_per_kelvin=None), 398.15) < 0.026 * 0.89
+    )
 
 
 def test_continuous_torque_falls_with_the_surroundings() -> None:
@@ -59,7 +63,10 @@ def test_continuous_torque_falls_with_the_surroundings() -> None:
     assert half_way == pytest.approx(COMPLETE.nominal_torque * np.sqrt(0.5))
     assert continuous_torque(COMPLETE, 428.15) == 0.0
     assert continuous_torque(replace(COMPLETE, max_winding_temperature=None), 310.0) is None
-    assert continuous_torque(replace(COMPLETE, max_winding_temperature=None), 298.15) == COMPLETE.nominal_torque
+    assert (
+        continuous_torque(replace(COMPLETE, max_winding_temperature=None), 298.15)
+        == COMPLETE.nominal_torque
+    )
 
 
 def test_shares_of_the_regions() -> None:

@@ -19,9 +19,16 @@ from ssm_planner.sizing.requirements import motor_requirement
 SHIPPED = Path(__file__).parents[2] / "problems"
 
 
-@given(st.floats(0.01, 3), st.floats(0.05, 5), st.floats(0.1, 50), st.sampled_from(["roll", "tilt", "insertion"]))
+@given(
+    st.floats(0.01, 3),
+    st.floats(0.05, 5),
+    st.floats(0.1, 50),
+    st.sampled_from(["roll", "tilt", "insertion"]),
+)
 @settings(max_examples=50, deadline=None)
-def test_a_stroke_is_the_fastest_within_its_limits(reach: float, v: float, a: float, joint: str) -> None:
+def test_a_stroke_is_the_fastest_within_its_limits(
+    reach: float, v: float, a: float, joint: str
+) -> None:
     motion = back_and_forth(Stroke(joint, 0.2, reach, v, a, (0.1, 0.2, 0.3, -0.01)))
     distance = 2 * reach
     one_way = distance / v + v / a if distance >= v * v / a else 2 * math.sqrt(distance / a)
@@ -29,7 +36,9 @@ def test_a_stroke_is_the_fastest_within_its_limits(reach: float, v: float, a: fl
     samples = motion.sample(np.linspace(0, motion.duration, 4001))
     i = ("roll", "tilt", "spin", "insertion").index(joint)
     assert np.abs(samples.qd[:, i]).max() <= v * (1 + 1e-9)
-    assert np.abs(samples.qdd[:, i]) == pytest.approx(np.where(np.abs(samples.qdd[:, i]) > a / 2, a, 0.0))
+    assert np.abs(samples.qdd[:, i]) == pytest.approx(
+        np.where(np.abs(samples.qdd[:, i]) > a / 2, a, 0.0)
+    )
     assert samples.q[0, i] == pytest.approx(0.2 - reach)
     assert samples.q[-1, i] == pytest.approx(0.2 - reach)
     assert samples.q[:, i].max() == pytest.approx(0.2 + reach)
@@ -67,15 +76,21 @@ def test_the_shipped_runs(file: str, speeds: dict[str, tuple[float, float]]) -> 
 def test_the_screw_at_constant_speed_by_hand() -> None:
     """Joint 4 at home, away from its ends: gravity along the axis, no acceleration."""
     found = load_motorisation(SHIPPED / "motorisation" / "package.yaml")
-    (load,) = [each for each in DutyCycle.of_motorisation(found).loads() if each.joint == "insertion"]
+    (load,) = [
+        each for each in DutyCycle.of_motorisation(found).loads() if each.joint == "insertion"
+    ]
     drive, f = load.drive, load.drive.friction
-    weight = 0.09964338 * 9.81 * math.cos(math.radians(23))  # the tool axis is 23 deg off the vertical
+    weight = (
+        0.09964338 * 9.81 * math.cos(math.radians(23))
+    )  # the tool axis is 23 deg off the vertical
     for way in (1, -1):
         cruising = np.flatnonzero((np.abs(load.qdd) < 1e-12) & (load.direction == way))
         F = weight + f.b_oc * way + f.b_ov * 0.03 * way
         phi = math.atan(f.mu / math.cos(drive.pressure_angle))
         w = drive.ratio * 0.03 * way
-        expected = f.b_c * way + f.b_v * w + drive.gamma * math.tan(drive.lead_angle + way * phi) * F
+        expected = (
+            f.b_c * way + f.b_v * w + drive.gamma * math.tan(drive.lead_angle + way * phi) * F
+        )
         assert load.torque()[cruising] == pytest.approx(expected, abs=1e-9)
 
 
@@ -83,15 +98,25 @@ def test_the_screw_at_constant_speed_by_hand() -> None:
     ("old", "new", "parts"),
     [
         ("reach: 90 deg", "reach: 90", ("back_and_forth[0].roll.reach", "without a unit")),
-        ("reach: 90 deg", "reach: -90 deg", ("back_and_forth[0].roll.reach", "not greater than zero")),
-        ("velocity: 2 rad/s", "velocity: 2 m/s", ("back_and_forth[0].roll.velocity", "not a speed")),
+        (
+            "reach: 90 deg",
+            "reach: -90 deg",
+            ("back_and_forth[0].roll.reach", "not greater than zero"),
+        ),
+        (
+            "velocity: 2 rad/s",
+            "velocity: 2 m/s",
+            ("back_and_forth[0].roll.velocity", "not a speed"),
+        ),
         ("- roll:", "- rol:", ("did you mean 'roll'?",)),
         ("- roll:", "- spin:", ("back_and_forth[0].spin", "no drive")),
         ("- roll:", "- tilt:", ("back_and_forth[1].tilt", "second run")),
         ("robot:", "motion: []\nrobot:", ("unknown key",)),
     ],
 )
-def test_files_that_make_no_sense(tmp_path: Path, old: str, new: str, parts: tuple[str, ...]) -> None:
+def test_files_that_make_no_sense(
+    tmp_path: Path, old: str, new: str, parts: tuple[str, ...]
+) -> None:
     text = (SHIPPED / "motorisation" / "package.yaml").read_text(encoding="utf-8")
     text = text.replace("../robots", str(SHIPPED / "robots"))
     assert old in text

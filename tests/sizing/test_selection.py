@@ -35,7 +35,9 @@ def motors():
     first, second, *rest = some
     return [
         replace(first, of=replace(first.of, rotor_inertia=None)),
-        replace(second, of=replace(second.of, time_constant_winding=None, terminal_resistance=None)),
+        replace(
+            second, of=replace(second.of, time_constant_winding=None, terminal_resistance=None)
+        ),
         *rest,
     ]
 
@@ -75,7 +77,9 @@ def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, condit
             assert bool(ruled_out) == bool(fails)
             for check in verdict.checks:
                 if check.name in joint.margins and np.isfinite(joint.margins[check.name][g, m]):
-                    assert joint.margins[check.name][g, m] == pytest.approx(check.margin, rel=1e-9, abs=1e-9)
+                    assert joint.margins[check.name][g, m] == pytest.approx(
+                        check.margin, rel=1e-9, abs=1e-9
+                    )
     assert len(answers) > 1
 
 
@@ -86,7 +90,10 @@ def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_t
         assert len(pairs) == int((joint.adequate >= 0).sum())
         mass = [joint.motors[m].mass + (joint.gears[g].mass or 0.0) for g, m in pairs]
         assert mass == sorted(mass)
-        worst = [min(margins[pair] for margins in joint.margins.values()) for pair in joint.ranked("margin")]
+        worst = [
+            min(margins[pair] for margins in joint.margins.values())
+            for pair in joint.ranked("margin")
+        ]
         known = [margin for margin in worst if np.isfinite(margin)]
         assert known == sorted(known, reverse=True)
 
@@ -96,7 +103,9 @@ def test_energy_to_the_bus_and_inertia_ratio_follow_from_their_definitions(duty)
     motor = replace(COMPLETE, terminal_resistance=1e-9)
     for joint in select(duty, [Part("complete", motor)], {}):
         verdict = joint.verdict(0, 0)
-        assert energy_to_bus(verdict.load, motor) == pytest.approx(verdict.requirement.returned_energy, abs=1e-9)
+        assert energy_to_bus(verdict.load, motor) == pytest.approx(
+            verdict.requirement.returned_energy, abs=1e-9
+        )
         assert energy_to_bus(verdict.load, replace(motor, terminal_resistance=1e6)) == 0.0
         assert energy_to_bus(verdict.load, replace(motor, terminal_resistance=None)) is None
     inertias = load_inertias(duty)
@@ -143,7 +152,15 @@ def test_a_fault_in_a_row_is_named_with_its_line(tmp_path, old, new, message):
 
 def test_the_command_says_what_is_left_and_what_rules_out_the_others(tmp_path, capsys):
     motion = Path(__file__).parents[2] / "problems" / "motorisation" / "paper.yaml"
-    words = ["size", str(motion), "--catalogue", "motors_24v.csv", "--gears", "worms.csv", "screws.csv"]
+    words = [
+        "size",
+        str(motion),
+        "--catalogue",
+        "motors_24v.csv",
+        "--gears",
+        "worms.csv",
+        "screws.csv",
+    ]
     assert main([*words, "-o", str(tmp_path)]) in (0, 1)
     text = capsys.readouterr().out
     assert "roll: 48 motors × 30 gears" in text

@@ -59,16 +59,24 @@ def test_a_missing_figure_is_never_passed(complete: DutyCycle, name: str) -> Non
     assert all(name in needs for needs in unknown.values())
 
 
-@pytest.mark.parametrize("name", ["continuous_output", "peak_output", "input_speed", "duty", "root_diameter", "ends"])
+@pytest.mark.parametrize(
+    "name", ["continuous_output", "peak_output", "input_speed", "duty", "root_diameter", "ends"]
+)
 def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> None:
     full = equipped(robot)
     joints = [
         joint
         if joint.drive is None
-        else replace(joint, drive=replace(joint.drive, ratings=replace(joint.drive.ratings, **{name: None})))
+        else replace(
+            joint, drive=replace(joint.drive, ratings=replace(joint.drive.ratings, **{name: None}))
+        )
         for joint in full.joints
     ]
-    found = size(DutyCycle.of_trajectory(random_trajectory(3), replace(full, joints=tuple(joints))), None, KNOWN)
+    found = size(
+        DutyCycle.of_trajectory(random_trajectory(3), replace(full, joints=tuple(joints))),
+        None,
+        KNOWN,
+    )
     assert found.adequate is None
     assert all(verdict.adequate for verdict in found.verdicts)
     assert name in json.dumps(found.to_dict()["gears"])
@@ -95,8 +103,12 @@ def test_a_failing_check_says_no_whatever_else_is_missing(robot: Robot, trajecto
 def test_an_overloaded_gear_fails_every_motor(robot: Robot, trajectory) -> None:
     full = equipped(robot)
     joints = list(full.joints)
-    joints[1] = replace(joints[1], drive=replace(joints[1].drive, ratings=Ratings(peak_output=1e-3)))
-    found = size(DutyCycle.of_trajectory(trajectory, replace(full, joints=tuple(joints))), None, KNOWN)
+    joints[1] = replace(
+        joints[1], drive=replace(joints[1].drive, ratings=Ratings(peak_output=1e-3))
+    )
+    found = size(
+        DutyCycle.of_trajectory(trajectory, replace(full, joints=tuple(joints))), None, KNOWN
+    )
     (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
     assert verdict.adequate is False
     assert verdict.binds == "gear_peak_output"
@@ -107,7 +119,9 @@ def test_margins_by_hand(sizing: Sizing) -> None:
     for verdict in sizing.verdicts:
         margins = {check.name: check for check in verdict.checks}
         load, motor = verdict.load, verdict.motor
-        assert margins["speed"].margin == pytest.approx(1 - np.abs(load.speed()).max() / motor.max_speed)
+        assert margins["speed"].margin == pytest.approx(
+            1 - np.abs(load.speed()).max() / motor.max_speed
+        )
         hot = motor.torque_constant * (1 - 0.0011 * 130)
         assert margins["torque"].limit == pytest.approx(min(motor.max_torque, 20 * hot))
         assert margins["torque"].nominal == pytest.approx(np.abs(load.torque()).max())
@@ -129,7 +143,9 @@ def test_three_answers_by_the_share_of_the_draws_that_hold(complete: DutyCycle) 
     cases = ((1.0, 1.0, True), (1.0, 0.999, None), (0.0, 1.001, None), (0.0, 0.999, False))
     for end, factor, expected in cases:
         largest = ends[int(end)] * factor
-        found = assess(load, replace(COMPLETE, nominal_torque=largest, max_torque=largest), Conditions())
+        found = assess(
+            load, replace(COMPLETE, nominal_torque=largest, max_torque=largest), Conditions()
+        )
         torque = next(check for check in found.checks if check.name == "torque")
         assert torque.passed is expected
         assert found.adequate is expected
@@ -142,16 +158,24 @@ def test_three_answers_by_the_share_of_the_draws_that_hold(complete: DutyCycle) 
 
 def test_more_confidence_leaves_less_margin(complete: DutyCycle) -> None:
     load = complete.loads()[0]
-    levels = [assess(load, COMPLETE, replace(KNOWN, confidence=level)) for level in (0.5, 0.9, 0.99, 0.999)]
+    levels = [
+        assess(load, COMPLETE, replace(KNOWN, confidence=level))
+        for level in (0.5, 0.9, 0.99, 0.999)
+    ]
     for name in ("torque", "continuous_torque", "heat", "voltage"):
-        margins = [next(check.margin for check in each.checks if check.name == name) for each in levels]
+        margins = [
+            next(check.margin for check in each.checks if check.name == name) for each in levels
+        ]
         assert margins == sorted(margins, reverse=True)
         assert margins[0] > margins[-1]
 
 
 def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
     load = complete.loads()[0]
-    without, with_pause = assess(load, COMPLETE, KNOWN), assess(load, COMPLETE, replace(KNOWN, pause=3.0))
+    without, with_pause = (
+        assess(load, COMPLETE, KNOWN),
+        assess(load, COMPLETE, replace(KNOWN, pause=3.0)),
+    )
     for a, b in zip(without.checks, with_pause.checks, strict=True):
         if a.name in ("heat", "continuous_torque"):
             assert b.margin > a.margin
@@ -159,7 +183,9 @@ def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
             assert b.margin == a.margin
     assert with_pause.requirement.rms_torque == without.requirement.rms_torque
     rms = next(check.worst for check in with_pause.checks if check.name == "continuous_torque")
-    assert rms == pytest.approx(next(c.worst for c in without.checks if c.name == "continuous_torque") / np.sqrt(2))
+    assert rms == pytest.approx(
+        next(c.worst for c in without.checks if c.name == "continuous_torque") / np.sqrt(2)
+    )
 
 
 def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
@@ -192,11 +218,15 @@ def test_the_candidates_rotor_takes_the_place_of_the_old_one(complete: DutyCycle
         added = verdict.requirement.torque - load.torque()
         assert added == pytest.approx(3e-7 * load.acceleration(), abs=1e-15)
         assert verdict.adequate is not None
-        assert assess(load, COMPLETE, KNOWN).requirement.torque == pytest.approx(load.torque(), abs=0)
+        assert assess(load, COMPLETE, KNOWN).requirement.torque == pytest.approx(
+            load.torque(), abs=0
+        )
 
 
 @pytest.mark.parametrize("which", ["original", "candidate", "none"])
-def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(complete: DutyCycle, which: str) -> None:
+def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(
+    complete: DutyCycle, which: str
+) -> None:
     load = complete.loads()[0]
     original: Motor | None = replace(COMPLETE, name="original")
     candidate, bound = COMPLETE, COMPLETE.nominal_torque / 2e4
@@ -204,7 +234,10 @@ def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(comp
     low, high = inertia - COMPLETE.rotor_inertia, inertia
     if which == "original":
         original = replace(original, rotor_inertia=None)
-        low, high = max(inertia - bound, 0.0) + COMPLETE.rotor_inertia, inertia + COMPLETE.rotor_inertia
+        low, high = (
+            max(inertia - bound, 0.0) + COMPLETE.rotor_inertia,
+            inertia + COMPLETE.rotor_inertia,
+        )
     elif which == "candidate":
         candidate = replace(COMPLETE, rotor_inertia=None)
         high = low + bound
@@ -219,22 +252,32 @@ def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(comp
     peaks, least = [], []
     for value in np.linspace(low, high, 9):
         known = replace(
-            load, drive=replace(load.drive, input_inertia=float(value)), motor=replace(COMPLETE, name="own")
+            load,
+            drive=replace(load.drive, input_inertia=float(value)),
+            motor=replace(COMPLETE, name="own"),
         )
         band = assess(known, replace(COMPLETE, name="own"), KNOWN).band
         peaks.append(band.high("peak_torque", 0.99))
         least.append(band.low("peak_torque", 0.99))
     slack = (high - low) / 2 * np.abs(load.acceleration()).max()
-    for torque, expected in ((1.001 * max(peaks), True), (np.mean(peaks), None), (0.999 * min(least) - slack, False)):
+    for torque, expected in (
+        (1.001 * max(peaks), True),
+        (np.mean(peaks), None),
+        (0.999 * min(least) - slack, False),
+    ):
         motor = replace(candidate, nominal_torque=float(torque), max_torque=float(torque))
-        check = next(each for each in assess(load, motor, Conditions()).checks if each.name == "torque")
+        check = next(
+            each for each in assess(load, motor, Conditions()).checks if each.name == "torque"
+        )
         # the bound on a rotor that is not stated follows the nominal torque
         if which != "candidate":
             assert check.passed is expected
             assert expected is not None or "rotor" in check.needs
 
 
-def test_a_motor_that_the_joint_may_have_instead_is_judged_beside_it(robot: Robot, trajectory) -> None:
+def test_a_motor_that_the_joint_may_have_instead_is_judged_beside_it(
+    robot: Robot, trajectory
+) -> None:
     duty = DutyCycle.of_trajectory(trajectory, robot)
     found = size(duty)
     (other,) = found.to_dict()["alternatives"]
@@ -270,7 +313,10 @@ def test_the_smallest_that_suffices(complete: DutyCycle) -> None:
 
 def test_monte_carlo_and_linear_verdicts_agree(complete: DutyCycle) -> None:
     load = complete.loads()[0]
-    linear, drawn = assess(load, COMPLETE, KNOWN), assess(load, COMPLETE, replace(KNOWN, draws=5000))
+    linear, drawn = (
+        assess(load, COMPLETE, KNOWN),
+        assess(load, COMPLETE, replace(KNOWN, draws=5000)),
+    )
     for a, b in zip(linear.checks, drawn.checks, strict=True):
         assert a.margin == pytest.approx(b.margin, abs=0.01)
     assert spread_of(load.drive).known

@@ -20,7 +20,9 @@ CONFIRMED = replace(COMPLETE, placeholders=())
 
 
 def with_motor(robot: Robot, name: str, motor: Motor | None) -> Robot:
-    joints = tuple(replace(joint, motor=motor) if joint.name == name else joint for joint in robot.joints)
+    joints = tuple(
+        replace(joint, motor=motor) if joint.name == name else joint for joint in robot.joints
+    )
     return replace(robot, joints=joints)
 
 
@@ -44,7 +46,9 @@ def said(robot: Robot, trajectory: Trajectory) -> tuple[str, str, str]:
     return motors_verdict(size_motion(trajectory, robot).to_dict())
 
 
-def test_the_verdict_on_a_motion_is_that_of_the_command(robot: Robot, trajectory: Trajectory) -> None:
+def test_the_verdict_on_a_motion_is_that_of_the_command(
+    robot: Robot, trajectory: Trajectory
+) -> None:
     by_command = size(DutyCycle.of_trajectory(trajectory, robot)).to_dict()
     assert size_motion(trajectory, robot).to_dict() == by_command
 
@@ -64,7 +68,11 @@ CHANGES: dict[str, tuple[Callable[[Motor], Motor | None], str, list[str]]] = {
         ["tilt: torque", "tilt: continuous torque"],
     ),
     "slow": (lambda motor: replace(motor, max_speed=1.0), "bad", ["tilt: speed"]),
-    "no heat": (lambda motor: replace(motor, time_constant_winding=None), "open", ["not checked", "heat"]),
+    "no heat": (
+        lambda motor: replace(motor, time_constant_winding=None),
+        "open",
+        ["not checked", "heat"],
+    ),
     "placeholder": (
         lambda motor: replace(motor, placeholders=("max_torque",)),
         "open",
@@ -75,7 +83,9 @@ CHANGES: dict[str, tuple[Callable[[Motor], Motor | None], str, list[str]]] = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_what_is_wrong_or_unknown_is_named(change: str, known: Robot, trajectory: Trajectory) -> None:
+def test_what_is_wrong_or_unknown_is_named(
+    change: str, known: Robot, trajectory: Trajectory
+) -> None:
     changed, expected, parts = CHANGES[change]
     state, word, reason = said(with_motor(known, "tilt", changed(CONFIRMED)), trajectory)
     assert state == expected
@@ -95,14 +105,23 @@ def test_a_weak_gear_is_named(known: Robot, trajectory: Trajectory) -> None:
     assert "roll: gear peak output" in reason
 
 
-def test_every_missing_figure_is_listed_with_its_joint(robot: Robot, trajectory: Trajectory) -> None:
+def test_every_missing_figure_is_listed_with_its_joint(
+    robot: Robot, trajectory: Trajectory
+) -> None:
     sizing: dict[str, Any] = size_motion(trajectory, robot).to_dict()
     assert sizing["adequate"] is not True
     rows = list(missing_figures(sizing))
-    for part, owner in (*((m, m["motor"]) for m in sizing["motors"]), *((g, g["drive"]) for g in sizing["gears"])):
+    for part, owner in (
+        *((m, m["motor"]) for m in sizing["motors"]),
+        *((g, g["drive"]) for g in sizing["gears"]),
+    ):
         of_part = [row for row in rows if row[:2] == (part["joint"], owner)]
         for check, needs in part["not_checked"].items():
-            listed = [row for row in rows if row[0] == part["joint"] and check.replace("_", " ") in row[2].split(", ")]
+            listed = [
+                row
+                for row in rows
+                if row[0] == part["joint"] and check.replace("_", " ") in row[2].split(", ")
+            ]
             assert listed
             assert all(figure in listed[0][3] for figure in needs.split(" and "))
         assert len(of_part) <= 1

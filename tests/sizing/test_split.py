@@ -18,7 +18,9 @@ def antibacklash(drive: Drive) -> Drive:
 
 def sloppy(drive: Drive) -> Drive:
     """A drive that does not hold by itself: a motor torque at rest too."""
-    return replace(drive, self_locking=False, lead_angle=0.6, friction=replace(drive.friction, mu_static=0.18))
+    return replace(
+        drive, self_locking=False, lead_angle=0.6, friction=replace(drive.friction, mu_static=0.18)
+    )
 
 
 @pytest.mark.parametrize("change", [lambda drive: drive, sloppy])
@@ -42,7 +44,9 @@ def _assert_sum(load: JointLoad, drive: Drive) -> None:
 
 def test_without_friction_nothing_is_lost(loads: tuple[JointLoad, ...]) -> None:
     for load in loads:
-        none = replace(load.drive.friction, mu=0.0, mu_static=0.0, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
+        none = replace(
+            load.drive.friction, mu=0.0, mu_static=0.0, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0
+        )
         split = torque_split(load, replace(load.drive, friction=none, self_locking=False))
         assert np.abs(split.mesh_friction).max() < 1e-16
         assert np.abs(split.bearing_friction).max() == 0.0
@@ -53,8 +57,12 @@ def test_each_part_by_its_formula(loads: tuple[JointLoad, ...]) -> None:
         drive, f, split = load.drive, load.drive.friction, torque_split(load)
         arm = drive.gamma * np.tan(drive.lead_angle)
         moving = load.direction != 0
-        assert split.input_inertia == pytest.approx(drive.input_inertia * drive.ratio * load.qdd, abs=1e-16)
-        assert split.output_inertia == pytest.approx(arm * (load.inertia + drive.output_inertia * load.qdd), abs=1e-15)
+        assert split.input_inertia == pytest.approx(
+            drive.input_inertia * drive.ratio * load.qdd, abs=1e-16
+        )
+        assert split.output_inertia == pytest.approx(
+            arm * (load.inertia + drive.output_inertia * load.qdd), abs=1e-15
+        )
         assert split.load == pytest.approx(arm * (load.gravity + load.velocity), abs=1e-15)
         bearing = f.b_c * load.direction + f.b_v * drive.ratio * load.qd
         bearing = bearing + arm * (f.b_oc * load.direction + f.b_ov * load.qd)
@@ -78,6 +86,8 @@ def test_at_rest_the_mesh_holds_the_load(robot) -> None:
 def test_at_peak_is_the_peak(loads: tuple[JointLoad, ...]) -> None:
     for load in loads:
         split = torque_split(load)
-        assert abs(sum(split.at_peak.values())) == pytest.approx(np.abs(load.torque()).max(), rel=1e-12)
+        assert abs(sum(split.at_peak.values())) == pytest.approx(
+            np.abs(load.torque()).max(), rel=1e-12
+        )
         for name, part in split.parts():
             assert split.rms[name] == pytest.approx(np.sqrt(load.weight @ part**2), rel=1e-12)

@@ -51,17 +51,23 @@ def test_torque_is_the_law_over_pinocchio(robot: Robot, seed: int) -> None:
         for i, load in zip(DRIVEN, loads, strict=True):
             turning = abs(at.qd[n, i]) < 1e-9 * robot.joints[i].velocity
             way = load.direction[n] if turning else np.sign(at.qd[n, i])
-            expected = plain_law(load.drive, tau[i], at.qd[n, i], at.qdd[n, i], way, load.breakaway[n] > 0)
+            expected = plain_law(
+                load.drive, tau[i], at.qd[n, i], at.qdd[n, i], way, load.breakaway[n] > 0
+            )
             worst = max(worst, abs(expected - load.torque()[n]))
     assert worst <= 1e-9
 
 
-def test_torque_is_that_of_the_motor_side(robot: Robot, trajectory: Trajectory, loads: tuple[JointLoad, ...]) -> None:
+def test_torque_is_that_of_the_motor_side(
+    robot: Robot, trajectory: Trajectory, loads: tuple[JointLoad, ...]
+) -> None:
     """Away from breaks and turns the loads give what model/actuation.py gives."""
     t = loads[0].t
     inside = np.all(np.abs(t[:, None] - trajectory.breaks) > 1e-9, axis=1)
     samples = trajectory.sample(t[inside])
-    motor = motor_motion(robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1))
+    motor = motor_motion(
+        robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+    )
     for i, load in zip(DRIVEN, loads, strict=True):
         moving = np.abs(samples.qd[:, i]) > 1e-9 * robot.joints[i].velocity
         assert moving.sum() > 1000
@@ -69,7 +75,9 @@ def test_torque_is_that_of_the_motor_side(robot: Robot, trajectory: Trajectory, 
         assert np.abs(load.effort()[inside] - motor.effort[:, i])[moving].max() < 1e-12
 
 
-def test_every_turn_is_an_instant_with_static_friction(robot: Robot, loads: tuple[JointLoad, ...]) -> None:
+def test_every_turn_is_an_instant_with_static_friction(
+    robot: Robot, loads: tuple[JointLoad, ...]
+) -> None:
     for load in loads:
         inner = np.flatnonzero(np.diff(np.sign(load.qd[np.abs(load.qd) > 1e-7])) != 0)
         assert load.breakaway.sum() == len(inner) + 1  # the first start and every turn
@@ -82,7 +90,10 @@ def test_every_turn_is_an_instant_with_static_friction(robot: Robot, loads: tupl
 
 
 def test_figures_are_those_of_a_dense_quadrature(robot: Robot, trajectory: Trajectory) -> None:
-    coarse, fine = motor_requirements(trajectory, robot), motor_requirements(trajectory, robot, 20_000.0)
+    coarse, fine = (
+        motor_requirements(trajectory, robot),
+        motor_requirements(trajectory, robot, 20_000.0),
+    )
     for a, b in zip(coarse, fine, strict=True):
         assert a.rms_torque == pytest.approx(b.rms_torque, rel=1e-5)
         assert a.mean_torque == pytest.approx(b.mean_torque, abs=1e-4 * b.rms_torque)
@@ -96,7 +107,10 @@ def test_energy_balance(robot: Robot, trajectory: Trajectory) -> None:
     for load in joint_loads(trajectory, robot, 10_000.0):
         requirement = motor_requirement(load)
         w = load.speed()
-        work = {name: load.weight @ (part * w) * load.duration for name, part in requirement.split.parts()}
+        work = {
+            name: load.weight @ (part * w) * load.duration
+            for name, part in requirement.split.parts()
+        }
         total = requirement.energy - requirement.returned_energy
         assert sum(work.values()) == pytest.approx(total, rel=1e-9)
         assert requirement.mean_power * load.duration == pytest.approx(total, rel=1e-9)
@@ -112,11 +126,20 @@ def test_joule_heat_needs_constant_and_resistance(loads: tuple[JointLoad, ...]) 
     expected = load.weight @ (COMPLETE.terminal_resistance * current**2)
     assert requirement.joule_power == pytest.approx(expected, rel=1e-12)
     for missing in ("torque_constant", "terminal_resistance"):
-        assert motor_requirement(replace(load, motor=replace(COMPLETE, **{missing: None}))).joule_power is None
+        assert (
+            motor_requirement(replace(load, motor=replace(COMPLETE, **{missing: None}))).joule_power
+            is None
+        )
 
 
 def test_a_motion_at_rest_requires_nothing(robot: Robot) -> None:
     still = np.zeros((1, 6, 4))
     still[0, 0] = [0.3, -0.2, 0.1, -0.01]
     for requirement in motor_requirements(Trajectory(np.array([0.0, 1.0]), still, ()), robot):
-        assert requirement.peak_torque == requirement.rms_torque == requirement.peak_speed == requirement.energy == 0.0
+        assert (
+            requirement.peak_torque
+            == requirement.rms_torque
+            == requirement.peak_speed
+            == requirement.energy
+            == 0.0
+        )

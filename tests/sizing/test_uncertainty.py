@@ -37,12 +37,16 @@ def test_a_draw_is_the_exact_law(loads: tuple[JointLoad, ...]) -> None:
     load = loads[1]
     spread = spread_of(with_covariance(load.drive))
     values = spread.values(spread.deviations(7))
-    together = demands(load, drawn(load.drive, {name: value[:, None] for name, value in values.items()}), COMPLETE)
+    together = demands(
+        load, drawn(load.drive, {name: value[:, None] for name, value in values.items()}), COMPLETE
+    )
     for n in range(7):
         alone = replace(
             load.drive.friction,
             **{name: float(value[n]) for name, value in values.items()},
-            mu_static=load.drive.friction.mu_static * float(values["mu"][n]) / load.drive.friction.mu,
+            mu_static=load.drive.friction.mu_static
+            * float(values["mu"][n])
+            / load.drive.friction.mu,
         )
         expected = demands(load, replace(load.drive, friction=alone), COMPLETE).array()[0]
         assert together.array()[n] == pytest.approx(expected, rel=1e-12)
@@ -77,18 +81,28 @@ def test_ranges_are_mastered_at_every_corner(loads: tuple[JointLoad, ...]) -> No
             inside = demands(load, drawn(drive, values)).array()[0]
             for name, value in zip(DEMANDS, inside, strict=True):
                 if name != "peak_voltage":
-                    assert band.low(name, 0.99) * (1 - 1e-9) <= value <= band.high(name, 0.99) * (1 + 1e-9)
+                    assert (
+                        band.low(name, 0.99) * (1 - 1e-9)
+                        <= value
+                        <= band.high(name, 0.99) * (1 + 1e-9)
+                    )
         drawn_band = monte_carlo(load, drive, spread_of(drive), 1000)
-        assert drawn_band.high("peak_torque", 0.99) == pytest.approx(band.high("peak_torque", 0.99), rel=2e-3)
+        assert drawn_band.high("peak_torque", 0.99) == pytest.approx(
+            band.high("peak_torque", 0.99), rel=2e-3
+        )
 
 
-def test_a_stated_range_replaces_the_covariance_of_that_parameter(loads: tuple[JointLoad, ...]) -> None:
+def test_a_stated_range_replaces_the_covariance_of_that_parameter(
+    loads: tuple[JointLoad, ...],
+) -> None:
     drive = with_covariance(loads[0].drive)
     drive = replace(drive, friction_ranges={"mu": (0.1, 0.2)})
     spread = spread_of(drive, 0.5)
     assert spread.names == ("b_c", "b_v", "b_oc")
     assert spread.ranges["mu"] == (0.1, 0.2)
-    assert spread.ranges["b_ov"] == pytest.approx((0.5 * drive.friction.b_ov, 1.5 * drive.friction.b_ov))
+    assert spread.ranges["b_ov"] == pytest.approx(
+        (0.5 * drive.friction.b_ov, 1.5 * drive.friction.b_ov)
+    )
     assert spread.mu_ends(drive, 0.99) == (0.1, 0.2)
 
 
@@ -104,9 +118,16 @@ def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
     load = loads[0]
     spread = spread_of(load.drive)
     assert not spread.known
-    for band in (linear_band(load, load.drive, spread), monte_carlo(load, load.drive, spread, 1000)):
+    for band in (
+        linear_band(load, load.drive, spread),
+        monte_carlo(load, load.drive, spread, 1000),
+    ):
         assert not band.known
-        assert band.high("peak_torque", 0.99) == band.at("peak_torque") == band.low("peak_torque", 0.99)
+        assert (
+            band.high("peak_torque", 0.99)
+            == band.at("peak_torque")
+            == band.low("peak_torque", 0.99)
+        )
 
 
 def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
@@ -132,7 +153,10 @@ def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
     [
         ({"mu": {"mu": -1e-6}}, "negative"),
         ({"mu": {"mu": 1e-4, "b_c": 1e-6}, "b_c": {"mu": -1e-6, "b_c": 1e-7}}, "not symmetric"),
-        ({"mu": {"mu": 1e-4, "b_c": 1e-4}, "b_c": {"mu": 1e-4, "b_c": 1e-6}}, "not positive semidefinite"),
+        (
+            {"mu": {"mu": 1e-4, "b_c": 1e-4}, "b_c": {"mu": 1e-4, "b_c": 1e-6}},
+            "not positive semidefinite",
+        ),
         ({"mu": {"mu": 1e-4}, "b_c": {"mu": 0.0, "b_c": 1e-6}}, "lacks the entry of b_c"),
         ({"nu": {"nu": 1e-4}}, "nu is not a parameter"),
         ({"stribeck_speed": {"stribeck_speed": 1.0}}, "no stribeck_speed"),

@@ -25,7 +25,10 @@ def passes(duty: DutyCycle, payload: float = 0.0) -> bool:
 
 
 def test_loads_are_linear_in_the_payload(robot: Robot, trajectory: Trajectory) -> None:
-    empty, loaded = joint_loads(trajectory, robot), joint_loads(trajectory, with_payload(robot, 1.0))
+    empty, loaded = (
+        joint_loads(trajectory, robot),
+        joint_loads(trajectory, with_payload(robot, 1.0)),
+    )
     direct = joint_loads(trajectory, with_payload(robot, 0.37))
     for a, b, c in zip(empty, loaded, direct, strict=True):
         assert a.plus(b, 0.37).tau_rigid == pytest.approx(c.tau_rigid, abs=1e-12)
@@ -49,11 +52,17 @@ def test_the_payload_hangs_at_the_tip(robot: Robot) -> None:
         assert b.gravity[0] - a.gravity[0] == pytest.approx(expected[i], abs=1e-12)
 
 
-def test_stretching_the_loads_is_stretching_the_motion(robot: Robot, trajectory: Trajectory) -> None:
+def test_stretching_the_loads_is_stretching_the_motion(
+    robot: Robot, trajectory: Trajectory
+) -> None:
     factor = 1.7
     coefficients = trajectory.coefficients / factor ** np.arange(6)[:, None]
     slower = Trajectory(trajectory.breaks * factor, coefficients, ())
-    for a, b in zip(joint_loads(trajectory, robot, 2000.0), joint_loads(slower, robot, 2000.0 / factor), strict=True):
+    for a, b in zip(
+        joint_loads(trajectory, robot, 2000.0),
+        joint_loads(slower, robot, 2000.0 / factor),
+        strict=True,
+    ):
         stretched = a.stretched(factor)
         assert stretched.duration == pytest.approx(b.duration)
         assert stretched.tau_rigid == pytest.approx(b.tau_rigid, abs=1e-12)
@@ -83,7 +92,9 @@ def test_shortest_duration(strong: DutyCycle) -> None:
     def faster(factor: float) -> DutyCycle:
         ((trajectory, _),) = strong.runs
         coefficients = trajectory.coefficients / factor ** np.arange(6)[:, None]
-        return DutyCycle.of_trajectory(Trajectory(trajectory.breaks * factor, coefficients, ()), strong.robot)
+        return DutyCycle.of_trajectory(
+            Trajectory(trajectory.breaks * factor, coefficients, ()), strong.robot
+        )
 
     assert passes(faster(found.value * 1.001))
     assert not passes(faster(found.value * 0.998))

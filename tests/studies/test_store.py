@@ -23,7 +23,9 @@ def test_what_was_put_is_read_again(tmp_path):
     with Store(tmp_path / "study.sqlite") as store:
         store.add(designs)
         store.put([(designs[2][1], Candidate(2, "done", {}, figures={"duration": 0.1 + 0.2}))])
-        store.put([(designs[3][1], Candidate(3, "infeasible", {}, stage="reach", reason="too short"))])
+        store.put(
+            [(designs[3][1], Candidate(3, "infeasible", {}, stage="reach", reason="too short"))]
+        )
     with Store(tmp_path / "study.sqlite") as store:
         store.add(designs)
         states = {2: "done", 3: "infeasible"}
@@ -35,7 +37,11 @@ def test_what_was_put_is_read_again(tmp_path):
 
 
 def test_the_key_is_of_the_value_not_of_its_order():
-    assert key_of({"a": 1, "b": 2}, "x") == key_of({"b": 2, "a": 1}, "x") != key_of({"a": 1, "b": 2}, "y")
+    assert (
+        key_of({"a": 1, "b": 2}, "x")
+        == key_of({"b": 2, "a": 1}, "x")
+        != key_of({"a": 1, "b": 2}, "y")
+    )
 
 
 def test_one_driver_at_a_time(tmp_path):
@@ -45,7 +51,8 @@ def test_one_driver_at_a_time(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content", [b"no store, a text that somebody wrote" * 90, b"SQLite format 3\x00" + b"\xff" * 9000]
+    "content",
+    [b"no store, a text that somebody wrote" * 90, b"SQLite format 3\x00" + b"\xff" * 9000],
 )
 def test_what_is_no_store_is_named(tmp_path, content):
     path = tmp_path / "study.sqlite"

@@ -60,17 +60,27 @@ def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     assert np.isclose(mechanism.alpha, np.radians(35))
     assert np.isclose(mechanism.home_tilt, np.radians(-110))
-    axes = (problem.robot.geometry.omega1, problem.robot.geometry.omega2, problem.robot.geometry.omega3)
+    axes = (
+        problem.robot.geometry.omega1,
+        problem.robot.geometry.omega2,
+        problem.robot.geometry.omega3,
+    )
     for body, axis in zip(problem.robot.bodies, axes, strict=False):
         assert np.allclose(body.frame[:, 2], axis)
 
 
 def test_designs_are_the_same_for_the_same_seed_and_fill_the_space():
     of = study()
-    first, again, other = list(of.designs()), list(of.designs()), list(replace(of, search=Search(seed=4)).designs())
+    first, again, other = (
+        list(of.designs()),
+        list(of.designs()),
+        list(replace(of, search=Search(seed=4)).designs()),
+    )
     assert first == again != other[:8]
     alphas = sorted(float(design["geometry.alpha"].split()[0]) for design in first)
-    assert all(26 + 14 * i / 8 <= alpha <= 26 + 14 * (i + 1) / 8 for i, alpha in enumerate(alphas))  # (0, m, s)-net
+    assert all(
+        26 + 14 * i / 8 <= alpha <= 26 + 14 * (i + 1) / 8 for i, alpha in enumerate(alphas)
+    )  # (0, m, s)-net
     grid = list(replace(of, search=Search("grid", 3)).designs())
     assert len(grid) == len({tuple(design.items()) for design in grid}) == 9
 
@@ -84,7 +94,9 @@ def test_the_weight_on_the_screen_is_that_of_the_robot_built():
     loads = screens._loads(family, q)
     for i, design in enumerate(designs):
         ((_, problem),) = problems_of(of, design)
-        assert np.allclose(loads[i], RigidBody.from_robot(problem.robot).gravity_load(q[i]), rtol=0, atol=1e-9)
+        assert np.allclose(
+            loads[i], RigidBody.from_robot(problem.robot).gravity_load(q[i]), rtol=0, atol=1e-9
+        )
 
 
 def test_a_screen_drops_nothing_that_can_be_planned():
@@ -97,7 +109,12 @@ def test_a_screen_drops_nothing_that_can_be_planned():
         "source": "test",
     }
     of = study(
-        vary={**GEOMETRY, "joints.tilt.motor": {"choices": [weak, {**weak, "name": "strong", "max_torque": "90 mN*m"}]}}
+        vary={
+            **GEOMETRY,
+            "joints.tilt.motor": {
+                "choices": [weak, {**weak, "name": "strong", "max_torque": "90 mN*m"}]
+            },
+        }
     )
     designs = list(of.designs())
     fallen = Screens(of).fallen(designs)
@@ -125,7 +142,9 @@ def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_
     file = tmp_path / "study.yaml"
     file.write_text(yaml.safe_dump(FILE))
     root = str(Path(__file__).parents[2])
-    process = subprocess.Popen([sys.executable, "-c", code, tmp_path / "killed", root, file], cwd=tmp_path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, tmp_path / "killed", root, file], cwd=tmp_path
+    )
     time.sleep(2.5)
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -149,7 +168,9 @@ def test_killed_workers_change_nothing(tmp_path):
                 os.kill(random.choice(workers.pids), signal.SIGKILL)
 
         run_study(of, tmp_path / "killed", executor=workers, progress=kill)
-    assert (tmp_path / "killed" / "table.csv").read_bytes() == (tmp_path / "calm" / "table.csv").read_bytes()
+    assert (tmp_path / "killed" / "table.csv").read_bytes() == (
+        tmp_path / "calm" / "table.csv"
+    ).read_bytes()
 
 
 class Here(Executor):
@@ -179,7 +200,9 @@ def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
     rest = Here()
     run_study(of, tmp_path / "lost", executor=rest)
     assert rest.count == whole.count - 3
-    assert (tmp_path / "lost" / "table.csv").read_bytes() == (tmp_path / "calm" / "table.csv").read_bytes()
+    assert (tmp_path / "lost" / "table.csv").read_bytes() == (
+        tmp_path / "calm" / "table.csv"
+    ).read_bytes()
 
 
 class Deadly(Here):
@@ -198,20 +221,28 @@ class Deadly(Here):
         return future
 
 
-def test_a_batch_that_ends_its_workers_is_split_and_one_candidate_is_to_blame(tmp_path, monkeypatch):
-    monkeypatch.setattr(Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design))
+def test_a_batch_that_ends_its_workers_is_split_and_one_candidate_is_to_blame(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design)
+    )
     monkeypatch.setattr(driver, "BATCH_SECONDS", 1e3)  # whatever the machine does, batches grow
     monkeypatch.setattr(driver, "AHEAD_ELSEWHERE", 1)
     deadly = Deadly()
     result = run_study(study(search={"points": 64, "seed": 3}), tmp_path, executor=deadly)
     sent = [row.number for row in result.rows if row.stage != "reach"]
     assert [row.number for row in result.rows if row.state == "quarantined"] == [40]
-    assert all(row.state == "done" for row in result.rows if row.number in sent and row.number != 40)
+    assert all(
+        row.state == "done" for row in result.rows if row.number in sent and row.number != 40
+    )
     assert max(deadly.sizes) > 4
     assert 40 in sent
 
 
-def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_room(tmp_path, monkeypatch):
+def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_room(
+    tmp_path, monkeypatch
+):
     """The file may grow by no page more: what SQLite says of a disk without room."""
     of = study(search={"points": 64, "seed": 3}, motions=["tilt_insert"])
     many = replace(of, vary=(*of.vary, Varied("pace", 1.0, 2.0, "x" * 4000)))  # rows of a page each
@@ -222,10 +253,14 @@ def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_ro
         store._connection.execute("PRAGMA max_page_count = 24")
 
     monkeypatch.setattr(
-        Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design, figures={})
+        Evaluation,
+        "__call__",
+        lambda self, number, design: Candidate(number, "done", design, figures={}),
     )
     monkeypatch.setattr(Store, "_open", small)
-    with pytest.raises(ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"):
+    with pytest.raises(
+        ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"
+    ):
         run_study(many, tmp_path, executor=Here())
     monkeypatch.setattr(Store, "_open", plain)
     with Store(tmp_path / "study.sqlite") as store:
@@ -242,17 +277,24 @@ def small_disk(tmp_path):
     place = tmp_path / "disk"
     place.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
-    if shutil.which("mount") is None or subprocess.run(command, capture_output=True, check=False).returncode != 0:
+    if (
+        shutil.which("mount") is None
+        or subprocess.run(command, capture_output=True, check=False).returncode != 0
+    ):
         pytest.skip("no file system of 1 MB can be mounted here: that takes root")
     yield place
     subprocess.run(["umount", place], check=True)
 
 
 def test_a_file_system_without_room_leaves_a_whole_store(small_disk, monkeypatch):
-    monkeypatch.setattr(Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design))
+    monkeypatch.setattr(
+        Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design)
+    )
     of = study(search={"points": 4096, "seed": 3})
     of = replace(of, motions={}, require=replace(of.require, reach=None))
-    with pytest.raises(ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"):
+    with pytest.raises(
+        ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"
+    ):
         run_study(of, small_disk, executor=Here())
     with Store(small_disk / "study.sqlite") as store:
         assert store._read("PRAGMA integrity_check") == [("ok",)]
@@ -266,11 +308,15 @@ def test_dask_gives_the_same_table(tmp_path):
     of = study()
     run_study(of, tmp_path / "one", workers=1)
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         run_study(of, tmp_path / "dask", executor=client.get_executor(retries=3))
-    assert (tmp_path / "dask" / "table.csv").read_bytes() == (tmp_path / "one" / "table.csv").read_bytes()
+    assert (tmp_path / "dask" / "table.csv").read_bytes() == (
+        tmp_path / "one" / "table.csv"
+    ).read_bytes()
 
 
 def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():
@@ -282,14 +328,24 @@ def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():
         for design in variable.contents
         for _, problem in problems_of(of, {"joints.roll.motor": design})
     }
-    rotors = {name: joint.drive.input_inertia - joint.motor.rotor_inertia for name, joint in base.items()}
-    assert np.ptp(list(rotors.values())) < 1e-12  # what is left of the drive does not depend on the motor
+    rotors = {
+        name: joint.drive.input_inertia - joint.motor.rotor_inertia for name, joint in base.items()
+    }
+    assert (
+        np.ptp(list(rotors.values())) < 1e-12
+    )  # what is left of the drive does not depend on the motor
     assert all(joint.motor.mass > 0.01 for joint in base.values())
 
 
 @pytest.mark.parametrize("inertia", ["1 mm", "0.2", {"value": "1 mm"}, {}, [1]])
 def test_a_motor_whose_rotor_is_no_inertia_falls_out_with_the_reason(inertia):
-    motor = {"name": "m", "source": "s", "nominal_torque": "30 mN*m", "max_torque": "90 mN*m", "max_speed": "9000 rpm"}
+    motor = {
+        "name": "m",
+        "source": "s",
+        "nominal_torque": "30 mN*m",
+        "max_torque": "90 mN*m",
+        "max_speed": "9000 rpm",
+    }
     with pytest.raises(ProblemError, match="rotor_inertia"):  # noqa: PT012 in the study, or in the candidate
         of = study(vary={"joints.roll.motor": {"choices": [{**motor, "rotor_inertia": inertia}]}})
         list(problems_of(of, next(of.designs())))
@@ -305,7 +361,10 @@ def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
     for name in ("P30-60", "P30-120"):
         ((_, problem),) = problems_of(of, {"joints.tilt.drive.worm": name})
         ratios[name] = problem.robot.joints[1].drive.ratio
-        assert problem.robot.joints[1].drive.friction.mu == 0.13 or problem.robot.joints[1].drive.friction.mu > 0
+        assert (
+            problem.robot.joints[1].drive.friction.mu == 0.13
+            or problem.robot.joints[1].drive.friction.mu > 0
+        )
     assert ratios == {"P30-60": 60, "P30-120": 120}
 
 
@@ -314,9 +373,25 @@ def test_a_study_over_fixed_bodies_says_so_and_one_of_parts_moves_their_mass():
     (note,) = of.notes
     assert "link 1" in note
     assert study(vary={"joints.insertion.drive.friction.mu": {"choices": [0.15, 0.17]}}).notes == []
-    arc = {"shape": "arc", "radius": "218 mm", "width": "40 mm", "height": "20 mm", "density": "2700 kg/m^3"}
+    arc = {
+        "shape": "arc",
+        "radius": "218 mm",
+        "width": "40 mm",
+        "height": "20 mm",
+        "density": "2700 kg/m^3",
+    }
     parts = [
-        {**body, "parts": [{"shape": "box", "mass": "0.3 kg", "at": ["0 mm", "0 mm", "0.1 m"], "size": ["9 mm"] * 3}]}
+        {
+            **body,
+            "parts": [
+                {
+                    "shape": "box",
+                    "mass": "0.3 kg",
+                    "at": ["0 mm", "0 mm", "0.1 m"],
+                    "size": ["9 mm"] * 3,
+                }
+            ],
+        }
         for body in of.robot["bodies"]
     ]
     for body in parts:
@@ -327,7 +402,9 @@ def test_a_study_over_fixed_bodies_says_so_and_one_of_parts_moves_their_mass():
     assert of.notes == []
     masses = []
     for alpha in ("28 deg", "35 deg"):
-        ((_, problem),) = problems_of(of, {"geometry.alpha": alpha, "geometry.home_tilt": "-112 deg"})
+        ((_, problem),) = problems_of(
+            of, {"geometry.alpha": alpha, "geometry.home_tilt": "-112 deg"}
+        )
         masses.append(problem.robot.bodies[0].mass)
     assert masses[1] / masses[0] == pytest.approx(35 / 28)
 
@@ -340,7 +417,9 @@ def test_the_front_holds_what_nothing_beats():
     ]
     front = pareto(rows, ("a", "b"))
     for row in rows:
-        better = [o for o in rows if o is not row and all(o.figures[k] <= row.figures[k] for k in "ab")]
+        better = [
+            o for o in rows if o is not row and all(o.figures[k] <= row.figures[k] for k in "ab")
+        ]
         assert (row in front) == (not better)
 
 
@@ -354,7 +433,10 @@ def test_the_front_holds_what_nothing_beats():
         ({"vary": {"geometry.alpha": {"form": "3 deg", "to": "2 deg"}}}, "not a way to vary"),
         ({"vary": {"joints.roll.motor": {"catalogue": "nowhere.csv"}}}, "does not exist"),
         ({"vary": {"joints.roll.motor": {"catalogue": "m" + "9" * 5000}}}, "does not exist"),
-        ({"vary": {"joints.roll.motor": {"choices": ["m" + "9" * 5000]}}}, "no such file|cannot be read"),
+        (
+            {"vary": {"joints.roll.motor": {"choices": ["m" + "9" * 5000]}}},
+            "no such file|cannot be read",
+        ),
         ({"minimise": ["cost"]}, "minimise"),
         ({"motions": ["nowhere.yaml"]}, r"motions\[0\] = nowhere.yaml: .*does not exist"),
         ({"require": {"motor_margin": "120 %"}}, "not a share"),
@@ -369,7 +451,11 @@ def test_bad_input_is_named(change, words):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("tilt_insert", "tilt_inser", r"study\.yaml:2: motions\[0\] = tilt_inser: .*does not exist"),
+        (
+            "tilt_insert",
+            "tilt_inser",
+            r"study\.yaml:2: motions\[0\] = tilt_inser: .*does not exist",
+        ),
         ("tilt_insert", "x" * 5000, r"study\.yaml:2: motions\[0\]"),
         ("motors.csv", "none.csv", r"study\.yaml:4: .*none\.csv does not exist"),
         ("name,", "name," + "x" * 200_000 + ",", r"motors\.csv:1: not a table: field larger"),
@@ -377,7 +463,10 @@ def test_bad_input_is_named(change, words):
 )
 def test_a_file_that_cannot_be_used_is_named_with_its_line(tmp_path, old, new, message):
     vary = "vary:\n  joints.roll.motor: {catalogue: motors.csv}\nminimise: [duration]\nsearch: {points: 4}\n"
-    files = {"study.yaml": f"robot: vitreoretinal\nmotions: [tilt_insert]\n{vary}", "motors.csv": CATALOGUE.read_text()}
+    files = {
+        "study.yaml": f"robot: vitreoretinal\nmotions: [tilt_insert]\n{vary}",
+        "motors.csv": CATALOGUE.read_text(),
+    }
     for name, text in files.items():
         (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(ProblemError, match=message):
@@ -391,7 +480,10 @@ def test_the_page_shows_front_reasons_and_what_moves_the_objectives(tmp_path):
     namespace = "http://www.w3.org/2000/svg"
     assert "http" not in text.replace("http-equiv", "").replace(namespace, "")
     assert all(f'<td class="number">{row.number}</td>' in text for row in result.front)
-    assert f"The study&#39;s own robot as it stands: duration 3.349 s; {len(result.better)} of the front beat" in text
+    assert (
+        f"The study&#39;s own robot as it stands: duration 3.349 s; {len(result.better)} of the front beat"
+        in text
+    )
     assert result.own.state == "done"
     assert result.better
     assert all(row.figures["duration"] <= result.own.figures["duration"] for row in result.better)
@@ -417,7 +509,9 @@ def test_a_page_of_many_candidates_is_made_in_time(tmp_path):
     found = enumerate(zip(designs, figures, strict=True))
     rows = [Candidate(i, "done", design, figures=each) for i, (design, each) in found]
     begin = time.process_time()
-    write_study_page(of, (rows[0], *rows), pareto(rows, of.minimise), tmp_path / "page.html", finished=True)
+    write_study_page(
+        of, (rows[0], *rows), pareto(rows, of.minimise), tmp_path / "page.html", finished=True
+    )
     assert time.process_time() - begin < 2.0
 
 
@@ -438,7 +532,9 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
     assert row.figures["motor_margin"] >= 0.2
     made = plans_of(of, row)["tilt_insert"]
     assert made.passed
-    assert made.duration == pytest.approx(row.figures["duration"], rel=1e-4)  # the limits of these motors do not bind
+    assert made.duration == pytest.approx(
+        row.figures["duration"], rel=1e-4
+    )  # the limits of these motors do not bind
     for path in PARTS:
         variable = next(each for each in of.selected if each.path == path)
         joint = ("roll", "tilt").index(path.split(".")[1])
@@ -452,7 +548,9 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
             assert min(check.margin for check in verdict.checks if check.margin is not None) < 0.2
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process holds")
+@pytest.mark.skipif(
+    not Path("/proc/self/statm").exists(), reason="the system does not say what a process holds"
+)
 def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     from ssm_planner.planning.ocp.transcription import Transcription
 
@@ -480,9 +578,17 @@ def test_what_a_catalogue_states_of_gears_and_motors_counts_in_the_rank(tmp_path
     rows = [f"long,{motor[0]},41 g,30 mm,made up", f"short,{motor[0]},{motor[1]},made up"]
     (tmp_path / "motors.csv").write_text(columns + "\n".join(rows) + "\n")
     parts = {"screw": tmp_path / "screws.csv", "motor": tmp_path / "motors.csv"}
-    paths = {name: f"joints.insertion.{'drive.screw' if name == 'screw' else 'motor'}" for name in parts}
+    paths = {
+        name: f"joints.insertion.{'drive.screw' if name == 'screw' else 'motor'}" for name in parts
+    }
     of = study(
-        vary={**GEOMETRY, **{paths[name]: {"catalogue": str(file), "select": rank} for name, file in parts.items()}}
+        vary={
+            **GEOMETRY,
+            **{
+                paths[name]: {"catalogue": str(file), "select": rank}
+                for name, file in parts.items()
+            },
+        }
     )
     row = Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})
     assert row.state == "done", row.reason
@@ -496,20 +602,40 @@ def test_a_slower_pace_allows_lighter_motors_and_none_is_said():
     fast, slow = (Evaluation(of)(0, {**design, "pace": pace}) for pace in ("1", "2"))
     assert fast.state == slow.state == "done"
     assert slow.figures["motor_mass"] <= fast.figures["motor_mass"]
-    assert fast.figures["duration"] <= slow.figures["duration"] <= 2 * fast.figures["duration"] + 1e-9
-    none = Evaluation(replace(of, require=replace(of.require, motor_margin=0.9)))(0, {**design, "pace": "1"})
+    assert (
+        fast.figures["duration"] <= slow.figures["duration"] <= 2 * fast.figures["duration"] + 1e-9
+    )
+    none = Evaluation(replace(of, require=replace(of.require, motor_margin=0.9)))(
+        0, {**design, "pace": "1"}
+    )
     assert (none.state, none.stage) == ("infeasible", "selection")
     assert "none of 48 motors holds" in none.reason
 
 
 def test_a_margin_required_of_the_motors_is_kept_by_the_motion():
     """A motor whose torque the fastest motion uses up: the motion is slower, and has the margin."""
-    motor = {"name": "m", "source": "s", "nominal_torque": "33 mN*m", "max_torque": "33 mN*m", "max_speed": "20000 rpm"}
+    motor = {
+        "name": "m",
+        "source": "s",
+        "nominal_torque": "33 mN*m",
+        "max_torque": "33 mN*m",
+        "max_speed": "20000 rpm",
+    }
     rows = []
     for margin in (0, 0.2):
-        of = study(vary={**GEOMETRY, "joints.roll.motor": {"choices": [motor]}}, require={"motor_margin": margin})
+        of = study(
+            vary={**GEOMETRY, "joints.roll.motor": {"choices": [motor]}},
+            require={"motor_margin": margin},
+        )
         rows.append(
-            Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg", "joints.roll.motor": "m"})
+            Evaluation(of)(
+                0,
+                {
+                    "geometry.alpha": "33 deg",
+                    "geometry.home_tilt": "-112 deg",
+                    "joints.roll.motor": "m",
+                },
+            )
         )
     assert [row.state for row in rows] == ["done", "done"]
     assert rows[1].figures["motor_margin"] >= 0.2
@@ -522,7 +648,15 @@ def test_a_margin_required_of_the_motors_is_kept_by_the_motion():
         ({"vary": PARTS}, "nothing is searched"),
         ({"vary": {**GEOMETRY, "pace": {"choices": [1, 2]}}}, "nothing is selected"),
         ({"vary": {**GEOMETRY, **PARTS, "pace": {"choices": [0.5, 2]}}}, "not a pace"),
-        ({"vary": {**GEOMETRY, "joints.roll.motor": {"catalogue": str(CATALOGUE), "select": "price"}}}, "not a rank"),
+        (
+            {
+                "vary": {
+                    **GEOMETRY,
+                    "joints.roll.motor": {"catalogue": str(CATALOGUE), "select": "price"},
+                }
+            },
+            "not a rank",
+        ),
     ],
 )
 def test_a_selection_that_cannot_be_is_named(change, words):

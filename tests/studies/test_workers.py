@@ -30,10 +30,14 @@ def test_a_fault_is_the_tasks_own():
 
 def test_a_task_that_ends_its_workers_is_given_up_and_the_others_go_on():
     with Workers(2) as workers:
-        futures = [workers.submit(os._exit, 1) if i == 3 else workers.submit(abs, -i) for i in range(12)]
+        futures = [
+            workers.submit(os._exit, 1) if i == 3 else workers.submit(abs, -i) for i in range(12)
+        ]
         wait(futures)
         assert isinstance(futures[3].exception(), WorkerDied)
-        assert [f.result() for i, f in enumerate(futures) if i != 3] == [i for i in range(12) if i != 3]
+        assert [f.result() for i, f in enumerate(futures) if i != 3] == [
+            i for i in range(12) if i != 3
+        ]
 
 
 def test_kills_lose_nothing():

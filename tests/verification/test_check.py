@@ -32,7 +32,9 @@ ROOT = Path(__file__).parent.parent.parent
 
 
 def limit_of(certificate: Certificate, name: str, joint: str | None = None) -> LimitCheck:
-    return next(limit for limit in certificate.limits if limit.name == name and limit.joint == joint)
+    return next(
+        limit for limit in certificate.limits if limit.name == name and limit.joint == joint
+    )
 
 
 def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
@@ -48,14 +50,20 @@ def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
 def screw(robot: Robot) -> Robot:
     """The robot with an antibacklash screw and Stribeck friction in joint 4."""
     joint = robot.joints[3]
-    friction = dataclasses.replace(joint.drive.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3.0)
+    friction = dataclasses.replace(
+        joint.drive.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3.0
+    )
     drive = dataclasses.replace(
         joint.drive, kind="antibacklash_screw", preload=5.0, second_nut_mass=0.05, friction=friction
     )
-    return dataclasses.replace(robot, joints=(*robot.joints[:3], dataclasses.replace(joint, drive=drive)))
+    return dataclasses.replace(
+        robot, joints=(*robot.joints[:3], dataclasses.replace(joint, drive=drive))
+    )
 
 
-def dense(trajectory: Trajectory, robot: Robot, per_piece: int = 4000) -> dict[tuple[str, str | None], np.ndarray]:
+def dense(
+    trajectory: Trajectory, robot: Robot, per_piece: int = 4000
+) -> dict[tuple[str, str | None], np.ndarray]:
     """Every limited value at many instants of every piece, by the model's own functions: what the check must find."""
     count = len(trajectory.breaks) - 1
     piece = np.repeat(np.arange(count), per_piece)
@@ -76,14 +84,21 @@ def dense(trajectory: Trajectory, robot: Robot, per_piece: int = 4000) -> dict[t
         if joint.drive is not None:
             values["motor speed", joint.name] = motor.speed[:, i]
             values["motor torque", joint.name] = motor.torque[:, i]
-            values["nut contact", joint.name] = nut_contact(joint.drive, motor.effort[:, i], motor.acceleration[:, i])
-    ahead, behind = (task_from_joints(mechanism, samples.q + side * 1e-6 * samples.qd, near=task) for side in (1, -1))
+            values["nut contact", joint.name] = nut_contact(
+                joint.drive, motor.effort[:, i], motor.acceleration[:, i]
+            )
+    ahead, behind = (
+        task_from_joints(mechanism, samples.q + side * 1e-6 * samples.qd, near=task)
+        for side in (1, -1)
+    )
     for k, name in enumerate(TASK):
         values[f"{name} range", None] = task[:, k]
         values[f"{name} rate", None] = (ahead - behind)[:, k] / 2e-6
     tip = tip_position(mechanism, samples.q)
     wall = EYE.radius - np.linalg.norm(tip - EYE.centre, axis=1)
-    values["retina clearance", None] = np.maximum(wall, EYE.clearance + EYE.port - np.linalg.norm(tip, axis=1))
+    values["retina clearance", None] = np.maximum(
+        wall, EYE.clearance + EYE.port - np.linalg.norm(tip, axis=1)
+    )
     values["lens clearance", None] = along_the_shaft(tip)
     return values
 
@@ -115,7 +130,9 @@ def along_the_shaft(tip: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("change", [lambda robot: robot, screw], ids=["as shipped", "antibacklash"])
-def test_worst_values_are_those_of_dense_evaluation_by_the_model(robot: Robot, seed: int, change) -> None:
+def test_worst_values_are_those_of_dense_evaluation_by_the_model(
+    robot: Robot, seed: int, change
+) -> None:
     robot = change(robot)
     trajectory = wavy(np.random.default_rng(seed))
     certificate = check(trajectory, robot, LIMITS)
@@ -132,7 +149,9 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(robot: Robot, s
             continue
         bounds = RANGES.get(limit.name.removesuffix(" range"))
         joint = next((j for j in robot.joints if j.name == limit.joint), None)
-        low, high = bounds or (joint.position if limit.name == "position" else (-limit.limit, limit.limit))
+        low, high = bounds or (
+            joint.position if limit.name == "position" else (-limit.limit, limit.limit)
+        )
         margin = float(np.minimum(high - found, found - low).min()) / ((high - low) / 2)
         # the dense look may miss a peak or the instant of breakaway by a little, the check may not
         assert limit.margin <= margin + 1e-9
@@ -159,11 +178,16 @@ def test_the_way_through_the_port_is_looked_at_where_port_and_retina_meet(robot:
 def test_a_trapezoid_has_its_closed_form_extremes(robot: Robot) -> None:
     certificate = check(trapezoids(robot), robot)
     for joint in robot.joints:
-        assert limit_of(certificate, "velocity", joint.name).worst <= joint.velocity * SHARE * (1 + 1e-9)
-        assert limit_of(certificate, "acceleration", joint.name).worst <= joint.acceleration * SHARE * (1 + 1e-9)
+        assert limit_of(certificate, "velocity", joint.name).worst <= joint.velocity * SHARE * (
+            1 + 1e-9
+        )
+        assert limit_of(
+            certificate, "acceleration", joint.name
+        ).worst <= joint.acceleration * SHARE * (1 + 1e-9)
     fastest = [
         max(
-            limit_of(certificate, n, j.name).worst / (j.velocity if n == "velocity" else j.acceleration)
+            limit_of(certificate, n, j.name).worst
+            / (j.velocity if n == "velocity" else j.acceleration)
             for j in robot.joints
         )
         for n in ("velocity", "acceleration")
@@ -190,14 +214,17 @@ def test_a_rest_to_rest_quintic_has_its_closed_form_extremes(robot: Robot) -> No
 def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
     """The torque at the very start of a slow motion is the breakaway torque of the model."""
     drive = dataclasses.replace(
-        robot.joints[0].drive, friction=dataclasses.replace(robot.joints[0].drive.friction, mu_static=0.4)
+        robot.joints[0].drive,
+        friction=dataclasses.replace(robot.joints[0].drive.friction, mu_static=0.4),
     )
     joints = (dataclasses.replace(robot.joints[0], drive=drive), *robot.joints[1:])
     robot = dataclasses.replace(robot, joints=joints)
     q = np.array([[0.3, 0.5, 0.0, 0.0]])
     zero = np.zeros((1, 4))
     end = q + [0.05, 0.0, 0.0, 0.0]
-    trajectory = Trajectory(np.array([0.0, 4.0]), hermite(np.array([0.0, 4.0]), (q, zero, zero), (end, zero, zero)), ())
+    trajectory = Trajectory(
+        np.array([0.0, 4.0]), hermite(np.array([0.0, 4.0]), (q, zero, zero), (end, zero, zero)), ()
+    )
     tau = RigidBody.from_robot(robot).gravity_load(q)[0, 0]
     found = limit_of(check(trajectory, robot), "motor torque", "roll")
     assert found.time == 0.0
@@ -215,21 +242,29 @@ def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot)
         assert limit_of(certificate, "motor torque", name).worst == 0.0
 
 
-def test_jumps_are_found_on_either_side_of_a_block(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_jumps_are_found_on_either_side_of_a_block(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", 4)
     trajectory = wavy(np.random.default_rng(1), pieces=11)
     assert limit_of(check(trajectory, robot), "position jump", "tilt").passed
     for k in range(1, 11):
         coefficients = trajectory.coefficients.copy()
         coefficients[k, 0, 1] += 1e-4
-        found = limit_of(check(Trajectory(trajectory.breaks.copy(), coefficients, ()), robot), "position jump", "tilt")
+        found = limit_of(
+            check(Trajectory(trajectory.breaks.copy(), coefficients, ()), robot),
+            "position jump",
+            "tilt",
+        )
         assert not found.passed
         assert found.worst == pytest.approx(1e-4, rel=1e-6)
         assert found.time in trajectory.breaks[[k, min(k + 1, 10)]]
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_first_look_hides_nothing(robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+def test_the_first_look_hides_nothing(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
     """The same worst values as with the whole rate everywhere, of friction that changes quickly too."""
     robot, trajectory = screw(robot), wavy(np.random.default_rng(seed))
     limits = dataclasses.replace(LIMITS, duty=0.0)
@@ -239,7 +274,9 @@ def test_the_first_look_hides_nothing(robot: Robot, monkeypatch: pytest.MonkeyPa
     assert found.instants < 0.7 * whole.instants
     for a, b in zip(found.limits, whole.limits, strict=True):
         # where friction has corners a mean is exact to 1e-5 either way
-        assert a.margin == pytest.approx(b.margin, abs=3e-5 if a.name == "continuous torque" else 3e-8), a.name
+        assert a.margin == pytest.approx(
+            b.margin, abs=3e-5 if a.name == "continuous torque" else 3e-8
+        ), a.name
 
 
 def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,7 +311,9 @@ def test_the_screen_of_long_trajectories_hides_nothing(
     assert screened.instants < full.instants / 2
     for a, b in zip(full.limits, screened.limits, strict=True):
         # a mean of one look at the middle of most pieces
-        assert a.margin == pytest.approx(b.margin, abs=1e-4 if a.name == "continuous torque" else 3e-8)
+        assert a.margin == pytest.approx(
+            b.margin, abs=1e-4 if a.name == "continuous torque" else 3e-8
+        )
 
 
 def test_a_jerk_limit_is_checked(robot: Robot) -> None:
@@ -285,12 +324,15 @@ def test_a_jerk_limit_is_checked(robot: Robot) -> None:
     assert not limit_of(trapezoid, "acceleration jump", "roll").passed
     trajectory = smooth(robot)
     jerk = trajectory.sample(np.linspace(0, trajectory.duration, 20001)).qddd
-    assert limit_of(certificate, "jerk", "roll").worst == pytest.approx(np.abs(jerk[:, 0]).max(), rel=1e-4)
+    assert limit_of(certificate, "jerk", "roll").worst == pytest.approx(
+        np.abs(jerk[:, 0]).max(), rel=1e-4
+    )
 
 
 def test_no_motor_no_torque_limit_and_it_is_said(robot: Robot) -> None:
     bare = dataclasses.replace(
-        robot, joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints)
+        robot,
+        joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints),
     )
     certificate = check(smooth(bare), bare)
     assert {limit.name for limit in certificate.limits} == {
@@ -318,7 +360,9 @@ def test_the_check_never_imports_the_planner(tmp_path: Path, robot: Robot) -> No
         "assert not [m for m in sys.modules if m.startswith(('ssm_planner.planning', 'toppra', 'ssm_planner.pipeline'))]; "
         "sys.exit(status)"
     )
-    result = subprocess.run([sys.executable, "-c", code, str(plan)], capture_output=True, text=True, cwd=ROOT)
+    result = subprocess.run(
+        [sys.executable, "-c", code, str(plan)], capture_output=True, text=True, cwd=ROOT
+    )
     assert result.returncode == 0, result.stderr
     assert "check: PASSED" in result.stdout
 
@@ -336,7 +380,12 @@ def test_short_moves_among_many_pieces_at_rest_are_judged_as_by_a_full_look(
 ) -> None:
     count = 25_000
     breaks = np.arange(count + 1) * 0.001
-    q = np.tile([0.3, 1.15, 0.1, -0.01], (count + 1, 1)) + 1e-4 * np.sin(breaks)[:, None] * [1, 1, 1, 0.01]
+    q = np.tile([0.3, 1.15, 0.1, -0.01], (count + 1, 1)) + 1e-4 * np.sin(breaks)[:, None] * [
+        1,
+        1,
+        1,
+        0.01,
+    ]
     v, a = np.zeros_like(q), np.zeros_like(q)
     rng = np.random.default_rng(3)
     for k in rng.choice(count - 60, 12, replace=False) + 25:
@@ -361,7 +410,9 @@ def test_a_motion_of_an_hour_costs_what_its_pieces_cost(
     found, values = check(slow, robot, LIMITS), dense(slow, robot, 20_000)
     for i in (0, 1, 3):
         name = robot.joints[i].name
-        assert limit_of(found, "motor torque", name).worst >= np.abs(values["motor torque", name]).max() * (1 - 1e-9)
+        assert limit_of(found, "motor torque", name).worst >= np.abs(
+            values["motor torque", name]
+        ).max() * (1 - 1e-9)
     monkeypatch.setattr(sampled_extremes, "PIECE", (8192, 8192))
     full = check(slow, robot, LIMITS)
     assert found.instants < full.instants / 8
@@ -376,7 +427,9 @@ def test_a_long_rest_costs_no_more_than_a_short_one(robot: Robot) -> None:
         last = np.zeros((1, 6, 4))
         last[0, 0] = quick.sample(quick.breaks[-1]).q[0]
         return Trajectory(
-            np.append(quick.breaks, quick.breaks[-1] + time), np.concatenate([quick.coefficients, last]), ()
+            np.append(quick.breaks, quick.breaks[-1] + time),
+            np.concatenate([quick.coefficients, last]),
+            (),
         )
 
     short, long = (check(resting(time), robot, LIMITS) for time in (0.5, 3600.0))
@@ -384,4 +437,6 @@ def test_a_long_rest_costs_no_more_than_a_short_one(robot: Robot) -> None:
     sizes = [len(joint_loads(resting(time), robot)[0].t) for time in (0.5, 3600.0)]
     assert sizes[1] < 2 * sizes[0]
     for a, b in zip(short.limits, long.limits, strict=True):
-        assert a.name == "continuous torque" or a.margin == pytest.approx(b.margin, rel=3e-8, abs=3e-8)
+        assert a.name == "continuous torque" or a.margin == pytest.approx(
+            b.margin, rel=3e-8, abs=3e-8
+        )

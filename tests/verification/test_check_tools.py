@@ -32,14 +32,17 @@ def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) 
     degree = max(len(row) for row in rows)
     powers = np.array([row + [0.0] * (degree - len(row)) for row in rows])
     groups = bernstein.from_powers(powers).T[None]
-    value, index, s = (found[0] for found in bernstein.largest(groups, np.array([1e-12]), np.array([-np.inf])))
+    value, index, s = (
+        found[0] for found in bernstein.largest(groups, np.array([1e-12]), np.array([-np.inf]))
+    )
     grid = np.linspace(0, 1, 2001)
     assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers) - 1e-9
     assert value == pytest.approx(float(np.polyval(powers[index, ::-1], s)), abs=1e-9)
 
 
 @given(
-    st.lists(st.floats(0.02, 0.98), min_size=1, max_size=4, unique_by=lambda x: round(x, 2)), st.sampled_from([-1, 1])
+    st.lists(st.floats(0.02, 0.98), min_size=1, max_size=4, unique_by=lambda x: round(x, 2)),
+    st.sampled_from([-1, 1]),
 )
 @settings(max_examples=150, deadline=None)
 def test_every_simple_zero_is_found(zeros: list[float], sign: int) -> None:
@@ -126,13 +129,19 @@ def variants(robot: Robot) -> list[Robot]:
         friction = dataclasses.replace(joint.drive.friction, law=law, **stribeck)
         drives.append(
             dataclasses.replace(
-                joint.drive, kind="antibacklash_screw", preload=5.0, second_nut_mass=0.05, friction=friction
+                joint.drive,
+                kind="antibacklash_screw",
+                preload=5.0,
+                second_nut_mass=0.05,
+                friction=friction,
             )
         )
     slippery = dataclasses.replace(joint.drive.friction, mu=0.05, mu_static=0.06)
     drives.append(dataclasses.replace(joint.drive, friction=slippery, self_locking=False))
     return [robot] + [
-        dataclasses.replace(robot, joints=(*robot.joints[:3], dataclasses.replace(joint, drive=drive)))
+        dataclasses.replace(
+            robot, joints=(*robot.joints[:3], dataclasses.replace(joint, drive=drive))
+        )
         for drive in drives
     ]
 
@@ -144,9 +153,15 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
     for each in variants(robot):
         direction, breakaway = directions(each, samples, side)
         expected = motor_motion(each, RigidBody.from_robot(each), samples, direction, breakaway)
-        q, qd, qdd, qddd, way, away = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "way", "away"))
-        law = Vectorised(dense("law", [q, qd, qdd, way, away], list(motor_law(each, q, qd, qdd, way, away))))
-        _, torque, effort = law(samples.q, samples.qd, samples.qdd, direction, np.asarray(breakaway, dtype=float))
+        q, qd, qdd, qddd, way, away = (
+            ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "way", "away")
+        )
+        law = Vectorised(
+            dense("law", [q, qd, qdd, way, away], list(motor_law(each, q, qd, qdd, way, away)))
+        )
+        _, torque, effort = law(
+            samples.q, samples.qd, samples.qdd, direction, np.asarray(breakaway, dtype=float)
+        )
         for i, joint in enumerate(each.joints):
             if joint.drive is None:
                 assert not torque[:, i].any()
@@ -154,7 +169,9 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
             size = np.abs(expected.torque[:, i]).max()
             assert np.abs(torque[:, i] - expected.torque[:, i]).max() <= 1e-14 * size
             assert effort[:, i] == pytest.approx(expected.effort[:, i], rel=1e-13, abs=1e-13)
-        rule = Vectorised(dense("rule", [qd, qdd, qddd], list(directions_law(each, qd, qdd, qddd, side))))
+        rule = Vectorised(
+            dense("rule", [qd, qdd, qddd], list(directions_law(each, qd, qdd, qddd, side)))
+        )
         found = rule(samples.qd, samples.qdd, samples.qddd)
         assert np.array_equal(found[0], direction)
         assert np.array_equal(found[1] != 0, np.asarray(breakaway, dtype=bool))

@@ -42,7 +42,9 @@ def with_static_friction(robot: Robot, mu: float) -> Robot:
     for joint in robot.joints:
         if joint.drive is not None:
             friction = dataclasses.replace(joint.drive.friction, mu_static=mu)
-            joint = dataclasses.replace(joint, drive=dataclasses.replace(joint.drive, friction=friction))
+            joint = dataclasses.replace(
+                joint, drive=dataclasses.replace(joint.drive, friction=friction)
+            )
         joints.append(joint)
     return dataclasses.replace(robot, joints=tuple(joints))
 
@@ -52,7 +54,11 @@ def back_and_forth(robot: Robot, count: int) -> Trajectory:
     t = np.linspace(0.0, 4.0, count)
     angle = t[:, None] * [3.1, 4.3, 2.2, 5.7] + [0.1, 0.7, 1.3, 2.0]
     rate, size = np.array([3.1, 4.3, 2.2, 5.7]), np.array([0.15, 0.1, 0.2, 0.003])
-    q, qd, qdd = HOME + size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)
+    q, qd, qdd = (
+        HOME + size * np.sin(angle),
+        size * rate * np.cos(angle),
+        -size * rate**2 * np.sin(angle),
+    )
     return Trajectory(t, hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:])), ())
 
 
@@ -92,7 +98,9 @@ def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
     found = continuous(check(trajectory, robot))
     assert found["insertion"].worst == pytest.approx(torque * np.sqrt(0.25), rel=1e-9)
     assert found["insertion"].limit == joint.motor.nominal_torque
-    assert found["insertion"].margin == pytest.approx(1 - torque / 2 / joint.motor.nominal_torque, rel=1e-9)
+    assert found["insertion"].margin == pytest.approx(
+        1 - torque / 2 / joint.motor.nominal_torque, rel=1e-9
+    )
     assert (found["insertion"].time, found["insertion"].unit) == (2.0, "N·m")
     # drives that lock themselves hold without torque
     assert found["roll"].worst == found["tilt"].worst == 0.0
@@ -102,12 +110,18 @@ def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> Non
     """Holding torque without friction: the load by the ratio, all the time."""
     drive = robot.joints[0].drive
     friction = dataclasses.replace(drive.friction, mu=1e-9, mu_static=1e-9, b_c=0.0, b_oc=0.0)
-    free = dataclasses.replace(robot.joints[0], drive=dataclasses.replace(drive, friction=friction, self_locking=False))
+    free = dataclasses.replace(
+        robot.joints[0], drive=dataclasses.replace(drive, friction=friction, self_locking=False)
+    )
     robot = dataclasses.replace(robot, joints=(free, *robot.joints[1:]))
     times = np.array([0.0, 3.0])
-    found = continuous(check(Trajectory(times, hermite(times, (HOME, ZERO, ZERO), (HOME, ZERO, ZERO)), ()), robot))
+    found = continuous(
+        check(Trajectory(times, hermite(times, (HOME, ZERO, ZERO), (HOME, ZERO, ZERO)), ()), robot)
+    )
     load = float(RigidBody.from_robot(robot).gravity_load(HOME)[0, 0])
-    assert found["roll"].worst == pytest.approx(abs(load) * drive.gamma * np.tan(drive.lead_angle), rel=1e-6)
+    assert found["roll"].worst == pytest.approx(
+        abs(load) * drive.gamma * np.tan(drive.lead_angle), rel=1e-6
+    )
     assert found["roll"].worst > 0
 
 
@@ -115,12 +129,19 @@ def test_static_friction_is_a_peak_and_no_heat(robot: Robot) -> None:
     trajectory = smooth(robot)
     low, high = (check(trajectory, with_static_friction(robot, mu)) for mu in (0.3, 0.9))
     for joint in ("roll", "tilt"):
-        peaks = [next(x.worst for x in c.limits if (x.name, x.joint) == ("motor torque", joint)) for c in (low, high)]
+        peaks = [
+            next(x.worst for x in c.limits if (x.name, x.joint) == ("motor torque", joint))
+            for c in (low, high)
+        ]
         assert peaks[1] > 1.05 * peaks[0]
-        assert continuous(high)[joint].worst == pytest.approx(continuous(low)[joint].worst, rel=1e-12)
+        assert continuous(high)[joint].worst == pytest.approx(
+            continuous(low)[joint].worst, rel=1e-12
+        )
 
 
-def test_many_short_pieces_give_what_few_give(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_short_pieces_give_what_few_give(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With the prefilter, one look at the middle of most pieces."""
     trajectory = back_and_forth(robot, 4001)
     full = continuous(check(trajectory, robot))
@@ -150,4 +171,6 @@ def test_one_long_piece_among_many_short_ones_is_not_judged_by_its_middle(
 def test_it_is_left_out_where_there_is_no_acceleration(robot: Robot) -> None:
     certificate = check(smooth(robot), robot, TaskLimits(), resolution=np.full(4, 1e-9))
     assert not continuous(certificate)
-    assert any("continuous torque" in what and "not defined" in what for what in certificate.unchecked)
+    assert any(
+        "continuous torque" in what and "not defined" in what for what in certificate.unchecked
+    )

@@ -34,7 +34,9 @@ ENDS = {"start velocity", "end velocity"}
 def part(trajectory: Trajectory, first: int, last: int) -> Trajectory:
     """Some of the pieces of a trajectory."""
     breaks = trajectory.breaks[first : last + 1].copy()
-    return Trajectory(breaks, trajectory.coefficients[first:last].copy(), (Span("part", breaks[0], breaks[-1]),))
+    return Trajectory(
+        breaks, trajectory.coefficients[first:last].copy(), (Span("part", breaks[0], breaks[-1]),)
+    )
 
 
 def rates_at(trajectory: Trajectory, robot: Robot, end: int) -> dict[str, float]:
@@ -67,7 +69,9 @@ def test_a_cut_of_the_shipped_motion_fails(
     assert exceeded(end, "tilt=12deg/s")
 
 
-@pytest.mark.parametrize("word", ["tilt", "tilt=3mm/s", "tlt=3deg/s", "", "tilt=1deg/s;roll=2deg/s"])
+@pytest.mark.parametrize(
+    "word", ["tilt", "tilt=3mm/s", "tlt=3deg/s", "", "tilt=1deg/s;roll=2deg/s"]
+)
 def test_rates_that_are_none_are_refused(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(SHIPPED), "--robot", ROBOT, "--end-rate", word]) == 2
     assert "--end-rate" in capsys.readouterr().err
@@ -83,10 +87,19 @@ def test_every_cut_fails_and_every_declared_cut_passes(robot: Robot) -> None:
             moving = np.abs(end_velocities(piece)[end]).max() > 1e-9
             assert found == ({("start velocity", "end velocity")[end]} if moving else set())
             declared = {("start_rate", "end_rate")[end]: rates_at(piece, robot, end)}
-            assert not ENDS & {limit.name for limit in check(piece, robot, TaskLimits(**declared)).violations}
-            wrong = {name: value * (1 + 1e-4) + 1e-4 for name, value in rates_at(piece, robot, end).items()}
-            missed = check(piece, robot, TaskLimits(**{("start_rate", "end_rate")[end]: wrong})).violations
-            assert {limit.name for limit in missed} & ENDS == {("start velocity", "end velocity")[end]}
+            assert not ENDS & {
+                limit.name for limit in check(piece, robot, TaskLimits(**declared)).violations
+            }
+            wrong = {
+                name: value * (1 + 1e-4) + 1e-4
+                for name, value in rates_at(piece, robot, end).items()
+            }
+            missed = check(
+                piece, robot, TaskLimits(**{("start_rate", "end_rate")[end]: wrong})
+            ).violations
+            assert {limit.name for limit in missed} & ENDS == {
+                ("start velocity", "end velocity")[end]
+            }
 
 
 def test_joint_rates_are_those_of_the_task(robot: Robot) -> None:
@@ -107,7 +120,9 @@ def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_p
     pytest.importorskip("rosbags")
     files, manifest = export(plan, "ros2", tmp_path / "ros2")
     assert api.check(tmp_path / "ros2", robot).passed
-    assert not check(read_trajectory(files["joint_trajectory.yaml"], robot).trajectory, robot).passed
+    assert not check(
+        read_trajectory(files["joint_trajectory.yaml"], robot).trajectory, robot
+    ).passed
     files, manifest = export(plan, "csv", tmp_path / "csv")
     assert api.check(tmp_path / "csv", robot).passed
     files, manifest = export(plan, "pvt", tmp_path / "pvt", counts_per_turn=4096)
@@ -117,11 +132,17 @@ def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_p
     assert api.check(tmp_path / "epos4", robot).passed
     rows = np.loadtxt(files["roll.csv"], delimiter=",", skiprows=1)
     # no drop to zero: the last speed is that of the plan, and the last position its end
-    speed = np.diff(rows[-2:, 1])[0] / np.diff(rows[-2:, 0])[0] / manifest["axes"]["roll"]["increments_per_unit"]
+    speed = (
+        np.diff(rows[-2:, 1])[0]
+        / np.diff(rows[-2:, 0])[0]
+        / manifest["axes"]["roll"]["increments_per_unit"]
+    )
     assert speed == pytest.approx(end_velocities(moving)[1][0], rel=0.02)
     assert abs(rows[-1, 2]) == pytest.approx(abs(rows[-2, 2]), rel=0.05)
     at_end = moving.sample(moving.breaks[-1:], "left").q[0, 0]
-    assert rows[-1, 1] == pytest.approx(at_end * manifest["axes"]["roll"]["increments_per_unit"], abs=0.6)
+    assert rows[-1, 1] == pytest.approx(
+        at_end * manifest["axes"]["roll"]["increments_per_unit"], abs=0.6
+    )
     assert any("ends moving" in note for note in manifest["notes"])
 
 

@@ -17,7 +17,17 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import PROMISES
-from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Scan, Straight, Task, Tip
+from ssm_planner.problem.motion import (
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    Scan,
+    Straight,
+    Task,
+    Tip,
+)
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.trajectory import Span, Trajectory, hermite
 from ssm_planner.verification.check import check
@@ -64,7 +74,10 @@ def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None
     for made, names in (
         (planned(*cornered(3e-4)), ["path departure", "corner rounding"]),
         (planned(line(constant_speed=4e-3)), ["path departure", "constant speed"]),
-        (planned(Free(Task(tilt=-1.9)), Straight(roll=0.1, depth=0.012), Dwell(0.1)), ["path departure"]),
+        (
+            planned(Free(Task(tilt=-1.9)), Straight(roll=0.1, depth=0.012), Dwell(0.1)),
+            ["path departure"],
+        ),
         (planned(over_retina(1.5e-3), eye=True), ["path departure", "retina distance"]),
         (planned(Free(Task(tilt=-1.9))), []),
     ):
@@ -105,13 +118,17 @@ def test_phases_that_are_moved_or_renamed_are_refused(planned: Callable[..., Pla
         assert exceeded(other, made.robot, made.limits) == {"path departure"}
 
 
-def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(planned: Callable[..., Plan]) -> None:
+def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(
+    planned: Callable[..., Plan],
+) -> None:
     made = planned(line(constant_speed=4e-3))
     t = made.motion.breaks
     # the same way, 10 % faster or slower about its middle
     for faster in (0.1, -0.1):
         at = np.linspace(0.0, t[-1], 2001)
-        warped = at - faster * 0.1 * np.exp(-(((at - t[-1] / 2) / 0.1) ** 2)) * np.sin((at - t[-1] / 2) / 0.1)
+        warped = at - faster * 0.1 * np.exp(-(((at - t[-1] / 2) / 0.1) ** 2)) * np.sin(
+            (at - t[-1] / 2) / 0.1
+        )
         samples = made.motion.sample(np.clip(warped, 0.0, t[-1]))
         rate = np.gradient(warped, at)[:, None]
         state = samples.q, samples.qd * rate, samples.qdd * rate**2
@@ -120,7 +137,9 @@ def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(planned: Callab
         assert "constant speed" in exceeded(other, made.robot, made.limits)
 
 
-def test_a_slower_playback_keeps_the_way_at_a_lower_constant_speed(planned: Callable[..., Plan]) -> None:
+def test_a_slower_playback_keeps_the_way_at_a_lower_constant_speed(
+    planned: Callable[..., Plan],
+) -> None:
     made = planned(line(constant_speed=4e-3))
     slow = made.motion.slower(0.5)
     assert exceeded(slow, made.robot, made.limits) == {"constant speed"}
@@ -185,13 +204,22 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
     assert not any(found.passed for found in off.checks)
 
 
-def test_arcs_and_lines_after_tables_and_scans(planned: Callable[..., Plan], laser_scan: Problem) -> None:
+def test_arcs_and_lines_after_tables_and_scans(
+    planned: Callable[..., Plan], laser_scan: Problem
+) -> None:
     """Phases are found whatever number of them comes before; an arc is that through its point."""
-    arc = Follow(Task(tilt=-1.9, depth=0.009), (Task(roll=0.1, tilt=-1.8, depth=0.008),), curve="arc", name="arc")
+    arc = Follow(
+        Task(tilt=-1.9, depth=0.009),
+        (Task(roll=0.1, tilt=-1.8, depth=0.008),),
+        curve="arc",
+        name="arc",
+    )
     points = tuple(Task(tilt=-1.66 - 0.01 * k) for k in range(3)) + tuple(
         Task(tilt=-1.68, depth=0.006 + 0.001 * k) for k in range(3)
     )
-    made = planned(Follow(points[-1], points[:-1], curve="samples", name="table"), arc, Straight(roll=0.0))
+    made = planned(
+        Follow(points[-1], points[:-1], curve="samples", name="table"), arc, Straight(roll=0.0)
+    )
     kept = promises_kept(made.motion, Mechanism.from_geometry(made.robot.geometry), made.limits)
     assert [each.way.span.name for each in kept] == ["arc", "roll"]
     assert max(each.departure for each in kept) < 1e-8
@@ -207,6 +235,13 @@ def test_roll_beyond_half_a_turn(planned: Callable[..., Plan], tilt_insert: Prob
         replace(joint, position=(-7.0, 7.0)) if k in (0, 2) else joint for k, joint in enumerate(tilt_insert.robot.joints)
     ))  # fmt: skip
     limits = tuple(limit for limit in tilt_insert.limits if "roll" not in limit.name)
-    problem = replace(tilt_insert, robot=robot, limits=limits, start=q, motion=(Straight(roll=3.5),), planner="fast")
+    problem = replace(
+        tilt_insert,
+        robot=robot,
+        limits=limits,
+        start=q,
+        motion=(Straight(roll=3.5),),
+        planner="fast",
+    )
     made = plan(problem)
     assert made.passed, made.reason

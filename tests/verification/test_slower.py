@@ -29,7 +29,11 @@ def with_stribeck(plan, rise: float, speed: float):
     for joint in plan.robot.joints:
         if joint.drive is not None:
             friction = joint.drive.friction
-            law = {"law": "stribeck_gaussian", "mu_stribeck": rise * friction.mu, "stribeck_speed": speed}
+            law = {
+                "law": "stribeck_gaussian",
+                "mu_stribeck": rise * friction.mu,
+                "stribeck_speed": speed,
+            }
             friction = replace(friction, **law, mu_static=(1 + rise) * friction.mu)
             joint = replace(joint, drive=replace(joint.drive, friction=friction))
         joints.append(joint)
@@ -71,7 +75,11 @@ def test_a_certificate_at_one_speed_is_that_of_the_slowed_motion(plan):
     for a, b in zip(slow.limits, direct.limits, strict=True):
         assert (a.name, a.joint) == (b.name, b.joint)
         assert a.worst == pytest.approx(b.worst, rel=1e-6, abs=1e-9)
-    speeds = {c.joint: c.worst for c in check(plan.motion, plan.robot, plan.limits).limits if c.name == "velocity"}
+    speeds = {
+        c.joint: c.worst
+        for c in check(plan.motion, plan.robot, plan.limits).limits
+        if c.name == "velocity"
+    }
     for each in slow.limits:
         if each.name == "velocity":
             assert each.worst == pytest.approx(0.1 * speeds[each.joint], rel=1e-6)
@@ -81,13 +89,22 @@ def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
     """A motor whose largest torque lies between what it gives at full and at its worst speed."""
     robot = with_stribeck(plan, 0.8, 40.0)
     free = check_speeds(plan.motion, robot, plan.limits)
-    worst = next(each for each in free.worst if each.found.name == "motor torque" and each.found.joint == "tilt")
+    worst = next(
+        each
+        for each in free.worst
+        if each.found.name == "motor torque" and each.found.joint == "tilt"
+    )
     full = next(
-        each for each in dict(free.certificates)[1.0].limits if (each.name, each.joint) == ("motor torque", "tilt")
+        each
+        for each in dict(free.certificates)[1.0].limits
+        if (each.name, each.joint) == ("motor torque", "tilt")
     )
     assert full.worst < worst.found.worst
     between = (full.worst + worst.found.worst) / 2
-    tilt = replace(robot.joints[1], motor=replace(robot.joints[1].motor, max_torque=between, nominal_torque=between))
+    tilt = replace(
+        robot.joints[1],
+        motor=replace(robot.joints[1].motor, max_torque=between, nominal_torque=between),
+    )
     weak = replace(robot, joints=(robot.joints[0], tilt, *robot.joints[2:]))
     assert check(plan.motion, weak, plan.limits).passed
     found = check_speeds(plan.motion, weak, plan.limits)

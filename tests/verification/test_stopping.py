@@ -56,12 +56,19 @@ def least(plan, body, q, dq, ddq, v):
 
     def kept(u):
         qd, qdd = dq * v, dq * u + ddq * v**2
-        if any(abs(a) > j.acceleration * (1 + 1e-9) for a, j in zip(qdd, plan.robot.joints, strict=True)):
+        if any(
+            abs(a) > j.acceleration * (1 + 1e-9)
+            for a, j in zip(qdd, plan.robot.joints, strict=True)
+        ):
             return False
         samples = Samples(np.zeros(1), *(x[None, :] for x in (q, qd, qdd, 0 * q)))
-        torque = motor_motion(plan.robot, body, samples, np.sign(dq)[None, :], np.zeros((1, 4))).torque[0]
+        torque = motor_motion(
+            plan.robot, body, samples, np.sign(dq)[None, :], np.zeros((1, 4))
+        ).torque[0]
         return all(
-            abs(t) <= j.motor.max_torque for t, j in zip(torque, plan.robot.joints, strict=True) if j.motor and j.drive
+            abs(t) <= j.motor.max_torque
+            for t, j in zip(torque, plan.robot.joints, strict=True)
+            if j.motor and j.drive
         )
 
     low, high = -1e4, 0.0
@@ -76,12 +83,19 @@ def test_a_stop_is_the_quickest_that_bisection_finds(plan, weak):
     """Small steps in time with the exact law at each; with weak motors torque binds too."""
     if weak:
         joints = tuple(
-            replace(j, motor=replace(j.motor, nominal_torque=1e-6, max_torque=factor * j.motor.max_torque))
+            replace(
+                j,
+                motor=replace(j.motor, nominal_torque=1e-6, max_torque=factor * j.motor.max_torque),
+            )
             if j.motor
             else j
             for j, factor in zip(plan.robot.joints, (0.4, 0.21, 1.0, 0.4), strict=True)
         )
-        plan = replace(plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=joints)), certificate=None)
+        plan = replace(
+            plan,
+            problem=replace(plan.problem, robot=replace(plan.robot, joints=joints)),
+            certificate=None,
+        )
     body, dt = RigidBody.from_robot(plan.robot), 1e-3
     instants = np.array([0.6, 1.4, 1.8, 2.8])
     stops = controlled_stops(plan.motion, plan.robot, plan.limits, instants)
@@ -100,7 +114,11 @@ def test_a_stop_is_the_quickest_that_bisection_finds(plan, weak):
 def test_stops_lie_on_the_path_and_are_what_the_check_says_of_each(plan):
     stops = controlled_stops(plan.motion, plan.robot, plan.limits, 60)
     fine = plan.motion.sample(np.linspace(0.0, plan.motion.duration, 20_001)).q
-    moving = [(t, motion) for t, motion in zip(stops.time, stops.motions, strict=True) if motion is not None]
+    moving = [
+        (t, motion)
+        for t, motion in zip(stops.time, stops.motions, strict=True)
+        if motion is not None
+    ]
     assert len(moving) > 50
     for t, stop in moving:
         here, there = plan.motion.sample(t), stop.sample(0.0)
@@ -136,7 +154,9 @@ def test_friction_that_depends_on_the_speed_by_nothing_makes_the_same_stops(plan
     def varying(joint):
         if joint.drive is None:
             return joint
-        friction = replace(joint.drive.friction, law="stribeck_exponential", mu_stribeck=0.0, stribeck_speed=50.0)
+        friction = replace(
+            joint.drive.friction, law="stribeck_exponential", mu_stribeck=0.0, stribeck_speed=50.0
+        )
         return replace(joint, drive=replace(joint.drive, friction=friction))
 
     robot = replace(plan.robot, joints=tuple(map(varying, plan.robot.joints)))

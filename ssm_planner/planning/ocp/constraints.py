@@ -37,7 +37,15 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 UNLIMITED = 1e9
-LIMITS = {"velocity": 4, "acceleration": 4, "jerk": 4, "torque": 4, "cooling": 4, "speeds": len(JACOBIANS), "stop": 1}
+LIMITS = {
+    "velocity": 4,
+    "acceleration": 4,
+    "jerk": 4,
+    "torque": 4,
+    "cooling": 4,
+    "speeds": len(JACOBIANS),
+    "stop": 1,
+}
 """Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool and of its stops.
 cooling: what a second of every motor at its nominal torque costs, in seconds."""
 
@@ -80,8 +88,17 @@ def with_margin(robot: Robot, share: float) -> Robot:
     kept = 1 - share
 
     def reduced(joint: Joint) -> Joint:
-        motor = None if joint.motor is None else unchecked(joint.motor, max_torque=joint.motor.max_torque * kept)
-        return replace(joint, velocity=joint.velocity * kept, acceleration=joint.acceleration * kept, motor=motor)
+        motor = (
+            None
+            if joint.motor is None
+            else unchecked(joint.motor, max_torque=joint.motor.max_torque * kept)
+        )
+        return replace(
+            joint,
+            velocity=joint.velocity * kept,
+            acceleration=joint.acceleration * kept,
+            motor=motor,
+        )
 
     first, second, third, fourth = map(reduced, robot.joints)
     return replace(robot, joints=(first, second, third, fourth))
@@ -93,14 +110,19 @@ def robot_key(robot: Robot) -> bytes:
     Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
     """
     drives = tuple(joint.drive for joint in robot.joints)
-    nominal = [None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints]
+    nominal = [
+        None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints
+    ]
     parts = robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest
     numbers = nominal, robot.gravity.tobytes()  # every robot copies its gravity
     for known in tuple(_known):
         if known[1] == numbers and all(map(is_, known[0], parts)):
             return known[2]
     joints = list(zip(drives, nominal, strict=True))
-    corners = [load.bodies for load in robot.loads], [robot.actuations(i) for i in range(4)] if robot.corners else None
+    corners = (
+        [load.bodies for load in robot.loads],
+        [robot.actuations(i) for i in range(4)] if robot.corners else None,
+    )
     key = pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
     _known.appendleft((parts, numbers, key))
     return key
@@ -175,7 +197,9 @@ def sense_rows(at: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
     tip = at.speeds[TIP] / (2 * bounds.stop)
     rows = [PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i])]
     for braking in (0, -sense * at.qdd[i]):
-        rows.append(PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i]))
+        rows.append(
+            PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i])
+        )
     return rows
 
 
@@ -183,7 +207,9 @@ def acceleration_rows(at: Instant, i: int, jerk: bool) -> list[PathConstraint]:
     """Acceleration and, where asked for, jerk of joint i."""
     rows = []
     for side in (1, -1):
-        rows.append(PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / at.limits.acceleration[i]))
+        rows.append(
+            PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / at.limits.acceleration[i])
+        )
         if jerk:
             rows.append(PathConstraint(JointJerk.name, i, side * at.qddd[i] / at.limits.jerk[i]))
     return rows
@@ -191,7 +217,10 @@ def acceleration_rows(at: Instant, i: int, jerk: bool) -> list[PathConstraint]:
 
 def speed_rows(at: Instant) -> list[PathConstraint]:
     """Every speed of the tool that a problem may limit."""
-    return [PathConstraint(kind.name, None, at.speeds[k] / at.limits.speeds[k]) for k, kind in enumerate(JACOBIANS)]
+    return [
+        PathConstraint(kind.name, None, at.speeds[k] / at.limits.speeds[k])
+        for k, kind in enumerate(JACOBIANS)
+    ]
 
 
 def torque_rows(at: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
@@ -209,7 +238,9 @@ def torque_rows(at: Instant, robot: Robot, *, breakaway: bool = False) -> list[P
     return rows
 
 
-def sides_of_torque(torques: tuple[ca.SX, ca.SX], limit: ca.SX) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
+def sides_of_torque(
+    torques: tuple[ca.SX, ca.SX], limit: ca.SX
+) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
     """Values of the rows of a motor that drives, and of one that brakes; torques: the two of `directed_torques`."""
     first, second = torques
     # σ τ is the larger of the two; the smooth maximum below never exceeds it
@@ -276,7 +307,9 @@ def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 
 def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """σ τ_motor / τ_nominal of every motor, the larger side of the mesh smoothed."""
-    values = [smooth_torque(drive, at, i, motor.nominal_torque) for i, drive, motor in motorised(joints)]
+    values = [
+        smooth_torque(drive, at, i, motor.nominal_torque) for i, drive, motor in motorised(joints)
+    ]
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
@@ -286,7 +319,9 @@ def smooth_torque(drive: Drive, at: Instant, i: int, nominal: float) -> ca.SX:
     return (first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2)
 
 
-def directed_torques(drive: Drive, at: Instant, i: int, *, breakaway: bool, load: int = 0) -> tuple[ca.SX, ca.SX]:
+def directed_torques(
+    drive: Drive, at: Instant, i: int, *, breakaway: bool, load: int = 0
+) -> tuple[ca.SX, ca.SX]:
     """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
     friction = friction_of(drive)
     sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]

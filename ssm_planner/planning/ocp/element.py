@@ -155,8 +155,12 @@ class ElementModel(ABC):
         x, *p = self._symbols(self.state_size)
         at, joints = self.instant(x, *p), self.robot.joints
         if self.aim != "effort":
-            return ca.Function("cost", [x, *p], [(heat if self.aim == "heat" else cooling)(at, joints)])
-        endlessly_slow = ca.vertcat(x[: self.positions], ca.SX.zeros(self.state_size - self.positions))
+            return ca.Function(
+                "cost", [x, *p], [(heat if self.aim == "heat" else cooling)(at, joints)]
+            )
+        endlessly_slow = ca.vertcat(
+            x[: self.positions], ca.SX.zeros(self.state_size - self.positions)
+        )
         return ca.Function("cost", [x, *p], [effort(at, self.instant(endlessly_slow, *p), joints)])
 
     @cached_property
@@ -171,7 +175,9 @@ class ElementModel(ABC):
         """(z, *p) → torque rows at the element's start with the static friction coefficient."""
         z, *p = self._symbols(self.size)
         at = self.instant(self.state(z, 0.0), *p)
-        return ca.Function("breakaway", [z, *p], [_column(torque_rows(at, self.robot, breakaway=True))])
+        return ca.Function(
+            "breakaway", [z, *p], [_column(torque_rows(at, self.robot, breakaway=True))]
+        )
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
@@ -188,7 +194,11 @@ class ElementModel(ABC):
         return [kind.sym(f"p{i}", parameter.size) for i, parameter in enumerate(self.parameters)]
 
     def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        return [row for row in self.rows(x, *p) if self.active is None or (row.name, row.joint) in self.active]
+        return [
+            row
+            for row in self.rows(x, *p)
+            if self.active is None or (row.name, row.joint) in self.active
+        ]
 
     def _symbols(self, size: int) -> list[ca.SX]:
         return [ca.SX.sym("x", size), *self.parameter_symbols(ca.SX)]
@@ -285,7 +295,10 @@ def _point_derivatives(element: ElementModel) -> tuple[ca.Function, ca.Function,
     x = ca.SX.sym("x", element.state_size)
     inputs = [x, *element.parameter_symbols(ca.SX)]
     # the cost is made of the same torques as the rows: they are to be differentiated once
-    values: Any = [element.point(*inputs), ca.SX(0) if element.cost is None else element.cost(*inputs)]
+    values: Any = [
+        element.point(*inputs),
+        ca.SX(0) if element.cost is None else element.cost(*inputs),
+    ]
     g, cost = ca.cse(values)
     lam, factor = ca.SX.sym("lam", g.numel()), ca.SX.sym("factor")
     hessian, gradient = ca.hessian(ca.dot(lam, g) + factor * cost, x)
@@ -293,7 +306,9 @@ def _point_derivatives(element: ElementModel) -> tuple[ca.Function, ca.Function,
     return (
         ca.Function("point_jacobian", inputs, [ca.jacobian(g, x)]),
         ca.Function("point_gradient", inputs, cost_and_gradient),
-        ca.Function("point_hessian", [*inputs, lam, factor], [hessian, gradient, *cost_and_gradient]),
+        ca.Function(
+            "point_hessian", [*inputs, lam, factor], [hessian, gradient, *cost_and_gradient]
+        ),
     )
 
 
@@ -308,10 +323,17 @@ def _chain_rule(
     h, e_h = z[-1], ca.gradient(z[-1], z)
     states = element.collocation_states(z)
     inputs: tuple[list[ca.SX], ...] = ([z], [z], [z, kappa])
-    jacobian, cost, gradient, hessian = [], ca.SX(0), ca.SX.zeros(z.numel()), ca.SX(z.numel(), z.numel())
+    jacobian, cost, gradient, hessian = (
+        [],
+        ca.SX(0),
+        ca.SX.zeros(z.numel()),
+        ca.SX(z.numel(), z.numel()),
+    )
     for x, w in zip(states, SIMPSON, strict=True):
         of_z = ca.jacobian(x, z)
-        (g_of_x,), (value, cost_of_x), (phi_of_xx, phi_of_x, *_) = symbols = [*map(_result_symbols, point)]
+        (g_of_x,), (value, cost_of_x), (phi_of_xx, phi_of_x, *_) = symbols = [
+            *map(_result_symbols, point)
+        ]
         jacobian.append(g_of_x @ of_z)
         cost_of_z = of_z.T @ cost_of_x
         cost += w * h * value
@@ -332,4 +354,6 @@ def _chain_rule(
 
 def _result_symbols(function: ca.Function) -> list[ca.SX]:
     """What a Function returns, as symbols of the same sparsity."""
-    return [ca.SX.sym(function.name_out(i), function.sparsity_out(i)) for i in range(function.n_out())]
+    return [
+        ca.SX.sym(function.name_out(i), function.sparsity_out(i)) for i in range(function.n_out())
+    ]

@@ -29,7 +29,12 @@ from ssm_planner.planning.ocp.constraints import (
     torque_names,
 )
 from ssm_planner.planning.ocp.element import shared
-from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, retimed_guess, sampled_guess
+from ssm_planner.planning.ocp.mesh import (
+    SegmentGuess,
+    closed_form_guess,
+    retimed_guess,
+    sampled_guess,
+)
 from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
@@ -140,11 +145,20 @@ def solve_free(
     if asked.rests_at_points and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
         lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
         ocp = asked.on_mesh_of(
-            segments, [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines]
+            segments,
+            [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines],
         )
     takes = None if duration is None else duration / ocp.time_scale
-    guess = ocp.guess.stretched(STRETCHED) if asked.has_one_time else replace(ocp.guess, near=sketch is not None)
-    return ocp.result(optimise(ocp, guess, problem.objective, takes, useless=useless / ocp.time_scale, about=about))
+    guess = (
+        ocp.guess.stretched(STRETCHED)
+        if asked.has_one_time
+        else replace(ocp.guess, near=sketch is not None)
+    )
+    return ocp.result(
+        optimise(
+            ocp, guess, problem.objective, takes, useless=useless / ocp.time_scale, about=about
+        )
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -207,7 +221,10 @@ class _Asked:
             return MOVING_ELEMENTS
         if not finer:
             return ONE_TIME_ELEMENTS if self.has_one_time else ELEMENTS
-        return round((ONE_TIME_ELEMENTS if len(self.way) == 1 else PASSING_ELEMENTS) * (JERK_FINER if self.jerk else 1))
+        return round(
+            (ONE_TIME_ELEMENTS if len(self.way) == 1 else PASSING_ELEMENTS)
+            * (JERK_FINER if self.jerk else 1)
+        )
 
     def between(self, count: int) -> int:
         """Of so many elements those between two points."""
@@ -219,14 +236,26 @@ class _Asked:
         if self.sketch is not None:
             return _sketched_segments(*self.sketch, way, each * len(way), self.fewest)
         table = np.stack([self.limits[name] for name in KINEMATIC])
-        within = _passing_at_need(way, self.ends, table[1]) if self.passing is None else self.passing
+        within = (
+            _passing_at_need(way, self.ends, table[1]) if self.passing is None else self.passing
+        )
         speeds, pull = np.vstack([self.ends[0], within, self.ends[1]]), self.pull
         return [
-            _segment(way[k], speeds[k : k + 2], table, each=each, fewest=self.fewest, jerk=jerk, pull=pull * (k == 0))
+            _segment(
+                way[k],
+                speeds[k : k + 2],
+                table,
+                each=each,
+                fewest=self.fewest,
+                jerk=jerk,
+                pull=pull * (k == 0),
+            )
             for k in range(len(way))
         ]
 
-    def on_mesh_of(self, segments: list[TurningGuess], slower: list[SegmentGuess | None] | None = None) -> FreeProblem:
+    def on_mesh_of(
+        self, segments: list[TurningGuess], slower: list[SegmentGuess | None] | None = None
+    ) -> FreeProblem:
         """The problem whose elements, and whose unit of time, are those of a guess; slower: others where there are any."""
         guesses = [guess for each in segments for guess in each.guesses]
         if slower is not None:
@@ -239,7 +268,9 @@ class _Asked:
         structure = NlpStructure(
             moves=tuple(tuple((d[moving] != 0).tolist()) for d in way.directions),
             segment_sizes=sizes,
-            block_sizes=sizes if self.has_one_time or self._has_few_times(segments) else blocks_of(arcs),
+            block_sizes=sizes
+            if self.has_one_time or self._has_few_times(segments)
+            else blocks_of(arcs),
             smooth=self.jerk,
             velocity_limits=True,
             joints=True,
@@ -272,12 +303,19 @@ class _Asked:
         return given
 
     def _way(self, segments: list[TurningGuess], guesses: list[SegmentGuess]) -> Way:
-        borders = [start + each.positions[1:] for start, each in zip(self.points, segments, strict=False)]
-        given, directions = self._given(segments), np.concatenate([each.directions for each in segments])
+        borders = [
+            start + each.positions[1:] for start, each in zip(self.points, segments, strict=False)
+        ]
+        given, directions = (
+            self._given(segments),
+            np.concatenate([each.directions for each in segments]),
+        )
         way = Way(np.concatenate([self.points[:1], *borders]), given, directions, tuple(guesses))
         if self.problem.eye is None:
             return way
-        return way.cut_at(self.problem.eye.port, partial(_is_outside, self.problem, self.mechanism), self.fewest)
+        return way.cut_at(
+            self.problem.eye.port, partial(_is_outside, self.problem, self.mechanism), self.fewest
+        )
 
     def _has_few_times(self, segments: list[TurningGuess]) -> bool:
         """One for each segment, not for each arc: with these, joints that turn back switch where they are told."""
@@ -309,7 +347,9 @@ def _segment(
     return turning_guess(way, (begin, end), limits, count=each, fewest=fewest)
 
 
-def _sketched_segments(motion: Trajectory, instants: Array, way: Array, count: int, fewest: int) -> list[TurningGuess]:
+def _sketched_segments(
+    motion: Trajectory, instants: Array, way: Array, count: int, fewest: int
+) -> list[TurningGuess]:
     """Guesses over ways (k, 4) by about `count` elements, from a motion that begins and ends them at these instants."""
     found = []
     for start, end, each in zip(instants[:-1], instants[1:], way, strict=True):
@@ -328,7 +368,9 @@ def _passing_at_need(way: Array, ends: tuple[Array, Array], acceleration: Array)
     It passes the point at the least speed, if it goes on beyond it in its direction.
     """
     found = np.zeros((len(way) - 1, 4))
-    for speed, near, beyond, k in ((ends[0], 0, 1, 0), (ends[1], -1, -2, -1)) if len(way) > 1 else ():
+    for speed, near, beyond, k in (
+        ((ends[0], 0, 1, 0), (ends[1], -1, -2, -1)) if len(way) > 1 else ()
+    ):
         goes_on = (way[near] * way[beyond] > 0) & (speed * way[near] > 0)
         square = np.where(goes_on, speed**2 - 2 * acceleration * np.abs(way[near]), 0.0)
         least = np.sign(speed) * np.sqrt(np.maximum(square, 0.0))
@@ -378,7 +420,9 @@ class Way:
             at_edge = bool(abs(beyond[near]) <= EDGE)
             if beyond.max() > EDGE and (is_outside(ends[near]) if at_edge else beyond[near] < 0):
                 sides[near, 3] *= not at_edge
-                halves, place = guess.halves(3, np.copysign(port, ends[1 - near, 3]) - ends[0, 3], fewest)
+                halves, place = guess.halves(
+                    3, np.copysign(port, ends[1 - near, 3]) - ends[0, 3], fewest
+                )
                 ports.append(len(points))
                 points.append(ends[0] + place)
                 given.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
@@ -389,7 +433,9 @@ class Way:
                 directions.append(sides[0])
             points.append(ends[1])
             given.append(self.given[k + 1])
-        return Way(np.array(points), np.array(given), np.array(directions), tuple(guesses), tuple(ports))
+        return Way(
+            np.array(points), np.array(given), np.array(directions), tuple(guesses), tuple(ports)
+        )
 
     def within(self, port: float) -> Mask:
         """Segments in which the tip does not go beyond the port, (k,), wherever joints turn back."""
@@ -433,7 +479,9 @@ class FreeProblem(OcpProblem):
     @property
     def boundary(self) -> BoundaryConditions:
         start, end = (self.scaled(speed, 1) for speed in self.speeds)
-        points = self.scaled(np.where(self.way.given, self.way.points, np.nan) - self.way.points[0], 0)
+        points = self.scaled(
+            np.where(self.way.given, self.way.points, np.nan) - self.way.points[0], 0
+        )
         room = self.scaled(self.room - self.way.points[0], 0)
         pull = self.scaled(self.pull, 2)
         return BoundaryConditions(
@@ -454,7 +502,9 @@ class FreeProblem(OcpProblem):
         for guess, point in zip(self.way.guesses, self.way.points, strict=False):
             position, *rates = guess.states
             values = [position + point - self.way.points[0], *rates]
-            scaled = [self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)]
+            scaled = [
+                self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)
+            ]
             states.append(np.hstack(scaled))
         lengths = self.times[self.structure.block] * self.fractions
         return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
@@ -472,12 +522,16 @@ class FreeProblem(OcpProblem):
 
     def scaled(self, values: Array, order: int) -> Array:
         """A derivative of q − q0 (…, 4) as that of u (…, m) by scaled time."""
-        return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[..., self.moving]
+        return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[
+            ..., self.moving
+        ]
 
     @cached_property
     def complete_element(self) -> FreeElement:
         problem = self.problem
-        rows: set[RowName] = {(TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges}
+        rows: set[RowName] = {
+            (TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges
+        }
         rows |= {(TaskRate.name_of(name), None) for name in RATED if name in problem.rates}
         rows |= tool_names(problem.speeds, ())
         if problem.eye is not None:
@@ -497,7 +551,9 @@ class FreeProblem(OcpProblem):
     def idle(self) -> Mask:
         found = super().idle.copy()
         if self.problem.eye is not None:
-            found[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(self.problem.eye.port)
+            found[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(
+                self.problem.eye.port
+            )
         return found
 
     def at_port(self, port: float) -> Mask:
@@ -544,7 +600,9 @@ class FreeProblem(OcpProblem):
     def result(self, solution: NlpSolution) -> PhaseSolution:
         """The solution as joint polynomials; neighbours share position and velocity to the last digit."""
         if not solution.solved:
-            return PhaseSolution(solution.status, solution.message, solution.iterations, solver=solution.solver)
+            return PhaseSolution(
+                solution.status, solution.message, solution.iterations, solver=solution.solver
+            )
         n = len(solution.elements)
         pieces, boundary = cubics(solution.elements), self.boundary
 
@@ -554,7 +612,10 @@ class FreeProblem(OcpProblem):
             return full + (self.way.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
-        after = np.vstack([pieces.u[1:], boundary.points[-1]]), np.vstack([pieces.v[1:], boundary.end_velocity])
+        after = (
+            np.vstack([pieces.u[1:], boundary.points[-1]]),
+            np.vstack([pieces.v[1:], boundary.end_velocity]),
+        )
         coefficients = hermite(
             breaks,
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),

@@ -56,7 +56,12 @@ VECTOR = PLAIN | {
 }
 """Expressions of operations on vectors; conditions are 0 or 1."""
 # the first: the base of the exponential laws
-SHORTER = {"SSM_F(pow)(SSM_R(2.718281828459045), ": "V(exp)(", "SSM_F(": "V(", "SSM_R(": "R(", "ssm_real": "real"}
+SHORTER = {
+    "SSM_F(pow)(SSM_R(2.718281828459045), ": "V(exp)(",
+    "SSM_F(": "V(",
+    "SSM_R(": "R(",
+    "ssm_real": "real",
+}
 """What stands for what in the text."""
 WIDTH = 120
 Symbols = dict[str, ca.SX]
@@ -69,7 +74,12 @@ class _Writer:
     texts: list[str] = field(default_factory=list)
 
     def part(
-        self, name: str, figures: Symbols, v: tuple[str, ca.SX], values: Sequence[Any], kinds: str = "at by bend"
+        self,
+        name: str,
+        figures: Symbols,
+        v: tuple[str, ca.SX],
+        values: Sequence[Any],
+        kinds: str = "at by bend",
     ) -> None:
         """NAME_at, NAME_by and NAME_bend, or fewer; v: name and symbols of the variables."""
         symbols, given = v[1], {**figures, v[0]: v[1]}
@@ -91,7 +101,9 @@ class _Writer:
             results.append(ca.SX(len(places), 1) if not places else ca.SX(value.nz[:]))
             arguments.append(Argument(key, len(places), places, adds))
         function = ca.Function(name, list(inputs.values()), ca.cse(results))
-        given = [f"const ssm_real *{key}" for key in inputs] + [f"ssm_real *restrict {key}" for key in outputs]
+        given = [f"const ssm_real *{key}" for key in inputs] + [
+            f"ssm_real *restrict {key}" for key in outputs
+        ]
         text = write_function(
             f"static void {name}({', '.join(given)})",
             function,
@@ -121,7 +133,13 @@ def _packed(text: str) -> str:
 def kernels() -> str:
     """The text of native/kernels.h."""
     writer = _Writer()
-    sizes = {"LOAD": LOAD.size, "MECHANISM": MECHANISM.size, "EYE": EYE.size, "DRIVE": DRIVE.size, "DEGREE": DEGREE}
+    sizes = {
+        "LOAD": LOAD.size,
+        "MECHANISM": MECHANISM.size,
+        "EYE": EYE.size,
+        "DRIVE": DRIVE.size,
+        "DEGREE": DEGREE,
+    }
     for kind, layout in (("FREE", FreeElement.layout), ("STRAIGHT", StraightElement.layout)):
         sizes |= {f"{kind}_{name.upper()}": part.start for name, part in layout.slices.items()}
         sizes[f"{kind}_SIZE"] = layout.size
@@ -159,7 +177,10 @@ def _posture(writer: _Writer) -> int:
     angles = ca.vertcat(q[0], q[1] - mechanism.offset, q[2:])  # θ2 itself
     # a turn about the first axis changes no speed
     turned = ca.vertcat(0, q[1:])
-    speeds = [ca.sumsqr(ca.substitute(jacobian(mechanism, q) @ qd, q, turned)) for jacobian in JACOBIANS.values()]
+    speeds = [
+        ca.sumsqr(ca.substitute(jacobian(mechanism, q) @ qd, q, turned))
+        for jacobian in JACOBIANS.values()
+    ]
     tip = tip_position_symbolic(mechanism, q)
     parts: dict[str, list[ca.SX]] = {
         "tip": [speed / limits.speeds[k] ** 2 for k, speed in enumerate(speeds)],
@@ -199,12 +220,18 @@ def _drives(writer: _Writer) -> None:
         at: Any = SimpleNamespace(tau_rigid=v[0], qd=v[1], qdd=v[2], sigma=sigma)
         sides = sides_of_torque(directed_torques(drive, at, 0, breakaway=False), drive.limit)
         writer.part(f"{kind}_{law}", given, ("v", v), [*sides[0], *sides[1]])
-        writer.part(f"{kind}_{law}_pull", given, ("v", v), [smooth_torque(drive, at, 0, drive.nominal)])
+        writer.part(
+            f"{kind}_{law}_pull", given, ("v", v), [smooth_torque(drive, at, 0, drive.nominal)]
+        )
 
 
 def _path(writer: _Writer) -> None:
     """What a joint, a load on it and the tool do on a straight path, by x of `StraightElement`; rows of one joint."""
-    x, packed, place = _symbols("x", 5), _symbols("limits", StraightElement.layout.size), _symbols("place", 2)
+    x, packed, place = (
+        _symbols("x", 5),
+        _symbols("limits", StraightElement.layout.size),
+        _symbols("place", 2),
+    )
     element: Any = SimpleNamespace(
         layout=StraightElement.layout, jerk=True, robot=SimpleNamespace(loads=(SimpleNamespace(),))
     )
@@ -228,7 +255,9 @@ def _path(writer: _Writer) -> None:
     given, at = instant("speeds")
     writer.part("speed", given, ("x", x), [at.speeds[0]])
     v, sigma, bounds = _symbols("v", 3), _symbols("sigma", 1), _symbols("bounds", 4)
-    limits = SimpleNamespace(velocity=bounds[0], acceleration=bounds[1], jerk=bounds[2], stop=bounds[3])
+    limits = SimpleNamespace(
+        velocity=bounds[0], acceleration=bounds[1], jerk=bounds[2], stop=bounds[3]
+    )
     of_joint: Any = SimpleNamespace(qd_hull=v[0], qdd=v[1], speeds=v[2], limits=limits)
     writer.part(
         "sense",
@@ -239,7 +268,13 @@ def _path(writer: _Writer) -> None:
     )
     v = _symbols("v", 2)
     of_joint = SimpleNamespace(qdd=v[0], qddd=v[1], limits=limits)
-    writer.part("pace", {"bounds": bounds}, ("v", v), [row.value for row in acceleration_rows(of_joint, 0, True)], "by")
+    writer.part(
+        "pace",
+        {"bounds": bounds},
+        ("v", v),
+        [row.value for row in acceleration_rows(of_joint, 0, True)],
+        "by",
+    )
 
 
 def _states(writer: _Writer) -> None:

@@ -87,7 +87,10 @@ class Mesh:
         turns = np.interp(knots, guess.s, times)
         speed = np.sqrt(guess.speed_squared)
         begins = _short_start(times, speed, guess.active)
-        stops = [times[-1] - t for t in _short_start(times[-1] - times[::-1], speed[::-1], guess.active[::-1])]
+        stops = [
+            times[-1] - t
+            for t in _short_start(times[-1] - times[::-1], speed[::-1], guess.active[::-1])
+        ]
         ends = [*turns, *begins, *stops]
         for switch in times[1:-1][guess.active[1:] != guess.active[:-1]]:
             if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * times[-1]:
@@ -122,7 +125,9 @@ class Mesh:
         jerk = np.diff(elements[:, 2:4])[:, 0] / lengths
         before, after = np.append(jerk[0], jerk[:-1]), np.append(jerk[1:], jerk[-1])
         jumps = np.abs(after - before)
-        is_jump = jumps > np.maximum(JUMP * np.maximum(np.abs(after), np.abs(before)), LEAST_JUMP * np.abs(jerk).max())
+        is_jump = jumps > np.maximum(
+            JUMP * np.maximum(np.abs(after), np.abs(before)), LEAST_JUMP * np.abs(jerk).max()
+        )
         share = np.clip((jerk - after) / np.where(jumps > 0, before - after, 1.0), 0.0, 1.0)
         turns = np.append(times[:-1][np.diff(interval, prepend=-1) > 0], times[-1])
         ends = turns.tolist()
@@ -134,7 +139,10 @@ class Mesh:
         middles = (times[1:] + times[:-1]) / 2
         slope = np.abs(np.diff(jerk)) / np.diff(middles)
         # of neighbours within one arc, neither of which a jump is in
-        arc = [np.searchsorted(borders, side) for side in (times[:-1] + EDGE * lengths, times[1:] - EDGE * lengths)]
+        arc = [
+            np.searchsorted(borders, side)
+            for side in (times[:-1] + EDGE * lengths, times[1:] - EDGE * lengths)
+        ]
         within = (arc[0][:-1] == arc[0][1:]) & (arc[0] == arc[1])[1:] & (arc[0] == arc[1])[:-1]
         densities = np.zeros((len(borders) - 1, SAMPLES))
         for k, (start, end) in enumerate(pairwise(borders)):
@@ -168,7 +176,9 @@ def _short_start(times: Array, speed: Array, active: Array) -> list[float]:
     times, speed: at the grid points; active: what binds between them. The switch lies behind the last point before it.
     """
     fast = speed[1:-1] >= UP_TO_SPEED * speed.max()
-    for k in 1 + np.flatnonzero(fast & (active[1:] != active[:-1]) & (times[1:-1] <= SHORTEST_ARC * times[-1])):
+    for k in 1 + np.flatnonzero(
+        fast & (active[1:] != active[:-1]) & (times[1:-1] <= SHORTEST_ARC * times[-1])
+    ):
         pull = (speed[k] - speed[k - 1]) / (times[k] - times[k - 1])
         if pull > 0:
             return [float(min(times[k] + max(speed[k + 1] - speed[k], 0.0) / pull, times[k + 1]))]
@@ -189,7 +199,9 @@ def _pieces(borders: Array, density: Array, count: int) -> list[Array]:
     to_share = max(count, FEWEST * len(lengths)) - FEWEST * len(lengths)
     shared = np.round(np.cumsum(weight / weight.sum()) * to_share).astype(int)
     pieces = []
-    for start, length, here, more in zip(borders, lengths, density, np.diff(shared, prepend=0), strict=False):
+    for start, length, here, more in zip(
+        borders, lengths, density, np.diff(shared, prepend=0), strict=False
+    ):
         integral = np.concatenate([[0.0], np.cumsum((here[1:] + here[:-1]) / 2)])
         n = FEWEST + int(more)
         pieces.append(start + length * np.interp(np.arange(n) / n, integral / integral[-1], places))
@@ -198,7 +210,9 @@ def _pieces(borders: Array, density: Array, count: int) -> list[Array]:
 
 def _accelerations(guess: Retiming) -> tuple[Array, Array]:
     """Instants in the middle of the grid intervals of a re-timed motion, and s̈ there."""
-    return (guess.times[1:] + guess.times[:-1]) / 2, np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
+    return (guess.times[1:] + guess.times[:-1]) / 2, np.diff(guess.speed_squared) / (
+        2 * np.diff(guess.s)
+    )
 
 
 def _density(guess: Retiming, borders: Array) -> Array:
@@ -212,7 +226,9 @@ def _density(guess: Retiming, borders: Array) -> Array:
             continue
         t = middle[inside]
         centre, half = (t[-1] + t[0]) / 2, (t[-1] - t[0]) / 2
-        terms = np.linalg.lstsq(chebvander((t - centre) / half, DEGREE), acceleration[inside], rcond=None)[0]
+        terms = np.linalg.lstsq(
+            chebvander((t - centre) / half, DEGREE), acceleration[inside], rcond=None
+        )[0]
         places = np.clip((np.linspace(start, end, SAMPLES) - centre) / half, -1.0, 1.0)
         densities.append(np.sqrt(np.abs(chebval(places, chebder(terms, 2)))) / half)
     return np.array(densities)
@@ -248,9 +264,13 @@ class SegmentGuess:
     arcs: tuple[int, ...]
     """Elements between two switching points."""
 
-    def halves(self, joint: int, place: float, fewest: int) -> tuple[tuple[SegmentGuess, SegmentGuess], Array]:
+    def halves(
+        self, joint: int, place: float, fewest: int
+    ) -> tuple[tuple[SegmentGuess, SegmentGuess], Array]:
         """Those between which this joint passes q − start = place, faster or slower before and after; q − start there."""
-        positions = np.append(self.states[0][:, joint], self._at(self.instants[-1:], "left")[0][0, joint])
+        positions = np.append(
+            self.states[0][:, joint], self._at(self.instants[-1:], "left")[0][0, joint]
+        )
         side, middle = np.sign(positions[-1]), self.duration / 2
         passes = float(np.interp(side * place, side * positions, self.instants))
         first, reached = self._part((0.0, middle), joint, (0.0, passes), fewest)
@@ -269,7 +289,9 @@ class SegmentGuess:
         pace = (own[1] - own[0]) / (end - begin)
 
         def paced(instants: Array, side: Side) -> tuple[Array, ...]:
-            states, of_joint = (self._at(at, side) for at in (instants, own[0] + pace * (instants - begin)))
+            states, of_joint = (
+                self._at(at, side) for at in (instants, own[0] + pace * (instants - begin))
+            )
             for order in range(3):
                 states[order][:, joint] = pace**order * of_joint[order][:, joint]
             return states
@@ -281,17 +303,26 @@ class SegmentGuess:
         """q − start, q̇ and q̈ at instants (n,), on one side of them, (n, joints)."""
         k = np.clip(np.searchsorted(self.instants, t, side) - 1, 0, len(self.instants) - 2)
         q, qd, first, last = (state[k] for state in self.states)
-        return Cubic(q, qd, first, last, np.diff(self.instants)[k, None]).at_time((t - self.instants[k])[:, None])
+        return Cubic(q, qd, first, last, np.diff(self.instants)[k, None]).at_time(
+            (t - self.instants[k])[:, None]
+        )
 
 
-def elements_between(switches: Sequence[float], density: float, fewest: int) -> tuple[tuple[int, ...], Array]:
+def elements_between(
+    switches: Sequence[float], density: float, fewest: int
+) -> tuple[tuple[int, ...], Array]:
     """Of elements between switching points (k,), s, about `density` a second: numbers (k − 1,), and ends (n + 1,), s."""
     arcs = tuple(max(fewest, round(density * (end - start))) for start, end in pairwise(switches))
-    parts = (np.linspace(start, end, n + 1)[1:] for (start, end), n in zip(pairwise(switches), arcs, strict=True))
+    parts = (
+        np.linspace(start, end, n + 1)[1:]
+        for (start, end), n in zip(pairwise(switches), arcs, strict=True)
+    )
     return arcs, np.concatenate([switches[:1], *parts])
 
 
-def closed_form_guess(way: Array, limits: Array, jerk: bool, count: int, fewest: int) -> SegmentGuess:
+def closed_form_guess(
+    way: Array, limits: Array, jerk: bool, count: int, fewest: int
+) -> SegmentGuess:
     """For joints that move by `way` (m,), some of them by 0, under limits (3, m): velocity, acceleration, jerk.
 
     The slowest joint moves as fast as it can alone; the others move in step with it where that keeps their limits, else by
@@ -302,7 +333,10 @@ def closed_form_guess(way: Array, limits: Array, jerk: bool, count: int, fewest:
     distances = np.abs(way)
     velocity, acceleration, jerks = limits.tolist()
     alone = {
-        k: rest_to_rest(float(distances[k]), velocity[k], acceleration[k], jerks[k] if jerk else None) for k in moving
+        k: rest_to_rest(
+            float(distances[k]), velocity[k], acceleration[k], jerks[k] if jerk else None
+        )
+        for k in moving
     }
     slowest = max(moving, key=lambda k: alone[k].duration)
     leader = alone[slowest]
@@ -318,7 +352,8 @@ def closed_form_guess(way: Array, limits: Array, jerk: bool, count: int, fewest:
     for k in moving:
         in_step = leader.scaled(distances[k] / distances[slowest])
         fits = all(
-            peak <= limit * ROUNDING for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False)
+            peak <= limit * ROUNDING
+            for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False)
         )
         profile = in_step if fits else alone[k].stretched(leader.duration)
         (q, qd, _), qdd = profile.at(t), profile.at(middle)[2]
@@ -333,10 +368,14 @@ def sampled_guess(motion: Trajectory, start: float, end: float, count: int) -> S
     """The part of a motion between two instants, by `count` elements of equal length."""
     t = np.linspace(start, end, count + 1)
     begin, stop = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
-    return SegmentGuess(end - start, t - start, (begin.q - begin.q[0], begin.qd, begin.qdd, stop.qdd), (count,))
+    return SegmentGuess(
+        end - start, t - start, (begin.q - begin.q[0], begin.qd, begin.qdd, stop.qdd), (count,)
+    )
 
 
-def retimed_guess(robot: Robot, limits: TaskLimits, path: PolylinePath, count: int) -> SegmentGuess | None:
+def retimed_guess(
+    robot: Robot, limits: TaskLimits, path: PolylinePath, count: int
+) -> SegmentGuess | None:
     """TOPP-RA's motion on a straight line in joint space, which keeps torques, rates and tip speed too; None without one."""
     motion = retime(path, robot, RETIMED_GRID, limits)
     if not motion.solved:

@@ -108,13 +108,21 @@ class StraightElement(ElementModel):
 
     @cached_property
     def all_rows(self) -> list[RowPlace]:
-        return [*joint_places(self.robot, self.jerk), *torque_places(self.robot, self.first_actuation)]
+        return [
+            *joint_places(self.robot, self.jerk),
+            *torque_places(self.robot, self.first_actuation),
+        ]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         sigma, fit_parameters, packed = p
         parameters = self.layout.unpack(packed)
         scale = parameters.time_scale
-        speed, acceleration, jerk, bound_speed = x[1] / scale, x[2] / scale**2, x[3] / scale**3, x[4] / scale
+        speed, acceleration, jerk, bound_speed = (
+            x[1] / scale,
+            x[2] / scale**2,
+            x[3] / scale**3,
+            x[4] / scale,
+        )
         path, ddq, dddq = path_derivatives(fit_parameters, x[0], len(self.robot.loads), self.jerk)
         return Instant(
             qd=path.dq * speed,
@@ -131,7 +139,9 @@ class StraightElement(ElementModel):
 @cache
 def curves_of(loads: int) -> Layout:
     """What is fitted: q'; A, B and C of the joints with every load; speeds of the tool at ṡ = 1."""
-    return Layout(dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS))
+    return Layout(
+        dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS)
+    )
 
 
 @cache
@@ -140,7 +150,9 @@ def fit_of(loads: int) -> Layout:
     return Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * curves_of(loads).size)
 
 
-def path_derivatives(parameters: ca.SX, s: ca.SX, loads: int, jerk: bool) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
+def path_derivatives(
+    parameters: ca.SX, s: ca.SX, loads: int, jerk: bool
+) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
     """From a fit (`fit_of`): `curves_of` at s, q'' (4,) and q''' (4,), which is zero unless jerk."""
     fit_, curves = fit_of(loads).unpack(parameters), curves_of(loads)
     xi = (s - fit_.centre) / fit_.half_width
@@ -163,11 +175,17 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
     centre = np.clip(middle, first + half_width, last - half_width)
     chebyshev, inverse = _nodes()
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
-    load = zip(*(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True)
-    speeds = np.column_stack([tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS])
+    load = zip(
+        *(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True
+    )
+    speeds = np.column_stack(
+        [tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS]
+    )
     curves = np.hstack([samples.dq, *(part for parts in load for part in parts), speeds])
     # node j of element n has the values Σ_d ξ_j^d a_nd
-    coefficients = np.einsum("dj,njk->ndk", inverse, np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1))
+    coefficients = np.einsum(
+        "dj,njk->ndk", inverse, np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1)
+    )
     return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
 
 
@@ -225,7 +243,14 @@ class FreeElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
-        return "free", robot_key(self.robot), self.moving, self.active, pickle.dumps(self._seen), self.aim
+        return (
+            "free",
+            robot_key(self.robot),
+            self.moving,
+            self.active,
+            pickle.dumps(self._seen),
+            self.aim,
+        )
 
     @property
     def coordinates(self) -> int:
@@ -247,7 +272,9 @@ class FreeElement(ElementModel):
             qd_hull=qd,
             qdd=qdd,
             qddd=ca.SX.zeros(4),
-            tau_rigid=ca.vertcat(*(RigidBody.from_robot(load).symbolic(q, qd, qdd) for load in self.robot.loads)),
+            tau_rigid=ca.vertcat(
+                *(RigidBody.from_robot(load).symbolic(q, qd, qdd) for load in self.robot.loads)
+            ),
             speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
             sigma=sigma,
             limits=limits,
@@ -257,8 +284,14 @@ class FreeElement(ElementModel):
         at, parameters = self.instant(x, *p), self.layout.unpack(p[1])
         q, qd, _ = _joints(x, parameters)
         rows = [*speed_rows(at), *torque_rows(at, self.robot)]
-        rows += range_rows(self.mechanism, q, parameters) + rate_rows(self.mechanism, q, qd, parameters)
-        return rows if self._seen is None else rows + seen_rows(self._seen, self.mechanism, q, parameters.retina_easing)
+        rows += range_rows(self.mechanism, q, parameters) + rate_rows(
+            self.mechanism, q, qd, parameters
+        )
+        return (
+            rows
+            if self._seen is None
+            else rows + seen_rows(self._seen, self.mechanism, q, parameters.retina_easing)
+        )
 
     @property
     def first_actuation(self) -> int:
@@ -267,12 +300,20 @@ class FreeElement(ElementModel):
     @cached_property
     def all_rows(self) -> list[RowPlace]:
         rows: list[RowPlace] = [(kind.name, None, k) for k, kind in enumerate(JACOBIANS)]
-        names = [TaskRange.name_of(name) for name in WATCHED] + [TaskRate.name_of(name) for name in RATED]
-        places = [(name, None, len(JACOBIANS) + 2 * k + side) for k, name in enumerate(names) for side in (0, 1)]
+        names = [TaskRange.name_of(name) for name in WATCHED] + [
+            TaskRate.name_of(name) for name in RATED
+        ]
+        places = [
+            (name, None, len(JACOBIANS) + 2 * k + side)
+            for k, name in enumerate(names)
+            for side in (0, 1)
+        ]
         rows += [*torque_places(self.robot, self.first_actuation), *places]
         if self._seen is not None:
             rows.append((RetinaClearance.name, None, self.first_actuation - 2))
-            rows += [(LensClearance.name, None, self.first_actuation - 1)] * (self._seen.lens is not None)
+            rows += [(LensClearance.name, None, self.first_actuation - 1)] * (
+                self._seen.lens is not None
+            )
         return rows
 
     @property
@@ -285,19 +326,26 @@ class FreeElement(ElementModel):
     def _jacobians(self) -> list[ca.Function]:
         """q (4,) → J (k, 4) of every speed of the tool."""
         q = ca.SX.sym("q", 4)
-        return [ca.Function("jacobian", [q], [jacobian(self.mechanism, q)]) for jacobian in JACOBIANS.values()]
+        return [
+            ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
+            for jacobian in JACOBIANS.values()
+        ]
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
     """Ranges of WATCHED; parameters: of `FreeElement.layout`."""
     rows, task = [], task_from_joints_symbolic(mechanism, q)
     for k, name in enumerate(WATCHED):
-        value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[k]
+        value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[
+            k
+        ]
         rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
     return rows
 
 
-def rate_rows(mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
+def rate_rows(
+    mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
+) -> list[PathConstraint]:
     """Rates of RATED."""
     rows, rates = [], task_rates_symbolic(mechanism, q, qd)
     for k, name in enumerate(RATED):
@@ -310,7 +358,9 @@ def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathCon
     """Of the eye; easing: by how much the retina's row may exceed 1."""
     tip, rows = tip_position_symbolic(mechanism, q), []
     for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
-        rows.append(PathConstraint(name, None, value + 1 - (easing if name == RetinaClearance.name else 0)))
+        rows.append(
+            PathConstraint(name, None, value + 1 - (easing if name == RetinaClearance.name else 0))
+        )
     return rows
 
 

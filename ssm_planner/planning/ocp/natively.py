@@ -32,14 +32,20 @@ from ssm_planner.problem.posterior import LAWS
 from ssm_planner.problem.problem import Eye
 from ssm_planner.typing import Array
 
-MECHANISM = Layout(omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1)
+MECHANISM = Layout(
+    omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
+)
 """Of kinematics in the frames of `rigid_body.axes_frames`: x and z of the second and third axis; angles of `Mechanism`; the
 offset of θ2."""
 EYE = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
 """In the base's frame of these; lens_frame: the columns of the lens's frame, each over its semi-axis and the lens's limit."""
 DRIVE = Layout(
-    **dict.fromkeys(("ratio", "gamma", "lead_slope", "wedging", "input_inertia", "output_inertia", "preload"), 1),
-    **dict.fromkeys(("second_nut_mass", "mu", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov"), 1),
+    **dict.fromkeys(
+        ("ratio", "gamma", "lead_slope", "wedging", "input_inertia", "output_inertia", "preload"), 1
+    ),
+    **dict.fromkeys(
+        ("second_nut_mass", "mu", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov"), 1
+    ),
     **dict.fromkeys(("limit", "nominal"), 1),
 )
 """Of one motor and its drive; limit, nominal: its torques."""
@@ -48,7 +54,11 @@ LANES = 4
 KINDS = ("worm", "antibacklash_screw")
 """Of drives, that differ in their law; every other one follows that of a worm."""
 Where = Literal["collocation", "between", "breakaway"]
-SHARES: dict[Where, tuple[float, ...]] = {"collocation": COLLOCATION, "between": DENSE, "breakaway": (0.0,)}
+SHARES: dict[Where, tuple[float, ...]] = {
+    "collocation": COLLOCATION,
+    "between": DENSE,
+    "breakaway": (0.0,),
+}
 
 
 class _Context(ctypes.Structure):
@@ -60,8 +70,14 @@ class _Context(ctypes.Structure):
             for name in ("straight", "count", "m", "rows", "points", "loads", "actuations", "costs")
         ],
         *[(name, ctypes.c_long) for name in ("effort", "hull")],
-        *[(name, ctypes.c_void_p) for name in ("shares", "weights", "moving", "undriven", "slots", "actuation")],
-        *[(name, ctypes.c_void_p) for name in ("drives", "cost", "cost_drives", "cost_weights", "load", "mechanism")],
+        *[
+            (name, ctypes.c_void_p)
+            for name in ("shares", "weights", "moving", "undriven", "slots", "actuation")
+        ],
+        *[
+            (name, ctypes.c_void_p)
+            for name in ("drives", "cost", "cost_drives", "cost_weights", "load", "mechanism")
+        ],
         *[(name, ctypes.c_void_p) for name in ("eye", "limits", "sigma", "fits")],
         ("offset", ctypes.c_double),
     ]
@@ -71,7 +87,12 @@ class NativeElements:
     """The functions of an element model at n elements with these parameters, by the names of `ElementFunctions`."""
 
     def __init__(
-        self, library: ctypes.CDLL, element: ElementModel, parameters: Sequence[Array], count: int, where: Where
+        self,
+        library: ctypes.CDLL,
+        element: ElementModel,
+        parameters: Sequence[Array],
+        count: int,
+        where: Where,
     ) -> None:
         laid = _laid(element, where)
         sigma, *fits, packed = parameters
@@ -81,12 +102,17 @@ class NativeElements:
         cooling = element.aim == "cooling"
         own: dict[str, Any] = {
             "drives": drives,
-            "cost_weights": packed[element.layout.slices["cooling"]][costs[:, 0]] if cooling else np.ones(len(costs)),
+            "cost_weights": packed[element.layout.slices["cooling"]][costs[:, 0]]
+            if cooling
+            else np.ones(len(costs)),
             "limits": packed,
             "sigma": np.broadcast_to(sigma, (count, 4)),
             "fits": _in_lanes(np.broadcast_to(fits[0], (count, fits[0].shape[-1]))) if fits else [],
         }
-        self._laid, self._kept = laid, {name: np.ascontiguousarray(values, dtype=float) for name, values in own.items()}
+        self._laid, self._kept = (
+            laid,
+            {name: np.ascontiguousarray(values, dtype=float) for name, values in own.items()},
+        )
         points, rows = len(SHARES[where]), laid.rows
         self.context = _Context(
             straight=isinstance(element, StraightElement),
@@ -112,12 +138,16 @@ class NativeElements:
         if len(costs):
             self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
         self._library = library
-        self.group = ElementGroup.of(library, self.context, (size, all_rows, int(len(costs) > 0), count))
+        self.group = ElementGroup.of(
+            library, self.context, (size, all_rows, int(len(costs) > 0), count)
+        )
         """For the structured solver."""
 
     def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
         """One of the functions, dense; z (n, size), multipliers of the Hessian (n, rows, and 1 where there is a cost)."""
-        values = [np.ascontiguousarray(each, dtype=float) for each in (z, multipliers) if each is not None]
+        values = [
+            np.ascontiguousarray(each, dtype=float) for each in (z, multipliers) if each is not None
+        ]
         values.append(np.empty(self.shapes[name]))
         addresses = (ctypes.c_void_p(each.ctypes.data) for each in values)
         getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
@@ -158,11 +188,14 @@ def _laid(element: ElementModel, where: Where) -> _Laid:
         "slots": slots,
         "actuation": actuation,
         "drives": figures.drives[int(where == "breakaway")],
-        "cost": figures.cost if element.aim != "time" and where == "collocation" else figures.cost[:0],
+        "cost": figures.cost
+        if element.aim != "time" and where == "collocation"
+        else figures.cost[:0],
         **figures.arrays,
     }
     arrays = {
-        name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float) for name, values in given.items()
+        name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float)
+        for name, values in given.items()
     }
     return _Laid(arrays, _addresses(arrays), len(rows), len(element.robot.loads), figures.offset)
 
@@ -170,7 +203,12 @@ def _laid(element: ElementModel, where: Where) -> _Laid:
 def _in_lanes(fits: Array) -> Array:
     """Fits (n, size of `models.fit_of`) as C reads them: of LANES elements at once, the last repeated, curve by curve."""
     padded = fits[np.minimum(np.arange(-(-len(fits) // LANES) * LANES), len(fits) - 1)]
-    curves = padded[:, 2:].reshape(len(padded), DEGREE + 1, -1).transpose(0, 2, 1).reshape(len(padded), -1)
+    curves = (
+        padded[:, 2:]
+        .reshape(len(padded), DEGREE + 1, -1)
+        .transpose(0, 2, 1)
+        .reshape(len(padded), -1)
+    )
     return np.hstack([padded[:, :2], curves]).reshape(-1, LANES, fits.shape[1]).transpose(0, 2, 1)
 
 
@@ -197,14 +235,22 @@ class _Evaluated(ca.Callback):
     def __init__(self, elements: _AtParameters, name: str, function: ca.Function) -> None:
         ca.Callback.__init__(self)
         self._elements, self._name = elements, name
-        self._in = [elements.element.size, *(parameter.size for parameter in elements.element.parameters)]
-        self._repeated = [True, *(parameter.per_element for parameter in elements.element.parameters)]
+        self._in = [
+            elements.element.size,
+            *(parameter.size for parameter in elements.element.parameters),
+        ]
+        self._repeated = [
+            True,
+            *(parameter.per_element for parameter in elements.element.parameters),
+        ]
         if name == "hessian":
             self._in.append(function.size1_in(len(self._in)))
             self._repeated.append(True)
         self._out = [function.sparsity_out(i) for i in range(function.n_out())]
         row, column = self._out[-1].get_triplet()
-        self._places = np.array(row, dtype=int) * self._out[-1].size2() + np.array(column, dtype=int)
+        self._places = np.array(row, dtype=int) * self._out[-1].size2() + np.array(
+            column, dtype=int
+        )
         self.construct(f"{name}_of_elements", {"enable_fd": False})
 
     def get_n_in(self) -> int:
@@ -228,7 +274,9 @@ class _Evaluated(ca.Callback):
         try:
             z, *others = (np.frombuffer(values) for values in given)
             z = z.reshape(elements.count, -1)
-            multipliers = others.pop().reshape(elements.count, -1) if self._name == "hessian" else None
+            multipliers = (
+                others.pop().reshape(elements.count, -1) if self._name == "hessian" else None
+            )
             native = elements.at(others)
             if len(found) > 1:
                 np.frombuffer(found[0])[:] = native.call("cost", z).ravel()
@@ -259,7 +307,10 @@ class _AtParameters:
                 values.reshape(self.count, -1) if parameter.per_element else values
                 for values, parameter in zip(kept, self.element.parameters, strict=True)
             ]
-            self._last = last = kept, NativeElements(self.library, self.element, shaped, self.count, "collocation")
+            self._last = last = (
+                kept,
+                NativeElements(self.library, self.element, shaped, self.count, "collocation"),
+            )
         return last[1]
 
 
@@ -295,7 +346,10 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
     native = native_elements(element, parameters, n, "between")
     if native is not None:
         return native.call("rows", z)
-    given = (values if values.ndim == 2 else np.broadcast_to(values, (n, len(values))) for values in parameters)
+    given = (
+        values if values.ndim == 2 else np.broadcast_to(values, (n, len(values)))
+        for values in parameters
+    )
     return call(element.between, z, *given)[0]
 
 
@@ -328,14 +382,22 @@ def _figures(element: ElementModel) -> _Figures:
     }
     offset = 0.0
     if isinstance(element, FreeElement):
-        offset = axes_frames((robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3))[2]
-        arrays["load"] = np.array([load_figures(each.geometry, each.bodies, each.gravity) for each in robot.loads])
+        offset = axes_frames((robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3))[
+            2
+        ]
+        arrays["load"] = np.array(
+            [load_figures(each.geometry, each.bodies, each.gravity) for each in robot.loads]
+        )
         arrays["mechanism"], arrays["eye"] = _posture_figures(element.mechanism, element.eye)
     return _Figures(
-        np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int).reshape(-1, 3),
+        np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int).reshape(
+            -1, 3
+        ),
         (
             np.array([_drive_figures(drive) for *_, drive, _ in by_load]).reshape(-1, DRIVE.size),
-            np.array([_drive_figures(drive, breakaway=True) for *_, drive, _ in by_load]).reshape(-1, DRIVE.size),
+            np.array([_drive_figures(drive, breakaway=True) for *_, drive, _ in by_load]).reshape(
+                -1, DRIVE.size
+            ),
         ),
         np.array([(i, _law(drive)) for i, drive, _ in motors], dtype=int).reshape(-1, 2),
         arrays,
@@ -367,7 +429,10 @@ def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Arra
     figures = MECHANISM.pack(
         omega2=[np.sin(angles[0]), np.cos(angles[0])],
         omega3=[np.sin(angle), np.cos(angle)],
-        **{name: getattr(mechanism, name) for name in ("alpha", "beta", "delta", "side", "spin_offset")},
+        **{
+            name: getattr(mechanism, name)
+            for name in ("alpha", "beta", "delta", "side", "spin_offset")
+        },
         insertion_sign=mechanism.insertion_sign,
         offset=offset,
     )

@@ -49,7 +49,9 @@ class NlpStructure:
 
     def split(self, counts: Indices) -> NlpStructure:
         """The same with every element cut into so many equal parts, (n,)."""
-        segments, blocks = (tuple(np.bincount(of, counts).astype(int).tolist()) for of in (self.segment, self.block))
+        segments, blocks = (
+            tuple(np.bincount(of, counts).astype(int).tolist()) for of in (self.segment, self.block)
+        )
         return replace(self, segment_sizes=segments, block_sizes=blocks)
 
     @property
@@ -118,7 +120,9 @@ class BoundaryConditions:
         v, first, last = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
         either = np.isnan(signs)
-        slowest, fastest = (np.where(either | (side * signs > 0), side * velocity, 0.0) for side in (-1, 1))
+        slowest, fastest = (
+            np.where(either | (side * signs > 0), side * velocity, 0.0) for side in (-1, 1)
+        )
         reach = np.where(signs != 0, acceleration, 0.0)
         # a coordinate keeps its direction from border to border, so at a free one its room is its bound
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]

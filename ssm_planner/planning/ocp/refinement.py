@@ -82,7 +82,12 @@ NOT_CONFIRMED, GIVEN_UP = "Not_Confirmed_By_Ipopt", "Not_Worth_Its_Effort"
 SAME, SAME_COST = 1e-6, 1e-5
 """Share by which the two solvers' durations, and their heat or effort, may differ; beyond, the better motion is taken."""
 SOLVE = 0.02
-PRICES = {("structured", False): 6e-6, ("structured", True): 8e-6, ("Ipopt", False): 1e-4, ("Ipopt", True): 3e-4}
+PRICES = {
+    ("structured", False): 6e-6,
+    ("structured", True): 8e-6,
+    ("Ipopt", False): 1e-4,
+    ("Ipopt", True): 3e-4,
+}
 """Effort of a solve, and of each of its iterations for every element, by solver and whether heat or effort counts: about the
 seconds that it takes."""
 LONGER = 1e-3
@@ -245,11 +250,16 @@ def optimise(
     hopeless = useless if duration is None else HOPELESS * duration
     begun = _refine(_Refinement.begin(problem, guess), "time", hopeless=hopeless, about=about)
     if about and begun.solution.solved:
-        return replace(begun.solution, rest=lambda: _finished(_resumed(begun, hopeless), objective, duration, hopeless))
+        return replace(
+            begun.solution,
+            rest=lambda: _finished(_resumed(begun, hopeless), objective, duration, hopeless),
+        )
     return _finished(begun, objective, duration, hopeless)
 
 
-def _finished(begun: _Refined, objective: Objective, duration: float | None, hopeless: float) -> NlpSolution:
+def _finished(
+    begun: _Refined, objective: Objective, duration: float | None, hopeless: float
+) -> NlpSolution:
     """The motion of an objective, from the fastest as it is refined."""
     problem, found = begun.state.problem, _given_back(begun)
     if not found.solution.solved or found.solution.times.sum() > hopeless:
@@ -271,7 +281,9 @@ def _finished(begun: _Refined, objective: Objective, duration: float | None, hop
             # heat hardly depends on when borders are passed: ways between them would shrink to nothing, over many iterations
             lengths = reached.elements[:, -1]
             one_time = last.with_one_time(lengths)
-            begin = replace(begin, problem=one_time).restarted(replace(reached, times=one_time.times))
+            begin = replace(begin, problem=one_time).restarted(
+                replace(reached, times=one_time.times)
+            )
         longest = np.inf if cooled else (1 + LONGER) * total
         best = _refined(begin, "cooling" if cooled else "heat", (0.0, longest))
         if not (best.solution.solved and best.feasible):
@@ -283,7 +295,9 @@ def _finished(begun: _Refined, objective: Objective, duration: float | None, hop
             best = _refine(begin, "time", duration=(duration, duration))
     confirmation, of_cost = fastest.solution.confirmation, best.solution.confirmation
     if confirmation is not None and of_cost is not None:
-        confirmation = replace(confirmation, iterations=confirmation.iterations + of_cost.iterations)
+        confirmation = replace(
+            confirmation, iterations=confirmation.iterations + of_cost.iterations
+        )
     iterations = fastest.solution.iterations + best.solution.iterations
     return replace(best.solution, iterations=iterations, confirmation=confirmation)
 
@@ -323,7 +337,9 @@ class _Refinement:
     def begin(cls, problem: OcpProblem, guess: Guess) -> _Refinement:
         """Active are the rows that the guess comes near to."""
         elements = guess.elements
-        active = problem.always_active | chosen_rows(problem.row_names, problem.row_maxima(elements), NEAR)
+        active = problem.always_active | chosen_rows(
+            problem.row_names, problem.row_maxima(elements), NEAR
+        )
         backoff = np.zeros((len(elements), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
 
@@ -346,8 +362,12 @@ class _Refinement:
         structure, element, data = program
         beside_eye = any(name == LensClearance.name for name, _ in self.active)
         after_ipopt = self.start.multipliers is not None  # who starts warm from there
-        alone = self.problem.method == "sketched" or (self.problem.method == "confirmed" and aim == "time")
-        tried = self.problem.method == "structured" or (self.problem.method != "Ipopt" and not beside_eye)
+        alone = self.problem.method == "sketched" or (
+            self.problem.method == "confirmed" and aim == "time"
+        )
+        tried = self.problem.method == "structured" or (
+            self.problem.method != "Ipopt" and not beside_eye
+        )
         if tried and not after_ipopt:
             found = solve_structured(
                 structure,
@@ -362,11 +382,19 @@ class _Refinement:
         if alone:
             times = self.start.x[-len(data.least_times) :]
             return NlpSolution(
-                NOT_CONVERGED, structure, self.elements, times, iterations=0, point=self.start, solver="structured"
+                NOT_CONVERGED,
+                structure,
+                self.elements,
+                times,
+                iterations=0,
+                point=self.start,
+                solver="structured",
             )
         return Transcription.of(structure, element).solve(data, self.start)
 
-    def activated(self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool) -> _Refinement:
+    def activated(
+        self, solution: NlpSolution, missed: frozenset[RowName], *, astray: bool
+    ) -> _Refinement:
         """With the missed rows active too, from the solution or, where it went astray, from the guess."""
         active = self.active | missed
         if astray and len(self.elements) == len(self.guess.elements):
@@ -378,7 +406,13 @@ class _Refinement:
         counts = np.where(coarse, PARTS, 1)
         elements, backoff = split(self.elements, counts), np.repeat(self.backoff, counts, axis=0)
         start = Guess(elements, solution.times).point
-        return replace(self, problem=self.problem.refined(counts), elements=elements, backoff=backoff, start=start)
+        return replace(
+            self,
+            problem=self.problem.refined(counts),
+            elements=elements,
+            backoff=backoff,
+            start=start,
+        )
 
     def tightened(self, solution: NlpSolution, more: Array) -> _Refinement:
         """With more backoff (n, r), warm from the solution."""
@@ -413,7 +447,13 @@ def _refine(
     duration: its bounds, where it is not the aim. hopeless: a duration beyond which a motion is of no use, for refinement
     only makes it longer. about: until they are small. first: the round it begins with.
     """
-    rounds = HEAT_ROUNDS if aim == "heat" else SKETCH_ROUNDS if state.problem.method == "sketched" else ROUNDS
+    rounds = (
+        HEAT_ROUNDS
+        if aim == "heat"
+        else SKETCH_ROUNDS
+        if state.problem.method == "sketched"
+        else ROUNDS
+    )
     iterations, feasible, paused, begin, worth = (
         0,
         False,
@@ -425,7 +465,9 @@ def _refine(
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
-        EFFORT.spent += SOLVE + PRICES[solution.solver, aim != "time"] * solution.iterations * len(solution.elements)
+        EFFORT.spent += SOLVE + PRICES[solution.solver, aim != "time"] * solution.iterations * len(
+            solution.elements
+        )
         state = replace(state, elements=solution.elements)
         if not solution.solved or solution.times.sum() > hopeless:
             break
@@ -440,7 +482,9 @@ def _refine(
             solution = solution if hopeless == np.inf else replace(solution, message=GIVEN_UP)
             break
         state = _next(state, solution, violation, k, may_cut=aim != "heat")
-    return _Refined(replace(solution, iterations=iterations), state, feasible, program=program, paused=paused)
+    return _Refined(
+        replace(solution, iterations=iterations), state, feasible, program=program, paused=paused
+    )
 
 
 def _resumed(begun: _Refined, hopeless: float) -> _Refined:
@@ -472,13 +516,17 @@ def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
     if problem.method != "confirmed" or own.solver != "structured" or not own.solved:
         return found
     structure, element, data = found.program
-    centred = solve_structured(structure, element, data, own.point, iterations=CENTRING, centred=True)
+    centred = solve_structured(
+        structure, element, data, own.point, iterations=CENTRING, centred=True
+    )
     begin = InitialPoint((centred if centred.solved else own).point.x)
     ipopts = Transcription.of(structure, element).solve(data, begin, confirming=True)
     EFFORT.spent += PRICES["Ipopt", aim != "time"] * ipopts.iterations * len(ipopts.elements)
     if not ipopts.solved:
         return None
-    before, after = (float(each.times.sum()) if aim == "time" else each.objective for each in (own, ipopts))
+    before, after = (
+        float(each.times.sum()) if aim == "time" else each.objective for each in (own, ipopts)
+    )
     difference = after / before - 1 if before else 0.0
     same = SAME if aim == "time" else SAME_COST
     better = difference < -same
@@ -492,7 +540,9 @@ def _confirmed(found: _Refined, aim: Aim) -> _Refined | None:
     return replace(found, solution=solution, state=replace(found.state, elements=solution.elements))
 
 
-def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool) -> _Refinement:
+def _next(
+    state: _Refinement, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool
+) -> _Refinement:
     """The refinement after round k, from the violations (n, r) of its solution: the first of these that applies.
 
     1. Violated rows that were not active become active.
@@ -513,11 +563,19 @@ def _next(state: _Refinement, solution: NlpSolution, violation: Array, k: int, *
 
 def _remeshed(found: _Refined) -> _Refined | None:
     """A faster motion on a mesh made for the one that was found; None where there is none, or that mesh is good."""
-    again = found.state.problem.remeshed(found.solution) if found.solution.solved and found.feasible else None
+    again = (
+        found.state.problem.remeshed(found.solution)
+        if found.solution.solved and found.feasible
+        else None
+    )
     if again is None:
         return None
     finer = _given_back(_refine(_Refinement.begin(*again), "time"))
-    faster = finer.solution.solved and finer.feasible and finer.solution.times.sum() < found.solution.times.sum()
+    faster = (
+        finer.solution.solved
+        and finer.feasible
+        and finer.solution.times.sum() < found.solution.times.sum()
+    )
     if not faster:
         return None
     iterations = found.solution.iterations + finer.solution.iterations
@@ -546,7 +604,10 @@ def _given_back(found: _Refined) -> _Refined:
         if not (again.feasible and again.solution.solved and total < before):
             break
         found = replace(
-            again, solution=replace(again.solution, iterations=solution.iterations + again.solution.iterations)
+            again,
+            solution=replace(
+                again.solution, iterations=solution.iterations + again.solution.iterations
+            ),
         )
         if total > (1 - GAIN) * before:
             break
@@ -578,14 +639,18 @@ def parabolic_peak(values: Array) -> Array:
     slope, bend = (right - left) / 2, right - 2 * here + left
     with np.errstate(divide="ignore", invalid="ignore"):
         where = np.clip(np.nan_to_num(-slope / bend), -1.0, 1.0)
-    return np.asarray(np.maximum(largest, here + where * (slope + where * bend / 2)).reshape(values.shape[:-1]))
+    return np.asarray(
+        np.maximum(largest, here + where * (slope + where * bend / 2)).reshape(values.shape[:-1])
+    )
 
 
 def chosen_rows(names: list[RowName], values: Array, least: float) -> frozenset[RowName]:
     """Rows with values (n, r) above the least one; of the torques of one motor, at several corners of a range of friction
     and payload, only those that are the largest of them somewhere."""
     above = values > least
-    joints = np.array([-1 if name != MotorTorque.name or i is None else i % 4 for name, i in names], dtype=int)
+    joints = np.array(
+        [-1 if name != MotorTorque.name or i is None else i % 4 for name, i in names], dtype=int
+    )
     for i in set(joints[joints >= 0].tolist()):
         own = joints == i
         above[:, own] &= values[:, own] >= values[:, own].max(axis=1, keepdims=True)

@@ -17,7 +17,14 @@ from ssm_planner.planning.ocp.constraints import joint_limits, limits_jerk
 from ssm_planner.planning.ocp.free import EDGE, MOVES, FreeProblem, Way, jerk_for_all
 from ssm_planner.planning.ocp.mesh import sampled_guess
 from ssm_planner.planning.ocp.natively import compiled
-from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, PhaseSolution, cubics
+from ssm_planner.planning.ocp.nlp import (
+    InitialPoint,
+    NlpData,
+    NlpSolution,
+    NlpStructure,
+    PhaseSolution,
+    cubics,
+)
 from ssm_planner.planning.ocp.refinement import NEAR, SHORTEST, chosen_rows
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.phases import joint_room
@@ -129,11 +136,15 @@ def _settled(ocp: _EitherWay) -> PhaseSolution | None:
         element = ocp.element(active, "time")
         backoff = np.where(ocp.idle, -np.inf, 0.0)[:, [name in active for name in ocp.row_names]]
         data = ocp.data(elements, backoff)
-        found = solve_structured(ocp.structure, element, data, start, iterations=ITERATIONS, tolerance=ROUGH)
+        found = solve_structured(
+            ocp.structure, element, data, start, iterations=ITERATIONS, tolerance=ROUGH
+        )
         if not found.solved:
             return None
         motion, before = ocp.result(found), ocp.sense
-        depths = np.abs(Trajectory(motion.breaks, motion.coefficients, ()).sample(motion.breaks).q[:, 3])
+        depths = np.abs(
+            Trajectory(motion.breaks, motion.coefficients, ()).sample(motion.breaks).q[:, 3]
+        )
         ocp = replace(ocp, sense=_sense(ocp, found), depths=depths)
         elements = found.elements
         missed = chosen_rows(ocp.row_names, ocp.row_maxima(elements), EXCEEDED) - active
@@ -167,7 +178,10 @@ def _extremes(values: Array, least: float) -> list[int]:
     found: list[int] = []
     low = high = direction = 0
     for k in range(len(values)):
-        low, high = (k if values[k] < values[low] else low), (k if values[k] > values[high] else high)
+        low, high = (
+            (k if values[k] < values[low] else low),
+            (k if values[k] > values[high] else high),
+        )
         if direction >= 0 and values[high] - values[k] >= least:
             found += [high] if direction else []
             direction, low = -1, k

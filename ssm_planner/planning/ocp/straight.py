@@ -102,7 +102,9 @@ def solve_straight(
     begin = Guess(mesh.elements(guess), mesh.times)
     solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
     if not solution.solved:
-        return PhaseSolution(solution.status, solution.message, solution.iterations, solver=solution.solver)
+        return PhaseSolution(
+            solution.status, solution.message, solution.iterations, solver=solution.solver
+        )
     elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
     breaks, coefficients = joint_pieces(path, elements, SUBDIVISION, speeds[1])
     borders = np.interp(knots, np.append(elements[:, 0], 1.0), breaks[::SUBDIVISION])
@@ -125,7 +127,9 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
     """
     s, speed = retiming.s, np.sqrt(retiming.speed_squared)
     acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
-    elements = np.column_stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(retiming.times)])
+    elements = np.column_stack(
+        [s[:-1], speed[:-1], acceleration, acceleration, np.diff(retiming.times)]
+    )
     return joint_pieces(path, elements, 1, end_speed)
 
 
@@ -155,7 +159,9 @@ class _StraightProblem(OcpProblem):
     @property
     def boundary(self) -> BoundaryConditions:
         knots, signs = self.path.directions
-        return BoundaryConditions(knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:])
+        return BoundaryConditions(
+            knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:]
+        )
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
@@ -181,7 +187,9 @@ class _StraightProblem(OcpProblem):
             if self.robot.joints[i].jerk is not None:
                 rows.add((JointJerk.name, int(i)))
         rows |= tool_names(self.limited, np.flatnonzero(moving))
-        return shared(StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows)))
+        return shared(
+            StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows))
+        )
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
@@ -215,7 +223,11 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
     """Largest ṡ at which every task coordinate keeps its rate between two knots of the path, (k,), 1/s."""
     knots = path.directions[0]
     if isinstance(path, StraightPath) or not rates:
-        ways = np.abs(path.end - path.start)[None, None] if isinstance(path, StraightPath) else np.zeros((1, 1, 4))
+        ways = (
+            np.abs(path.end - path.start)[None, None]
+            if isinstance(path, StraightPath)
+            else np.zeros((1, 1, 4))
+        )
     else:
         s = knots[:-1, None] + np.linspace(0.0, 1.0, LOOKS) * np.diff(knots)[:, None]
         samples = path.sample(s.ravel())
@@ -233,7 +245,9 @@ def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
 
 
-def joint_pieces(path: JointPath, elements: Array, subdivision: int, end_speed: float) -> tuple[Array, Array]:
+def joint_pieces(
+    path: JointPath, elements: Array, subdivision: int, end_speed: float
+) -> tuple[Array, Array]:
     """Quintic joint polynomials that follow the path: exact q, q̇, q̈ at both ends of every piece.
 
     elements: s, ṡ, s̈ at the start, s̈ at the end and length of every element, (n, 5), s; each gives `subdivision` pieces.
@@ -243,11 +257,16 @@ def joint_pieces(path: JointPath, elements: Array, subdivision: int, end_speed: 
     share = np.arange(subdivision) / subdivision
     starts = np.concatenate([[0.0], np.cumsum(lengths)])
     breaks = np.append((starts[:-1, None] + lengths * share).ravel(), starts[-1])
-    ends = [_joint_state(path, elements, share + offset, end_speed) for offset in (0.0, 1.0 / subdivision)]
+    ends = [
+        _joint_state(path, elements, share + offset, end_speed)
+        for offset in (0.0, 1.0 / subdivision)
+    ]
     return breaks, hermite(breaks, ends[0], ends[1])
 
 
-def _joint_state(path: JointPath, elements: Array, share: Array, end_speed: float) -> tuple[Array, Array, Array]:
+def _joint_state(
+    path: JointPath, elements: Array, share: Array, end_speed: float
+) -> tuple[Array, Array, Array]:
     """q, q̇, q̈ at the given shares of every element, (n · shares, 4) each."""
     s, speed, acceleration = (value.ravel() for value in cubics(elements).at(share))
     s = np.clip(s, 0.0, 1.0)

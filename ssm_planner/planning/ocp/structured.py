@@ -78,7 +78,11 @@ def _content(data: NlpData) -> tuple[object, ...]:
 
 
 def _comparable(value: Any) -> Any:
-    return tuple(map(_comparable, value)) if isinstance(value, tuple) else getattr(value, "tobytes", lambda: value)()
+    return (
+        tuple(map(_comparable, value))
+        if isinstance(value, tuple)
+        else getattr(value, "tobytes", lambda: value)()
+    )
 
 
 def _solved(
@@ -144,7 +148,9 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
     every = np.arange(n)
     groups = []
     if element.row_names or element.aim != "time":
-        groups.append(_group(element, data.element_parameters, every, data.path_bound, data.weights[1]))
+        groups.append(
+            _group(element, data.element_parameters, every, data.path_bound, data.weights[1])
+        )
     if np.isfinite(data.breakaway_bound).any():
         at, side = np.array(structure.breakaways).T
         sigma, *others = data.element_parameters
@@ -175,13 +181,17 @@ def _group(
     breakaway: bool = False,
 ) -> RowGroup:
     """The rows and the cost of a model, or its breakaway rows."""
-    native = native_elements(element, parameters, len(elements), "breakaway" if breakaway else "collocation")
+    native = native_elements(
+        element, parameters, len(elements), "breakaway" if breakaway else "collocation"
+    )
     if native is None:
         raise RuntimeError("the structured solver is in the compiled part, which is not there")
     return RowGroup({}, parameters, elements, bound, cost_weight=cost_weight, native=native)
 
 
-def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[Array, Array, Equalities]:
+def _boundary(
+    structure: NlpStructure, spline: Spline, data: NlpData
+) -> tuple[Array, Array, Equalities]:
     """Which unknowns are free, (rows, m), the values of the others, and what else is given of the elements' states."""
     n, m = structure.elements, structure.coordinates
     same = np.vstack([data.given[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
@@ -205,7 +215,11 @@ def _boundary(structure: NlpStructure, spline: Spline, data: NlpData) -> tuple[A
             equal += [(k, entries[0] + i, speed[i]), (k, entries[1] + i, 0.0)]
     # points on the way, which the coordinate comes from and leaves
     for k in structure.borders[1:]:
-        equal += [(k, e, given[k, e]) for e in np.flatnonzero(same[k]) if moving[k - 1, e % m] and moving[k, e % m]]
+        equal += [
+            (k, e, given[k, e])
+            for e in np.flatnonzero(same[k])
+            if moving[k - 1, e % m] and moving[k, e % m]
+        ]
     if not equal:
         return free, values, _NONE
     at, entry, value = np.array(equal).T
@@ -228,7 +242,10 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     matrix, bound = np.vstack([one, -one]), np.hstack([upper, -lower])
     if structure.smooth and structure.joints:
         rise = np.zeros((m, 5 * m + 1))
-        rise[:, 2 * m : 3 * m], rise[:, 3 * m : 4 * m] = np.diag(-n / data.jerk), np.diag(n / data.jerk)
+        rise[:, 2 * m : 3 * m], rise[:, 3 * m : 4 * m] = (
+            np.diag(-n / data.jerk),
+            np.diag(n / data.jerk),
+        )
         fall = -rise
         rise[:, 4 * m] = fall[:, 4 * m] = -n
         matrix = np.vstack([matrix, rise, fall])
@@ -236,7 +253,9 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     return matrix, bound
 
 
-def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array, slower: float = SLOWER) -> Point:
+def _point(
+    program: Program, structure: NlpStructure, data: NlpData, x: Array, slower: float = SLOWER
+) -> Point:
     """Unknowns of a guess (variables of `transcription`), slowed down."""
     n, m = structure.elements, structure.coordinates
     states, times = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]

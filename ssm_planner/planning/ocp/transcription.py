@@ -115,14 +115,18 @@ class Transcription:
         end_u, end_v = p.end[:m], p.end[m:]
 
         # elements: h_k = fraction_k T_block(k), the same for all coordinates; z = [u; u̇; ü; ü; h]
-        h = p.fractions.T * ca.horzcat(*(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes)))
+        h = p.fractions.T * ca.horzcat(
+            *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
+        )
         h_all = ca.repmat(h, m, 1)
         cubic, z = Cubic(u, v, a0, a1, h_all), ca.vertcat(x, h)
 
         # objective: duration; smoothing, r = ü/limit being linear in an element; variance of the blocks' times
         duration = ca.sum1(times)
         r0, r1 = (a / ca.repmat(p.acceleration, 1, n) for a in (a0, a1))
-        smoothing = ca.sum2(ca.sum1(h_all * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
+        smoothing = (
+            ca.sum2(ca.sum1(h_all * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
+        )
         relative = times / p.least_times
         variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
         objective = p.weights[0] * duration + SMOOTHING * smoothing + EVEN * variance
@@ -172,7 +176,9 @@ class Transcription:
             functions=element_functions(element),
             native=native,
             first={} if structure.joints and structure.smooth else FROM_BARRIER,
-            iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(element.aim, most),
+            iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
+                element.aim, most
+            ),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, solver=solver, native=native, parameters=layout, sizes=sizes)
@@ -182,13 +188,21 @@ class Transcription:
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
             data = self._as_structured(data)
-        inputs = tuple((name, values.tobytes()) for name, values in self._inputs(data, start).items())
+        inputs = tuple(
+            (name, values.tobytes()) for name, values in self._inputs(data, start).items()
+        )
         way: Start = "confirming" if confirming else "cold" if start.multipliers is None else "warm"
         message, iterations, objective, point = _solved(self, way, inputs)
         states, times = point.x[: 4 * m * n].reshape(n, 4 * m), point.x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
         return NlpSolution(
-            message, self.structure, elements, times, iterations=iterations, point=point, objective=objective
+            message,
+            self.structure,
+            elements,
+            times,
+            iterations=iterations,
+            point=point,
+            objective=objective,
         )
 
     def _as_structured(self, data: NlpData) -> NlpData:
@@ -211,9 +225,12 @@ class Transcription:
         }
         path_bound = data.path_bound.ravel()
         lower, upper = (
-            [np.broadcast_to(bounds[name][side], size) for name, size in self.sizes.items()] for side in (0, 1)
+            [np.broadcast_to(bounds[name][side], size) for name, size in self.sizes.items()]
+            for side in (0, 1)
         )
-        own_parameters = self.parameters.pack(**{name: getattr(data, name) for name in self.parameters.slices})
+        own_parameters = self.parameters.pack(
+            **{name: getattr(data, name) for name in self.parameters.slices}
+        )
         inputs = {
             "x0": start.x,
             "p": np.concatenate([*map(np.ravel, data.element_parameters), own_parameters]),
@@ -257,11 +274,15 @@ def _solvers(
     def of_elements(function: ca.Function, *more: ca.MX) -> Any:
         """The function's values at all elements side by side."""
         mapped = (
-            function.map(function.name(), "serial", n, for_all, []) if native is None else native.function(function)
+            function.map(function.name(), "serial", n, for_all, [])
+            if native is None
+            else native.function(function)
         )
         return mapped(z, *element_parameters, *more)
 
-    jacobians = _block_diagonal(of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n)
+    jacobians = _block_diagonal(
+        of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n
+    )
     g = ca.vertcat(constraints, ca.vec(of_elements(functions.rows)))
     jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ of_x)
 
@@ -275,7 +296,9 @@ def _solvers(
         same_f += cost_weight * ca.sum2(costs)
         grad_f += cost_weight * (of_x.T @ ca.vec(slopes))
         multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * cost_weight, 1, n))
-    hessians = _block_diagonal(of_elements(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n)
+    hessians = _block_diagonal(
+        of_elements(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n
+    )
     hess = ca.hessian(lam_f * objective + ca.dot(lam_constraints, constraints), x)[0]
     hess += of_x.T @ hessians @ of_x
 
@@ -294,7 +317,9 @@ def _solvers(
         "warm": {**WARM, "max_iter": iterations},
         "confirming": {**CONFIRMING, "max_iter": CONFIRMING_ITERATIONS},
     }
-    return cache(lambda start: ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": of_ipopt[start]}))
+    return cache(
+        lambda start: ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": of_ipopt[start]})
+    )
 
 
 Solved = tuple[str, int, float, InitialPoint]
@@ -302,7 +327,9 @@ Solved = tuple[str, int, float, InitialPoint]
 Inputs = tuple[tuple[str, bytes], ...]
 KEPT_SOLUTIONS = 64
 """Of each program, for as long as the program itself is kept."""
-_solutions: WeakKeyDictionary[Transcription, dict[tuple[Start, Inputs], Solved]] = WeakKeyDictionary()
+_solutions: WeakKeyDictionary[Transcription, dict[tuple[Start, Inputs], Solved]] = (
+    WeakKeyDictionary()
+)
 
 
 def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solved:

@@ -66,13 +66,18 @@ class _Profile:
     @property
     def turns(self) -> tuple[float, float]:
         """Time from either end at which the joint turns back; 0 where it does not."""
-        first, last = (abs(speed) / self.acceleration if speed * self.sign < 0 else 0.0 for speed in self.speeds)
+        first, last = (
+            abs(speed) / self.acceleration if speed * self.sign < 0 else 0.0
+            for speed in self.speeds
+        )
         return first, last
 
     @property
     def duration(self) -> float:
         """The least, s."""
-        return fastest(self.way, self.velocity, self.acceleration, self.speeds) if self.moves else 0.0
+        return (
+            fastest(self.way, self.velocity, self.acceleration, self.speeds) if self.moves else 0.0
+        )
 
     def lasting(self, duration: float) -> SCurve:
         """The motion that takes so long; the slowest there is where none does."""
@@ -92,7 +97,11 @@ class _Profile:
             low, high = (low, middle) if sum(lengths(middle)) < duration else (middle, high)
         first, cruise, last = lengths(high)
         cruise = cruise if way - squares > STANDS else max(duration - first - last, 0.0)
-        pulls = self.sign * a * np.array([math.copysign(1.0, high - begin), 0.0, math.copysign(1.0, end - high)])
+        pulls = (
+            self.sign
+            * a
+            * np.array([math.copysign(1.0, high - begin), 0.0, math.copysign(1.0, end - high)])
+        )
         parts = np.array([first, cruise, last])
         kept = parts > 1e-13 * max(duration, parts.sum())
         return SCurve(parts[kept], pulls[kept], pulls[kept], self.speeds[0])
@@ -102,7 +111,9 @@ def _peak_sign(way: float, speeds: tuple[float, float], acceleration: float) -> 
     """Direction between braking from the first speed and speeding up to the last."""
     begin, end = speeds
     rest = way - (begin * abs(begin) + end * abs(end)) / (2 * acceleration)
-    if begin * end > 0 and rest * begin < 0:  # it need not stop on its way, unless that is too short even so
+    if (
+        begin * end > 0 and rest * begin < 0
+    ):  # it need not stop on its way, unless that is too short even so
         direct = (begin + end) / 2 * abs(end - begin) / acceleration
         return math.copysign(1.0, begin if (way - direct) * begin >= 0 else -begin)
     return math.copysign(1.0, rest if abs(rest) > STANDS else end or begin)
@@ -125,16 +136,25 @@ def braking(speed: Array, pull: Array, limits: Array) -> Array:
     way += v * flat - peak * flat**2 / 2
     v = v - peak * flat
     way += v * fall - peak * fall**2 / 2 + jerk * fall**3 / 6
-    return np.where((way > 0) & (speed != 0), np.minimum(speed**2 / (2 * np.where(way > 0, way, 1.0)), most), most)
+    return np.where(
+        (way > 0) & (speed != 0),
+        np.minimum(speed**2 / (2 * np.where(way > 0, way, 1.0)), most),
+        most,
+    )
 
 
-def turning_guess(way: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, fewest: int) -> TurningGuess:
+def turning_guess(
+    way: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, fewest: int
+) -> TurningGuess:
     """For joints that move by `way` (m,) from one q̇ (m,) to another under limits (3, m): velocity, acceleration, `braking`.
 
     About `count` elements, at least `fewest` between two switching points.
     """
     joints = range(len(way))
-    profiles = [_Profile.of(float(way[i]), (float(speeds[0][i]), float(speeds[1][i])), limits[:, i]) for i in joints]
+    profiles = [
+        _Profile.of(float(way[i]), (float(speeds[0][i]), float(speeds[1][i])), limits[:, i])
+        for i in joints
+    ]
     duration = max(profile.duration for profile in profiles)
     curves = [profile.lasting(duration) if profile.moves else None for profile in profiles]
     ends = [(t, i, side) for i in joints for side, t in enumerate(profiles[i].turns) if t > 0]
@@ -144,7 +164,10 @@ def turning_guess(way: Array, speeds: tuple[Array, Array], limits: Array, *, cou
         borders.append(max(t, borders[-1] + GAP * duration))
     borders.append(max(duration, borders[-1] + GAP * duration))
     direction = np.array(
-        [0.0 if not profile.moves else profile.sign * (-1.0 if profile.turns[0] else 1.0) for profile in profiles]
+        [
+            0.0 if not profile.moves else profile.sign * (-1.0 if profile.turns[0] else 1.0)
+            for profile in profiles
+        ]
     )
     directions = [direction.copy()]
     for _, i, _ in turns:
@@ -160,7 +183,10 @@ def turning_guess(way: Array, speeds: tuple[Array, Array], limits: Array, *, cou
                 instants.append(float(t))
         guesses.append(_guess_between(curves, [*instants, end], count / borders[-1], fewest))
     positions = np.array(
-        [[0.0 if curve is None else float(curve.at(np.array([t]))[0][0]) for curve in curves] for t in borders]
+        [
+            [0.0 if curve is None else float(curve.at(np.array([t]))[0][0]) for curve in curves]
+            for t in borders
+        ]
     )
     positions[-1] = way
     given = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
@@ -168,7 +194,9 @@ def turning_guess(way: Array, speeds: tuple[Array, Array], limits: Array, *, cou
     return TurningGuess(tuple(guesses), positions, given, np.array(directions))
 
 
-def _guess_between(curves: list[SCurve | None], switches: list[float], density: float, fewest: int) -> SegmentGuess:
+def _guess_between(
+    curves: list[SCurve | None], switches: list[float], density: float, fewest: int
+) -> SegmentGuess:
     """The part of a motion between the first and the last of some instants, with so many elements a second."""
     arcs, t = elements_between(switches, density, fewest)
     middle, size = (t[1:] + t[:-1]) / 2, (len(t) - 1, len(curves))

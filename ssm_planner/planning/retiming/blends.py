@@ -115,13 +115,18 @@ class BlendedPath(JointPath):
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
-        grid = np.unique(np.concatenate([np.linspace(a, b, LOOKS) for a, b in pairwise(self.breaks)]))
+        grid = np.unique(
+            np.concatenate([np.linspace(a, b, LOOKS) for a, b in pairwise(self.breaks)])
+        )
         dq = self.sample(grid).dq
         moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.pieces[0].watched)
         # a joint that stands on a piece and goes on begins where the piece ends, which is a knot anyway
         signs = np.where(np.abs(dq) > STILL, np.sign(dq), 0.0)
         turns = signs[1:] * signs[:-1] < 0
-        found = (self._turning_point(int(i), grid[k], grid[k + 1]) for k, i in np.argwhere(turns & moving))
+        found = (
+            self._turning_point(int(i), grid[k], grid[k + 1])
+            for k, i in np.argwhere(turns & moving)
+        )
         knots = with_knots(self.breaks, found)
         middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
         return knots, np.where(np.abs(middle) > STILL, np.sign(middle), 0.0) * moving
@@ -146,7 +151,9 @@ class BlendedPath(JointPath):
         return int(np.clip(PER_PIECE * (len(self.breaks) - 1), FEW, MANY))
 
 
-def rounded(mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Sequence[float]) -> BlendedPath:
+def rounded(
+    mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Sequence[float]
+) -> BlendedPath:
     """The pieces as one path, each corner rounded within a distance of the tip from it, m.
 
     Raises ProblemError, its key the number of the corner, where a rounding would take more than half of a piece, or the path
@@ -154,7 +161,9 @@ def rounded(mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Seque
     """
     cuts = []
     for k, ((before, behind), distance) in enumerate(zip(pairwise(pieces), distances, strict=True)):
-        shares = [_share(path, distance, from_end) for path, from_end in ((before, True), (behind, False))]
+        shares = [
+            _share(path, distance, from_end) for path, from_end in ((before, True), (behind, False))
+        ]
         room = min(most for _, most in shares)
         if not all(0 < share <= HALF for share, _ in shares):
             reason = "the corner would be rounded over more than half of one of the motions that meet there"
@@ -170,7 +179,9 @@ def rounded(mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Seque
         speed = np.linalg.norm(path.sample(np.linspace(start, end, LOOKS)).dq / scale, axis=1)
         if speed.min() < TURNS_BACK * max(speed[0], speed[-1]):
             reason = "the second motion goes back the way of the first, so the robot has to stop between them"
-            raise ProblemError(reason, key=str(k), allowed="motions in different directions, or no blend")
+            raise ProblemError(
+                reason, key=str(k), allowed="motions in different directions, or no blend"
+            )
     return path
 
 

@@ -116,20 +116,30 @@ class LinearConstraints:
 
     def part(self, points: slice) -> LinearConstraints:
         """At some of the points."""
-        a, b, c, k, ceiling = (values[points] for values in (self.a, self.b, self.c, self.k, self.ceiling))
+        a, b, c, k, ceiling = (
+            values[points] for values in (self.a, self.b, self.c, self.k, self.ceiling)
+        )
         return LinearConstraints(a, b, c, k, ceiling)
 
     def largest(self, grid: Array, speed_squared: Array) -> Array:
         """Of every row on each interval of the grid (n,), at its ends, (n − 1, rows)."""
-        acceleration, root = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None], np.sqrt(speed_squared)[:, None]
+        acceleration, root = (
+            (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None],
+            np.sqrt(speed_squared)[:, None],
+        )
         rest = self.b * speed_squared[:, None] + self.c + self.k * root
-        return np.maximum(self.a[:-1] * acceleration + rest[:-1], self.a[1:] * acceleration + rest[1:])
+        return np.maximum(
+            self.a[:-1] * acceleration + rest[:-1], self.a[1:] * acceleration + rest[1:]
+        )
 
     def active(self, grid: Array, speed_squared: Array) -> Array:
         """The row that binds on each interval of the grid (n,), or CEILING or NONE: (n − 1,)."""
 
         every = slice(None)
-        value, ceiling = self._middle(grid, speed_squared, every), (self.ceiling[1:] + self.ceiling[:-1]) / 2
+        value, ceiling = (
+            self._middle(grid, speed_squared, every),
+            (self.ceiling[1:] + self.ceiling[:-1]) / 2,
+        )
         row = np.argmax(value, axis=1)
         largest = value[np.arange(len(row)), row]
         of_ceiling = (speed_squared[1:] + speed_squared[:-1]) / 2 / ceiling
@@ -250,7 +260,12 @@ class PathLimits:
 
     @classmethod
     def along(
-        cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits, like: PathLimits | None = None
+        cls,
+        path: JointPath,
+        grid: Array,
+        robot: Robot,
+        limits: TaskLimits,
+        like: PathLimits | None = None,
     ) -> PathLimits:
         """At the points s (n,) of a grid; like: of the same robot, whose actuations are to have rows."""
         knots, signs = path.directions
@@ -261,8 +276,12 @@ class PathLimits:
         ceiling = _speed_ceiling(path, samples, robot, limits)
         stops = None
         if limits.stop_travel is not None:
-            stops = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) / (2 * limits.stop_travel.largest)
-        actuations, left_out = _first_actuations(robot) if like is None else (like.actuations, like.left_out)
+            stops = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) / (
+                2 * limits.stop_travel.largest
+            )
+        actuations, left_out = (
+            _first_actuations(robot) if like is None else (like.actuations, like.left_out)
+        )
         return cls(
             robot,
             samples,
@@ -292,7 +311,9 @@ class PathLimits:
             rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
             if self.stops is not None:
                 braking = self._term(b=self.stops * np.abs(self.samples.dq[:, i]))
-                rows.append((braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration))
+                rows.append(
+                    (braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration)
+                )
         for law in laws:
             rows += law.rows(self.ceiling)
         found = LinearConstraints.of(rows, self.ceiling)
@@ -301,10 +322,14 @@ class PathLimits:
 
     def with_missed(self, grid: Array, speed_squared: Array, *, static_start: bool) -> PathLimits:
         """With rows for what a motion ṡ² (n,) on the grid takes too much with: of each joint what is worst somewhere."""
-        rows = [law.rows(self.ceiling) for law in self._laws(self.left_out, speed_squared, static_start)]
+        rows = [
+            law.rows(self.ceiling) for law in self._laws(self.left_out, speed_squared, static_start)
+        ]
         if not rows:
             return self
-        values = LinearConstraints.of([row for each in rows for row in each], self.ceiling).largest(grid, speed_squared)
+        values = LinearConstraints.of([row for each in rows for row in each], self.ceiling).largest(
+            grid, speed_squared
+        )
         of = np.cumsum([0, *map(len, rows[:-1])])
         worst = np.maximum.reduceat(values, of, axis=1)
         missed: set[int] = set()
@@ -318,7 +343,9 @@ class PathLimits:
         left_out = tuple(each for k, each in enumerate(self.left_out) if k not in missed)
         return replace(self, actuations=(*self.actuations, *more), left_out=left_out)
 
-    def _laws(self, actuations: Sequence[Actuation], speed_squared: Array, static_start: bool) -> list[_Law]:
+    def _laws(
+        self, actuations: Sequence[Actuation], speed_squared: Array, static_start: bool
+    ) -> list[_Law]:
         """Of these, at the given ṡ² (n,)."""
         found = []
         for i, load, drive, sides in actuations:
@@ -333,16 +360,24 @@ class PathLimits:
             found.append(_Law(law, sides, first, np.inf if motor is None else motor.max_torque))
         return found
 
-    def _friction_coefficient(self, drive: Drive, i: int, speed_squared: Array, static_start: bool) -> Array:
+    def _friction_coefficient(
+        self, drive: Drive, i: int, speed_squared: Array, static_start: bool
+    ) -> Array:
         """μ (n,) of the drive of joint i at the given ṡ²; at a start from rest at least the static one."""
         friction = friction_of(drive)
         w: Array | float = 0.0  # where the speed does not count
         if friction.stribeck_speed is not None:
             w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
         starts = self.starts[:, i] if static_start else np.zeros_like(self.starts[:, i])
-        return np.where(starts, np.asarray(breakaway_coefficient(friction, w)), friction_coefficient(friction, w))
+        return np.where(
+            starts,
+            np.asarray(breakaway_coefficient(friction, w)),
+            friction_coefficient(friction, w),
+        )
 
-    def _torque_law(self, drive: Drive, i: int, mu: Array, load: tuple[Array, Array, Array]) -> _TorqueLaw:
+    def _torque_law(
+        self, drive: Drive, i: int, mu: Array, load: tuple[Array, Array, Array]
+    ) -> _TorqueLaw:
         """The motor torque of joint i for friction coefficients mu (n,)."""
         sigma, dq, ddq = self.directions[:, i], self.samples.dq[:, i], self.samples.ddq[:, i]
         qd, qdd = self._term(k=sigma * np.abs(dq)), self._term(a=dq, b=ddq)
@@ -351,7 +386,10 @@ class PathLimits:
         first, second = (np.asarray(slope) for slope in rows.slope)
         effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
         return _TorqueLaw(
-            mu, (first, second), effort, sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd)
+            mu,
+            (first, second),
+            effort,
+            sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd),
         )
 
     def _term(self, **given: Array | float) -> PathTerm:
@@ -384,7 +422,9 @@ def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> A
     return np.asarray(tool_speed(TipSpeed, mechanism, q, qd) * (np.abs(qd) / limit).max(axis=1) / 2)
 
 
-def _speed_ceiling(path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits) -> Array:
+def _speed_ceiling(
+    path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits
+) -> Array:
     """Largest ṡ² (n,) at which joints, motors, tool and task coordinates keep their speed limits, and stops theirs.
 
     The speeds are |q'_i| ṡ, r |q'_i| ṡ, |J(q) q'| ṡ and |dtask/ds| ṡ; for stops see `braking_travel`.

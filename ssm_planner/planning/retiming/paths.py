@@ -125,7 +125,10 @@ class ClosedPath(JointPath):
         dq = self.sample(s).dq
         moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.watched)
         turns = np.signbit(dq[1:]) != np.signbit(dq[:-1])
-        found = (round(self._turning_point(int(i), s[k], s[k + 1]), 12) for k, i in np.argwhere(turns & moving))
+        found = (
+            round(self._turning_point(int(i), s[k], s[k + 1]), 12)
+            for k, i in np.argwhere(turns & moving)
+        )
         knots = with_knots(np.array([0.0, 1.0]), found)
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq) * moving
 
@@ -202,12 +205,16 @@ class TipPath(ClosedPath):
     @property
     def length(self) -> float:
         """Of the tip's way, m: its speed is this times ṡ."""
-        return float(np.linalg.norm(self.terms[1]) + abs(self.angle) * np.linalg.norm(self.terms[2]))
+        return float(
+            np.linalg.norm(self.terms[1]) + abs(self.angle) * np.linalg.norm(self.terms[2])
+        )
 
     def tips(self, s: Array) -> Array:
         """The tip at s (n,), (n, 3)."""
         turn = self.angle * s
-        return np.asarray(np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms)
+        return np.asarray(
+            np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
+        )
 
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
         function = _tip_curve(self.mechanism, self.branch, order)
@@ -233,7 +240,9 @@ def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
     tip = terms @ ca.vertcat(1, s, ca.cos(s * angle), ca.sin(s * angle))
     task = task_of_tip_symbolic(mechanism, tip, roll, spin)
     return ca.Function(
-        "tip_path", [s, given], _with_derivatives(joints_from_task_symbolic(mechanism, task, branch), s, order)
+        "tip_path",
+        [s, given],
+        _with_derivatives(joints_from_task_symbolic(mechanism, task, branch), s, order),
     )
 
 
@@ -312,7 +321,9 @@ class Chain(JointPath):
 
     def sample(self, s: Array) -> PathSamples:
         found = [path.sample(part) for path, part in zip(self.paths, self._parts(s), strict=True)]
-        q, dq, ddq = (np.concatenate([getattr(each, name) for each in found]) for name in ("q", "dq", "ddq"))
+        q, dq, ddq = (
+            np.concatenate([getattr(each, name) for each in found]) for name in ("q", "dq", "ddq")
+        )
         return PathSamples(s, q, dq, ddq)
 
     @property
@@ -325,8 +336,13 @@ class Chain(JointPath):
     def starts(self, samples: PathSamples) -> Mask:
         parts = self._parts(samples.s)
         cuts = np.cumsum([len(part) for part in parts])[:-1]
-        of = zip(*(np.split(each, cuts) for each in (samples.q, samples.dq, samples.ddq)), strict=True)
-        found = [path.starts(PathSamples(s, *at)) for path, s, at in zip(self.paths, parts, of, strict=True)]
+        of = zip(
+            *(np.split(each, cuts) for each in (samples.q, samples.dq, samples.ddq)), strict=True
+        )
+        found = [
+            path.starts(PathSamples(s, *at))
+            for path, s, at in zip(self.paths, parts, of, strict=True)
+        ]
         return np.concatenate(found)
 
     def _parts(self, s: Array) -> list[Array]:

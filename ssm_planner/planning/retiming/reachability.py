@@ -68,11 +68,17 @@ def _fastest_native(
 ) -> Array | None:
     n, m = len(grid) - 1, rows.a.shape[1]
     found, work = np.empty(n + 1), np.empty(8 * m + 2 * (n + 1) + 4 * m * n)
-    given = [np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)]
+    given = [
+        np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)
+    ]
     pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*given, found, work)]
     sizes, ends = map(ctypes.c_long, (n, m)), map(ctypes.c_double, squares)
     constants = ctypes.byref(_Constants(LEVEL, SETTLED, ROUNDING, NEWTON))
-    return found if native.ssm_fastest(constants, *sizes, *pointers[:5], *ends, *pointers[5:]) else None
+    return (
+        found
+        if native.ssm_fastest(constants, *sizes, *pointers[:5], *ends, *pointers[5:])
+        else None
+    )
 
 
 def _fastest(grid: Array, rows: LinearConstraints, squares: tuple[float, float]) -> Array | None:
@@ -120,7 +126,10 @@ class _Intervals:
         # hi by the lines of L that rise, and by those of U that fall at lo; lo by those of U that rise, and of L that fall
         upper, lower = self.upper, self.lower
         rising, falling = _solved(lower, lower[1] > 0, np.inf), _solved(upper, upper[1] < 0, np.inf)
-        gaining, losing = _solved(upper, upper[1] > 0, -np.inf), _solved(lower, lower[1] < 0, -np.inf)
+        gaining, losing = (
+            _solved(upper, upper[1] > 0, -np.inf),
+            _solved(lower, lower[1] < 0, -np.inf),
+        )
         low = np.append(least, end)
         for _ in range(len(low) + 1):
             bound = np.minimum(most, _at(falling, low[1:]).min(axis=1, initial=np.inf))
@@ -141,7 +150,10 @@ class _Intervals:
             if not np.isfinite(x).all():
                 return None
             for _ in range(NEWTON):
-                (upper, rise), (lower, fall) = _active(self.upper, x[:-1]), _active(self.lower, x[:-1], -1)
+                (upper, rise), (lower, fall) = (
+                    _active(self.upper, x[:-1]),
+                    _active(self.lower, x[:-1], -1),
+                )
                 upper, lower, slope = upper + rise * x[:-1], lower + fall * x[:-1], rise - fall
                 open_ = upper - lower < -SETTLED * (np.abs(upper) + np.abs(lower))
                 if (open_ & (sign * slope <= 0)).any():

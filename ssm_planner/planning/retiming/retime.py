@@ -83,14 +83,24 @@ def retime(
 
     static: friction at a start from rest is static. judged: say which rows bind.
     """
-    rough = retime(path, robot, COARSE, limits, speeds, static=static, judged=False) if points > COARSE else None
+    rough = (
+        retime(path, robot, COARSE, limits, speeds, static=static, judged=False)
+        if points > COARSE
+        else None
+    )
     grid = _grid(path.directions[0], points, rough)
-    path_limits = PathLimits.along(path, grid, robot, limits, None if rough is None else rough.limits)
+    path_limits = PathLimits.along(
+        path, grid, robot, limits, None if rough is None else rough.limits
+    )
     # the tangents of the rough motion are nearly settled, and its passes cost a fifth
     tangent = (
-        path_limits.ceiling if rough is None or not rough.solved else np.interp(grid, rough.s, rough.speed_squared)
+        path_limits.ceiling
+        if rough is None or not rough.solved
+        else np.interp(grid, rough.s, rough.speed_squared)
     )
-    return _retimed(grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0, judged=judged)
+    return _retimed(
+        grid, path_limits, tangent, speeds, static=static and speeds[0] == 0.0, judged=judged
+    )
 
 
 def stays_at(found: Retiming, path: JointPath, speed: float) -> bool:
@@ -112,19 +122,29 @@ def retime_motion(
     speed = pace / path.trajectory.duration
     path_limits = PathLimits.along(path, grid, robot, limits)
     # where all joints rest nothing limits ṡ
-    path_limits = replace(path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2))
+    path_limits = replace(
+        path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2)
+    )
     return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
 
 
-def durations(paths: Sequence[MotionPath], robot: Robot, limits: TaskLimits, points: int, pace: float) -> list[float]:
+def durations(
+    paths: Sequence[MotionPath], robot: Robot, limits: TaskLimits, points: int, pace: float
+) -> list[float]:
     """Of `retime_motion` along paths of motions on one mesh that last as long, all at once, s; infinite without a motion."""
     grid, speed = paths[0].grid(points), pace / paths[0].trajectory.duration
     n = len(grid)
     own = [slice(k * n, (k + 1) * n) for k in range(len(paths))]
-    along = PathLimits.along(Chain(paths[0].mechanism, tuple(paths)), Chain.grid(grid, len(paths)), robot, limits)
+    along = PathLimits.along(
+        Chain(paths[0].mechanism, tuple(paths)), Chain.grid(grid, len(paths)), robot, limits
+    )
     along = replace(along, ceiling=np.minimum(along.ceiling, (FASTER * speed) ** 2))
     every = list(range(len(paths)))
-    found, tangent, open_ = np.full(len(paths), np.inf), np.full(len(along.ceiling), speed**2), every
+    found, tangent, open_ = (
+        np.full(len(paths), np.inf),
+        np.full(len(along.ceiling), speed**2),
+        every,
+    )
     for count in range(1, PASSES + 1):
         rows, left = along.constraints(tangent, static_start=True), []
         for k in open_:
@@ -137,7 +157,9 @@ def durations(paths: Sequence[MotionPath], robot: Robot, limits: TaskLimits, poi
                 continue
             before, found[k] = found[k], _times(grid, squares)[-1]
             tangent[own[k]] = squares
-            if abs(before - found[k]) > CONVERGED * found[k] and _bind(linear, curved, grid, squares):
+            if abs(before - found[k]) > CONVERGED * found[k] and _bind(
+                linear, curved, grid, squares
+            ):
                 left.append(k)
         open_ = left
         if not open_:
@@ -162,7 +184,10 @@ def motion_along(path: MotionPath, found: Retiming) -> Trajectory:
     pull = (np.diff(x) / (2 * np.diff(t)))[:, None]
     ends = [
         (at.q, at.qd * np.sqrt(square)[:, None], at.qdd * square[:, None] + at.qd * pull)
-        for at, square in ((motion.sample(t[:-1], "right"), x[:-1]), (motion.sample(t[1:], "left"), x[1:]))
+        for at, square in (
+            (motion.sample(t[:-1], "right"), x[:-1]),
+            (motion.sample(t[1:], "left"), x[1:]),
+        )
     ]
     breaks = _times(t, x)
     return Trajectory(breaks, hermite(breaks, ends[0], ends[1]), ())
@@ -201,7 +226,9 @@ def _retimed(
             continue
         duration = float(_times(grid, found)[-1])
         # the tangents only over-estimate: where no row that has one binds with it, they do not matter
-        settled = abs(best.duration - duration) <= CONVERGED * duration or not _bind(linear, rows, grid, found)
+        settled = abs(best.duration - duration) <= CONVERGED * duration or not _bind(
+            linear, rows, grid, found
+        )
         best = Retiming(
             "solved",
             "",
@@ -223,7 +250,9 @@ def _retimed(
     return replace(best, active=last.active(grid, best.speed_squared)) if last and judged else best
 
 
-def _bind(linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array) -> bool:
+def _bind(
+    linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array
+) -> bool:
     """Whether a row binds that has a tangent."""
     return linear.bind(rows.curved, grid, speed_squared)
 
@@ -236,7 +265,9 @@ def _lifted(speed_squared: Array) -> Array:
 def _times(grid: Array, speed_squared: Array) -> Array:
     """Time at each grid point, (n + 1,), ṡ² being linear in s between them."""
     speed = np.sqrt(speed_squared)
-    return np.concatenate([[0.0], np.cumsum(2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300))])
+    return np.concatenate(
+        [[0.0], np.cumsum(2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300))]
+    )
 
 
 def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:

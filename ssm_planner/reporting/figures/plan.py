@@ -60,7 +60,12 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
         8.6 if narrow else min(6.4, 0.78 * width),
         rows=6 if narrow else 3,
         columns=1 if narrow else 2,
-        edges=(0.85 if narrow else 0.75, 0.1, 0.5, 0.85 if narrow else 0.7 if width < FIVE else 0.55),
+        edges=(
+            0.85 if narrow else 0.75,
+            0.1,
+            0.5,
+            0.85 if narrow else 0.7 if width < FIVE else 0.55,
+        ),
         gaps=(0.85, 0.2),
         sharex=True,
     )
@@ -86,7 +91,13 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     lines = [line for axes in panels.flat[:2] for line in axes.get_legend_handles_labels()[0]]
     (limit_line,) = panels.flat[2].plot([], [], **LIMIT, label="limit")
     columns = 2 if narrow else 3 if width < FIVE else 5
-    figure.legend(handles=[*lines, limit_line], loc="upper center", ncols=columns, fontsize=SIZE, frameon=False)
+    figure.legend(
+        handles=[*lines, limit_line],
+        loc="upper center",
+        ncols=columns,
+        fontsize=SIZE,
+        frameon=False,
+    )
     return figure
 
 
@@ -99,7 +110,10 @@ def _draw_limit(axes: Axes, ends: tuple[float, float], values: Array) -> None:
 
 
 def motors_figure(
-    trajectory: Trajectory, robot: Robot, requirements: Sequence[MotorRequirement], width: float = WIDE
+    trajectory: Trajectory,
+    robot: Robot,
+    requirements: Sequence[MotorRequirement],
+    width: float = WIDE,
 ) -> Figure:
     """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures.
 
@@ -126,10 +140,16 @@ def motors_figure(
         against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
         rms = 1e3 * requirement.rms_torque
         for axes in (over_time, against_speed):
-            axes.axhline(np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":")
+            axes.axhline(
+                np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":"
+            )
         last = row == rows - 1 or narrow
         finish(over_time, "time (s)" if last else "", f"{_label(robot, i)}\nmotor torque (mN·m)")
-        finish(against_speed, "motor speed (rpm)" if last else "", "motor torque (mN·m)" if narrow else "")
+        finish(
+            against_speed,
+            "motor speed (rpm)" if last else "",
+            "motor torque (mN·m)" if narrow else "",
+        )
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
         lines = [text, *wrap(_limit_text(requirement.motor), letters)]
         against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", y=1.0, pad=3)
@@ -155,7 +175,12 @@ def playback(result: SimulationResult) -> Figure:
     shown = result.time
     for motor in result.motors:
         k = JOINTS.index(motor.joint)
-        style = {"color": COLOURS[k], "linestyle": DASHES[k], "linewidth": 1.1, "label": motor.joint}
+        style = {
+            "color": COLOURS[k],
+            "linestyle": DASHES[k],
+            "linewidth": 1.1,
+            "label": motor.joint,
+        }
         counts = result.axes[motor.joint].counts_per_turn
         errors.plot(shown, result.following[:, k] * counts / (2 * np.pi), **style)
         torques.plot(shown, 100 * result.torque[:, k] / motor.limit, **style)
@@ -175,7 +200,11 @@ def power_loss(result: SimulationResult) -> Figure:
     figure = new_figure(7.2, 4.2)
     travel, standing = figure.subplots(2, 1, sharex=True)
     travel.plot(losses.time, 1e3 * losses.travel, color="black", linewidth=1.2)
-    standing.plot(losses.time, 1e3 * np.where(np.isfinite(losses.standing), losses.standing, np.nan), color="black")
+    standing.plot(
+        losses.time,
+        1e3 * np.where(np.isfinite(losses.standing), losses.standing, np.nan),
+        color="black",
+    )
     finish(travel, "", "way of the tip (mm)")
     finish(standing, "power lost at (s)", "until it stands (ms)")
     return figure

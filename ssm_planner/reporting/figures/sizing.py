@@ -50,7 +50,10 @@ def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
     """
     if not sizing.joints:
         return {}
-    figures = {"payload_curves": payload_curves(sizing), "torque_split": torque_split_figure(sizing)}
+    figures = {
+        "payload_curves": payload_curves(sizing),
+        "torque_split": torque_split_figure(sizing),
+    }
     if sizing.verdicts:
         figures["operating_regions"] = operating_regions(sizing)
     return save_figures(figures, folder)
@@ -86,8 +89,12 @@ def torque_split_figure(sizing: Sizing) -> Figure:
         axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
         parts = dict(joint.requirement.split.parts())
         for name, colour, dash in zip(PARTS, PART_COLOURS, PART_DASHES, strict=True):
-            axes.plot(t, 1e3 * parts[name], linestyle=dash, color=colour, linewidth=1.2, label=words(name))
-        finish(axes, "time (s)" if axes is panels[-1] else "", f"{_label(joint)}\nmotor torque (mN·m)")
+            axes.plot(
+                t, 1e3 * parts[name], linestyle=dash, color=colour, linewidth=1.2, label=words(name)
+            )
+        finish(
+            axes, "time (s)" if axes is panels[-1] else "", f"{_label(joint)}\nmotor torque (mN·m)"
+        )
     legend_above(figure, panels[0], 3)
     return figure
 
@@ -117,7 +124,9 @@ def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
     short = 1e3 * available_torque(motor, conditions, speed, hot)
     steady = continuous_torque(motor, conditions.ambient)
     if steady is not None:
-        axes.fill_between(RPM * speed, 0.0, np.minimum(short, 1e3 * steady), color="0.88", label="continuous")
+        axes.fill_between(
+            RPM * speed, 0.0, np.minimum(short, 1e3 * steady), color="0.88", label="continuous"
+        )
     (outline,) = axes.plot([*(RPM * speed), RPM * speed[-1]], [*short, 0.0], label="short-term")
     outline.set(**LIMIT)
     i = JOINTS.index(verdict.joint)
@@ -126,7 +135,14 @@ def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
     for stretch in _stretches(load.direction):
         axes.plot(speeds[stretch], torque[stretch], color=COLOURS[i], linewidth=1.0)
     rms = 1e3 * verdict.requirement.rms_torque
-    axes.plot([0.0, RPM * motor.max_speed], [rms, rms], ":", color="0.2", linewidth=1.0, label="RMS of the motion")
+    axes.plot(
+        [0.0, RPM * motor.max_speed],
+        [rms, rms],
+        ":",
+        color="0.2",
+        linewidth=1.0,
+        label="RMS of the motion",
+    )
     top = 1.15 * max(torque.max(), 0.0 if steady is None else 1e3 * steady, 1e-9)
     axes.set_ylim(0.0, max(top, min(1.05 * short.max(), 3 * top)))
     axes.set_xlim(0.0, min(1.05 * RPM * motor.max_speed, 3 * float(speeds.max())))
@@ -140,12 +156,23 @@ def _curve(axes: Axes, joint: JointSizing, confidence: float) -> None:
     speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
     for part, stretch in enumerate(_stretches(joint.load.direction)):
         axes.plot(
-            speed[stretch], torque[stretch], DASHES[i], color=COLOURS[i], label=_label(joint) if part == 0 else None
+            speed[stretch],
+            torque[stretch],
+            DASHES[i],
+            color=COLOURS[i],
+            label=_label(joint) if part == 0 else None,
         )
     if joint.band.known:
         peak = int(np.argmax(np.abs(torque)))
         ends = [1e3 * end("peak_torque", confidence) for end in (joint.band.low, joint.band.high)]
-        axes.plot([speed[peak]] * 2, np.copysign(ends, torque[peak]), "_-", color=COLOURS[i], linewidth=3, alpha=0.45)
+        axes.plot(
+            [speed[peak]] * 2,
+            np.copysign(ends, torque[peak]),
+            "_-",
+            color=COLOURS[i],
+            linewidth=3,
+            alpha=0.45,
+        )
 
 
 def _stretches(direction: Array) -> list[Indices]:
@@ -176,9 +203,19 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
     axes = figure.subplots()
     outliers = {name for name, _, _ in fit.outliers}
     apart = np.array([name in outliers for name in data.names])
-    axes.plot(RPM * data.w, 1e3 * data.tau, "o", color="black", fillstyle="none", markersize=5, label="measured")
+    axes.plot(
+        RPM * data.w,
+        1e3 * data.tau,
+        "o",
+        color="black",
+        fillstyle="none",
+        markersize=5,
+        label="measured",
+    )
     if apart.any():
-        axes.plot(RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier, weighs less")
+        axes.plot(
+            RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier, weighs less"
+        )
     label = f"{words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
     for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
         _bands(axes, fit.drive, w, load, named is not None)
@@ -205,7 +242,11 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None
     for known, alpha, of in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
         band = band_of(known, motion, tau, load)
         if band is not None:
-            shade: dict[str, Any] = {"alpha": alpha, "linewidth": 0, "label": f"95 % of {of}" if named else None}
+            shade: dict[str, Any] = {
+                "alpha": alpha,
+                "linewidth": 0,
+                "label": f"95 % of {of}" if named else None,
+            }
             axes.fill_between(RPM * w, 1e3 * band.low, 1e3 * band.high, color=COLOURS[1], **shade)
 
 
@@ -222,13 +263,30 @@ def prediction_figure(prediction: Prediction) -> Figure:
     torque, speed = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     recording = prediction.recording
     torque.plot(recording.time, 1e3 * recording.tau, **MEASURED, label="measured")
-    torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=f"predicted, NRMSD {prediction.nrmsd:.3f}")
+    torque.plot(
+        recording.time,
+        1e3 * prediction.tau,
+        **MODEL,
+        label=f"predicted, NRMSD {prediction.nrmsd:.3f}",
+    )
     if prediction.band is not None:
         band = [1e3 * end for end in (prediction.band.low, prediction.band.high)]
-        torque.fill_between(recording.time, *band, color=COLOURS[1], alpha=0.18, linewidth=0, label="95 % of samples")
+        torque.fill_between(
+            recording.time,
+            *band,
+            color=COLOURS[1],
+            alpha=0.18,
+            linewidth=0,
+            label="95 % of samples",
+        )
         low, high = (1e3 * (end - prediction.tau.mean()) for end in prediction.band.mean)
         moving = np.where(prediction.rest, np.nan, 1e3 * prediction.tau)
-        shade: dict[str, Any] = {"color": COLOURS[1], "alpha": 0.35, "linewidth": 0, "label": "95 % of the mean"}
+        shade: dict[str, Any] = {
+            "color": COLOURS[1],
+            "alpha": 0.35,
+            "linewidth": 0,
+            "label": "95 % of the mean",
+        }
         torque.fill_between(recording.time, moving + low, moving + high, **shade)
     speed.plot(recording.time, RPM * recording.w, **MEASURED)
     finish(torque, "", "motor torque (mN·m)", recording.name)

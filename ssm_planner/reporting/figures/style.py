@@ -55,7 +55,13 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def new_panels(
-    width: float, height: float, rows: int, columns: int, edges: Sequence[float], gaps: Sequence[float], **options: Any
+    width: float,
+    height: float,
+    rows: int,
+    columns: int,
+    edges: Sequence[float],
+    gaps: Sequence[float],
+    **options: Any,
 ) -> tuple[Figure, NDArray[Any]]:
     """A figure and its panels (rows, columns) at fixed places; options as in `Figure.subplots`.
 
@@ -110,17 +116,23 @@ def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[st
             from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
             figure.set_layout_engine("none")
-            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None, "Subject": about})  # type: ignore[no-untyped-call]
+            FigureCanvasPdf(figure).print_pdf(
+                file, metadata={"CreationDate": None, "Subject": about}
+            )  # type: ignore[no-untyped-call]
             files["pdf"] = file.getvalue()
     return files
 
 
-def save_figure(figure: Figure, path: Path, pdf: bool = True, about: str | None = None) -> dict[str, Path]:
+def save_figure(
+    figure: Figure, path: Path, pdf: bool = True, about: str | None = None
+) -> dict[str, Path]:
     """Write path.png and, if wanted, path.pdf, as `drawn` gives them; paths by name. Raises ExportError."""
     return save_drawn(drawn(figure, pdf, about), path, about)
 
 
-def save_figures(figures: Mapping[str, Figure], folder: Path, about: str | None = None) -> dict[str, Path]:
+def save_figures(
+    figures: Mapping[str, Figure], folder: Path, about: str | None = None
+) -> dict[str, Path]:
     """Write each figure as PNG and PDF under its name; paths by `<name>_figure` and `<name>_pdf`. Raises ExportError."""
     paths: dict[str, Path] = {}
     for name, figure in figures.items():
@@ -139,7 +151,9 @@ def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None)
             f"{path.name}.{ending}"
         )
         with replacing(target) as temporary:
-            temporary.write_bytes(png_with_text(data, "Source", about) if about and ending == "png" else data)
+            temporary.write_bytes(
+                png_with_text(data, "Source", about) if about and ending == "png" else data
+            )
     return paths
 
 
@@ -166,7 +180,9 @@ def _png(figure: Figure) -> bytes:
     rows[:, 0] = 2  # the kind of difference
     rows[0, 1:] = pixels[0]
     np.subtract(pixels[1:], pixels[:-1], out=rows[1:, 1:])
-    header = struct.pack(">2I", width, height) + bytes((8, 2, 0, 0, 0))  # 8 bits, red, green and blue
+    header = struct.pack(">2I", width, height) + bytes(
+        (8, 2, 0, 0, 0)
+    )  # 8 bits, red, green and blue
     per_metre = round(figure.dpi / 0.0254)
     chunks = (
         (b"IHDR", header),
@@ -178,7 +194,9 @@ def _png(figure: Figure) -> bytes:
 
 def _chunk(kind: bytes, content: bytes) -> bytes:
     """Of a PNG file."""
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc32(kind + content))
+    return (
+        struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc32(kind + content))
+    )
 
 
 def legend(axes: Axes, **options: Any) -> None:
@@ -203,7 +221,11 @@ def shade_phases(axes: Axes, trajectory: Trajectory, named: bool = False) -> Non
         if named:
             letters = int(72 * inches * (phase.end - phase.start) / (LETTER * size))
             middle = (phase.start + phase.end) / 2
-            place: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "ha": "center", "fontsize": size}
+            place: dict[str, Any] = {
+                "transform": axes.get_xaxis_transform(),
+                "ha": "center",
+                "fontsize": size,
+            }
             axes.text(middle, 1.02, fitting_name(phase.name, letters), **place)
 
 
@@ -211,11 +233,17 @@ def fitting_name(name: str, letters: int) -> str:
     """The longest of a phase's names that has so many letters: whole, without its group, its number alone, none."""
     own = name.rpartition(", ")[2]
     last = own.rpartition(" ")[2]
-    return next(text for text in (name, own, last if last.isdigit() else "", "") if len(text) <= letters)
+    return next(
+        text for text in (name, own, last if last.isdigit() else "", "") if len(text) <= letters
+    )
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:
     """The legend of one panel above all of them."""
     figure.legend(
-        *axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns, fontsize=size, frameon=False
+        *axes.get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=columns,
+        fontsize=size,
+        frameon=False,
     )

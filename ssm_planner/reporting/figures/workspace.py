@@ -20,7 +20,15 @@ from ssm_planner.kinematics.workspace import (
     tilt_interval,
 )
 from ssm_planner.publishing import publishing
-from ssm_planner.reporting.figures.style import COLOURS, DASHES, SIZE, finish, legend, new_figure, save_figure
+from ssm_planner.reporting.figures.style import (
+    COLOURS,
+    DASHES,
+    SIZE,
+    finish,
+    legend,
+    new_figure,
+    save_figure,
+)
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
@@ -57,7 +65,9 @@ def axes_figure(mechanism: Mechanism) -> Figure:
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
     for k, (axis, name) in enumerate(zip(directions, AXES, strict=True)):
-        axes.plot(*np.outer(axis, (0.0, 1.15)), color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6)
+        axes.plot(
+            *np.outer(axis, (0.0, 1.15)), color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6
+        )
         axes.text(*(1.3 * axis), name, ha="center", va="center", fontsize=SIZE, color=COLOURS[k])
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
@@ -69,15 +79,23 @@ def axes_figure(mechanism: Mechanism) -> Figure:
         axes.text(*(middle * (1 + 0.08 / radius)), name, ha="left", va="center", fontsize=SIZE - 1)
     axes.plot([0.0], [0.0], [0.0], "o", color="black", markersize=6)
     axes.text(
-        *(-0.1 * mechanism.omega1 - 0.08 * mechanism.omega3), "RCM, port", ha="right", va="center", fontsize=SIZE - 1
+        *(-0.1 * mechanism.omega1 - 0.08 * mechanism.omega3),
+        "RCM, port",
+        ha="right",
+        va="center",
+        fontsize=SIZE - 1,
     )
     inwards = mechanism.insertion_sign * mechanism.omega3
-    axes.quiver(*np.zeros(3), *(0.35 * inwards), color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25)
+    axes.quiver(
+        *np.zeros(3), *(0.35 * inwards), color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25
+    )
     axes.text(*(0.48 * inwards), "depth", ha="center", va="center", fontsize=SIZE - 1)
     points = np.array([*(1.3 * np.array(directions)), 0.48 * inwards])
     middle, half = (points.max(axis=0) + points.min(axis=0)) / 2, np.ptp(points, axis=0).max() / 2
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.3)
-    axes.set(**{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)})
+    axes.set(
+        **{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)}
+    )
     axes.set_axis_off()
     axes.view_init(elev=38.0, azim=-68.0)
     return figure
@@ -88,7 +106,8 @@ def _between(start: Array, end: Array, count: int = 61) -> Array:
     angle = np.arccos(np.clip(start @ end, -1.0, 1.0))
     share = np.linspace(0.0, 1.0, count)
     return np.asarray(
-        (np.outer(start, np.sin((1.0 - share) * angle)) + np.outer(end, np.sin(share * angle))) / np.sin(angle)
+        (np.outer(start, np.sin((1.0 - share) * angle)) + np.outer(end, np.sin(share * angle)))
+        / np.sin(angle)
     )
 
 
@@ -109,7 +128,9 @@ def theta2_figure(mechanism: Mechanism) -> Figure:
     tilt = _tilts(mechanism)
     for k, branch in enumerate((1, -1)):
         theta2 = theta2_from_tilt(mechanism, tilt, branch)
-        label = minus(f"branch {branch:+d}") + (" (home)" if branch == mechanism.home_branch else "")
+        label = minus(f"branch {branch:+d}") + (
+            " (home)" if branch == mechanism.home_branch else ""
+        )
         axes.plot(np.degrees(tilt), np.degrees(theta2), DASHES[k], color=COLOURS[k], label=label)
     axes.plot([np.degrees(mechanism.home_tilt)], [0.0], "o", color="black", label="home")
     _mark_interval(axes, mechanism)
@@ -125,14 +146,21 @@ def joint_speed_figure(mechanism: Mechanism) -> Figure:
     tilt = _tilts(mechanism)[1:-1]
     rates = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
     for i in range(3):
-        speeds.semilogy(np.degrees(tilt), rates[:, i], DASHES[i], color=COLOURS[i], label=f"joint {i + 1}")
+        speeds.semilogy(
+            np.degrees(tilt), rates[:, i], DASHES[i], color=COLOURS[i], label=f"joint {i + 1}"
+        )
     speeds.axhline(1.0, color="0.8", linewidth=0.8, zorder=0)
     speeds.set_ylim(max(rates.min() / 1.5, 1e-2), min(rates.max() * 1.5, 1e3))
     q = np.zeros((len(tilt), 4))
     q[:, 1] = theta2_from_tilt(mechanism, tilt, mechanism.home_branch)
     singular.plot(np.degrees(tilt), smallest_singular_value(mechanism, q), color="black")
     singular.set_ylim(bottom=0.0)
-    finish(speeds, "", "joint speed by tilt speed, |dθᵢ/dφ|", _title("Joint speed per tilt speed", mechanism))
+    finish(
+        speeds,
+        "",
+        "joint speed by tilt speed, |dθᵢ/dφ|",
+        _title("Joint speed per tilt speed", mechanism),
+    )
     finish(singular, "tilt φ (°)", "smallest\nsingular value")
     legend(speeds, ncols=3, loc="upper center")
     for axes in (speeds, singular):
@@ -141,7 +169,9 @@ def joint_speed_figure(mechanism: Mechanism) -> Figure:
 
 
 def design_region_figure(
-    region: DesignRegion, built: tuple[float, float] | None = None, size: tuple[float, float] = (5.6, 5.4)
+    region: DesignRegion,
+    built: tuple[float, float] | None = None,
+    size: tuple[float, float] = (5.6, 5.4),
 ) -> Figure:
     """All (α, β) that reach a tilt range, for growing margins, the smallest α, and a design (α, β) if one is given.
 
@@ -157,7 +187,13 @@ def design_region_figure(
         if not shown.empty:
             label = f"margin {np.degrees(shown.margin):.3g}°"
             axes.add_patch(
-                Polygon(np.degrees(shown.vertices), facecolor=grey, edgecolor="black", label=label, zorder=2)
+                Polygon(
+                    np.degrees(shown.vertices),
+                    facecolor=grey,
+                    edgecolor="black",
+                    label=label,
+                    zorder=2,
+                )
             )
     if not region.empty:
         alpha, beta = np.degrees(region.smallest_alpha)
@@ -184,10 +220,16 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
     for tilt in np.linspace(0.0, np.pi, 13):
         axes.plot(*pointings(mechanism, tilt, around), color="0.85", linewidth=0.6)
     band = pointings(mechanism, *np.meshgrid(np.linspace(ends.min(), ends.max(), 25), around))
-    axes.plot_surface(*band, rstride=1, cstride=1, color="0.75", linewidth=0, antialiased=False, zorder=2)
+    axes.plot_surface(
+        *band, rstride=1, cstride=1, color="0.75", linewidth=0, antialiased=False, zorder=2
+    )
     for tilt in ends:
         axes.plot(*pointings(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
-    for axis, name in ((mechanism.omega1, "ω₁"), (mechanism.omega2, "ω₂"), (mechanism.omega3, "ω₃")):
+    for axis, name in (
+        (mechanism.omega1, "ω₁"),
+        (mechanism.omega2, "ω₂"),
+        (mechanism.omega3, "ω₃"),
+    ):
         axes.plot(*(np.outer(axis, (1.0, 1.4))), color="black", linewidth=1.3, zorder=4)
         axes.text(*(axis * 1.5), name, ha="center", va="center", zorder=5, fontsize=SIZE)
     axes.set_title("reachable pointings on the unit sphere", fontsize=SIZE)
@@ -205,7 +247,14 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
     for sign, width, label in ((1.0, 5.0, "tilt interval"), (-1.0, 2.0, "the same at roll 180°")):
         arc = sign * np.linspace(low, high, 181)
         colour = "black" if sign > 0.0 else "0.6"
-        axes.plot(np.cos(arc), -np.sin(arc), color=colour, linewidth=width, solid_capstyle="butt", label=label)
+        axes.plot(
+            np.cos(arc),
+            -np.sin(arc),
+            color=colour,
+            linewidth=width,
+            solid_capstyle="butt",
+            label=label,
+        )
     for tilt in (low, high):
         axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
         # next to ω1 the label would lie on its arrow
@@ -213,7 +262,14 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center", fontsize=SIZE)
     home = mechanism.home_tilt
-    axes.plot([0.0, np.cos(home)], [0.0, -np.sin(home)], color="black", linewidth=1.2, linestyle="--", label="home")
+    axes.plot(
+        [0.0, np.cos(home)],
+        [0.0, -np.sin(home)],
+        color="black",
+        linewidth=1.2,
+        linestyle="--",
+        label="home",
+    )
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
     axes.text(1.4, 0.0, "ω₁", ha="center", va="center", fontsize=SIZE)
     axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")

@@ -43,7 +43,10 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
     """Every plotted quantity at t (n,), SI, by name such as "qd2" (joint index); after the plan's end its last value."""
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
-    channels = {"t": t, **_tool_channels(Mechanism.from_geometry(plan.robot.geometry), samples, plan.limits)}
+    channels = {
+        "t": t,
+        **_tool_channels(Mechanism.from_geometry(plan.robot.geometry), samples, plan.limits),
+    }
     for name in ("q", "qd", "qdd", "qddd"):
         channels |= {f"{name}{i}": getattr(samples, name)[:, i] for i in range(4)}
     loads = joint_loads(trajectory, plan.robot, LOAD_RATE)
@@ -51,7 +54,11 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
         i = JOINTS.index(load.joint)
         for name, values in (("w", load.speed()), ("tau", load.torque())):
             channels[f"{name}{i}"] = np.interp(t, load.t - load.t[0], values)
-    return channels | _split_channels(loads, t) | _temperature_channels(loads, t, pause_of(plan.problem))
+    return (
+        channels
+        | _split_channels(loads, t)
+        | _temperature_channels(loads, t, pause_of(plan.problem))
+    )
 
 
 def encoded(channels: dict[str, Array]) -> dict[str, str]:
@@ -74,12 +81,18 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
         task[:, column] = np.unwrap(task[:, column])
     rates = task_rates(mechanism, samples.q, samples.qd)
     tip = tip_position(mechanism, samples.q)
-    channels = {kind.field: tool_speed(kind, mechanism, samples.q, samples.qd) for kind in limited_speeds(limits)}
+    channels = {
+        kind.field: tool_speed(kind, mechanism, samples.q, samples.qd)
+        for kind in limited_speeds(limits)
+    }
     channels |= {f"tip{i}": tip[:, i] for i in range(3)}
     channels |= {f"task{i}": task[:, i] for i in range(4)}
     channels |= {f"task_rate{i}": rates[:, i] for i in range(4) if TASK[i] in limits.rates}
     if limits.eye is not None:
-        channels |= {EYE_CHANNELS[name]: value for name, (value, _) in eye_limits(NUMPY, limits.eye, tip.T).items()}
+        channels |= {
+            EYE_CHANNELS[name]: value
+            for name, (value, _) in eye_limits(NUMPY, limits.eye, tip.T).items()
+        }
     return channels
 
 
@@ -102,5 +115,7 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
         found = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
         if found.steady:
             for name, values in (("winding", found.winding), ("housing", found.housing)):
-                channels[f"{name}{JOINTS.index(load.joint)}"] = np.interp(t, cycle.t, values) - CELSIUS
+                channels[f"{name}{JOINTS.index(load.joint)}"] = (
+                    np.interp(t, cycle.t, values) - CELSIUS
+                )
     return channels

@@ -60,7 +60,9 @@ def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
         "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plans[0].robot.joints],
-        "panels": _together(*(panels_of(plan, each) for plan, each in zip(plans, channels, strict=True))),
+        "panels": _together(
+            *(panels_of(plan, each) for plan, each in zip(plans, channels, strict=True))
+        ),
         "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
         "channels": [encoded(each) for each in channels],
     }
@@ -124,7 +126,12 @@ def _together(first: list[Panel], second: list[Panel]) -> list[Panel]:
     """One panel for each single quantity, with both plans' limits; colour 0 is A's, 1 is B's."""
     merged: dict[tuple[str, str], Panel] = {}
     for side, panels in enumerate((first, second)):
-        for panel in (single for each in panels if each["section"] not in LEFT_OUT for single in _singles(each)):
+        for panel in (
+            single
+            for each in panels
+            if each["section"] not in LEFT_OUT
+            for single in _singles(each)
+        ):
             key = panel["section"], panel["channel"]
             held = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
             held["sides"].append(side)
@@ -133,7 +140,9 @@ def _together(first: list[Panel], second: list[Panel]) -> list[Panel]:
                 if (limit["name"], limit["low"], limit["high"]) not in known:
                     held["limits"].append({**limit, "of": NAMES[side]})
             for stretch in panel["active"]:
-                held["active"].append({**stretch, "joint": side, "label": f"{NAMES[side]}: {stretch['label']}"})
+                held["active"].append(
+                    {**stretch, "joint": side, "label": f"{NAMES[side]}: {stretch['label']}"}
+                )
     return list(merged.values())
 
 
@@ -145,5 +154,11 @@ def _singles(panel: Panel) -> Iterator[Panel]:
         title = panel["title"]
         if len(panel["series"]) > 1:
             title = f"{title.partition(':')[0]}: {series['label']}"
-        own = {"title": title, "channel": series["channel"], "series": [series], "limits": mine, "active": active}
+        own = {
+            "title": title,
+            "channel": series["channel"],
+            "series": [series],
+            "limits": mine,
+            "active": active,
+        }
         yield {**panel, **own, "missing": []}

@@ -48,20 +48,31 @@ POINTS = 81
 def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     """Panels in the order of the page, each with its channels (n,), limits and the stretches where these are active."""
     joints = plan.robot.joints
-    kinds = [(kind, [i for i, joint in enumerate(joints) if joint.kind == kind]) for kind in ("revolute", "prismatic")]
+    kinds = [
+        (kind, [i for i, joint in enumerate(joints) if joint.kind == kind])
+        for kind in ("revolute", "prismatic")
+    ]
     tool = tool_panels(plan.limits)
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
-    fields = ("q", "", JointPosition), ("qd", "/s", JointVelocity), ("qdd", "/s²", JointAcceleration)
+    fields = (
+        ("q", "", JointPosition),
+        ("qd", "/s", JointVelocity),
+        ("qdd", "/s²", JointAcceleration),
+    )
     for field, per, limited in (*fields, ("qddd", "/s³", JointJerk)):
         for kind, which in kinds:
             # without a limit on jerk the acceleration jumps, and its derivative would be noise of the solver
-            if which and (limited is not JointJerk or any(joints[i].jerk is not None for i in which)):
+            if which and (
+                limited is not JointJerk or any(joints[i].jerk is not None for i in which)
+            ):
                 unit = ("rad" if kind == "revolute" else "m") + per
                 panels.append(_joint_panel([(i, joints[i]) for i in which], field, unit, limited))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += split_panels(channels)
-    panels += temperature_panels(channels, {i: j.motor for i, j in enumerate(joints) if j.motor is not None})
+    panels += temperature_panels(
+        channels, {i: j.motor for i, j in enumerate(joints) if j.motor is not None}
+    )
     for panel in panels:
         mark_active(panel, channels)
         in_display_units(panel)
@@ -74,7 +85,9 @@ def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, 
         "section": section,
         "title": title,
         "unit": unit,
-        "series": [{"channel": channel, "label": label, "joint": joint} for channel, label, joint in series],
+        "series": [
+            {"channel": channel, "label": label, "joint": joint} for channel, label, joint in series
+        ],
         "limits": [],
         "missing": [],
         "active": [],
@@ -82,14 +95,26 @@ def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, 
 
 
 def new_limit(
-    name: str, of: str, index: int, low: float, high: float, channel: str | None, size: float | None = None
+    name: str,
+    of: str,
+    index: int,
+    low: float,
+    high: float,
+    channel: str | None,
+    size: float | None = None,
 ) -> dict[str, Any]:
     """of: joint or coordinate; index: of the colour; channel: whose active stretches are marked, None for none.
 
     size: what margins are relative to, where that is not the limit itself or the width of the range.
     """
     ends = {"low": low, "high": high, "channel": channel, "size": size}
-    return {"name": name, "of": of, "label": f"{name}, {of}" if of else name, "joint": index, **ends}
+    return {
+        "name": name,
+        "of": of,
+        "label": f"{name}, {of}" if of else name,
+        "joint": index,
+        **ends,
+    }
 
 
 def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
@@ -97,7 +122,9 @@ def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
     low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # a speed is never negative
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
     of = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
-    line = new_limit(limit.name, of, index=index, low=low, high=limit.high, channel=channel, size=size)
+    line = new_limit(
+        limit.name, of, index=index, low=low, high=limit.high, channel=channel, size=size
+    )
     # the name of a range says of which coordinate
     return {**line, "label": limit.name} if isinstance(limit, TaskRange) else line
 
@@ -156,8 +183,15 @@ def _runs(t: Array, at: NDArray[np.bool_]) -> list[tuple[float, float]]:
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     """(limit, from, to, unit) of everything that limits the tool."""
-    found = [(limit.name, limit.low, limit.high, limit.unit) for limit in limits.limits if isinstance(limit, TaskRange)]
-    rates = sorted((r for r in limits.limits if isinstance(r, TaskRate)), key=lambda r: TASK.index(r.coordinate))
+    found = [
+        (limit.name, limit.low, limit.high, limit.unit)
+        for limit in limits.limits
+        if isinstance(limit, TaskRange)
+    ]
+    rates = sorted(
+        (r for r in limits.limits if isinstance(r, TaskRate)),
+        key=lambda r: TASK.index(r.coordinate),
+    )
     found += [(limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.of_tool)]
     eye = limits.eye
     if eye is not None:
@@ -178,7 +212,11 @@ def without_temperature(channels: dict[str, Array], motors: dict[int, Motor]) ->
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
             lacking = missing(motor, *FIGURES)
-            why = f"the motor file gives no {', '.join(lacking)}" if lacking else "no steady state, the motor overheats"
+            why = (
+                f"the motor file gives no {', '.join(lacking)}"
+                if lacking
+                else "no steady state, the motor overheats"
+            )
             reasons.append(f"{JOINTS[i]}: {why}".replace("_", " "))
     return reasons
 
@@ -207,7 +245,9 @@ def _joint_panel(
 ) -> Panel:
     """One derivative of the joints (index, joint), with the limits of one kind."""
     title = f"{limited.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
-    panel = new_panel("Joints", title, unit, [(f"{field}{i}", joint.name, i) for i, joint in joints])
+    panel = new_panel(
+        "Joints", title, unit, [(f"{field}{i}", joint.name, i) for i, joint in joints]
+    )
     unlimited = []
     for i, joint in joints:
         limit = next((each for each in joint.limits if isinstance(each, limited)), None)
@@ -216,7 +256,9 @@ def _joint_panel(
         else:
             panel["limits"].append(limit_line(limit, i, f"{field}{i}"))
     if unlimited:
-        panel["missing"].append(f"no {limited.name} limit" + (f": {', '.join(unlimited)}" if panel["limits"] else ""))
+        panel["missing"].append(
+            f"no {limited.name} limit" + (f": {', '.join(unlimited)}" if panel["limits"] else "")
+        )
     return panel
 
 
@@ -235,7 +277,14 @@ def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list
             if motor is not None and name == "tau":
                 nominal = motor.nominal_torque
                 panel["limits"].append(
-                    new_limit("nominal torque", joint.name, index=i, low=-nominal, high=nominal, channel=None)
+                    new_limit(
+                        "nominal torque",
+                        joint.name,
+                        index=i,
+                        low=-nominal,
+                        high=nominal,
+                        channel=None,
+                    )
                 )
             panels.append(panel)
     return panels
@@ -245,8 +294,12 @@ def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
     """One panel for each driven joint, a line for each part; channels (n,)."""
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{PARTS[0]}" in channels:
-            series = [(f"split{i}_{name}", name.replace("_", " "), k) for k, name in enumerate(PARTS)]
-            yield new_panel("What the motor torque is spent on", f"Torque split: {joint}", "N·m", series)
+            series = [
+                (f"split{i}_{name}", name.replace("_", " "), k) for k, name in enumerate(PARTS)
+            ]
+            yield new_panel(
+                "What the motor torque is spent on", f"Torque split: {joint}", "N·m", series
+            )
 
 
 def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> Iterator[Panel]:
@@ -259,7 +312,14 @@ def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> 
         if motor.max_winding_temperature is not None:
             high = motor.max_winding_temperature - CELSIUS
             panel["limits"] = [
-                new_limit("winding temperature", JOINTS[i], index=1, low=-np.inf, high=high, channel=f"winding{i}")
+                new_limit(
+                    "winding temperature",
+                    JOINTS[i],
+                    index=1,
+                    low=-np.inf,
+                    high=high,
+                    channel=f"winding{i}",
+                )
             ]
         yield panel
 
@@ -268,7 +328,9 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
     """Panels of these channels; rates only where they are limited."""
     panels = []
     for which, unit, title in GROUPS:
-        panels.append(new_panel("Task coordinates", title, unit, [(f"task{i}", TASK[i], i) for i in which]))
+        panels.append(
+            new_panel("Task coordinates", title, unit, [(f"task{i}", TASK[i], i) for i in which])
+        )
         panels[-1]["limits"] = [
             limit_line(limit, TASK.index(limit.coordinate), f"task{TASK.index(limit.coordinate)}")
             for limit in _in_order(limits, TaskRange, which)
@@ -276,7 +338,11 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
     for which, unit, _ in GROUPS:
         rates = _in_order(limits, TaskRate, which)
         if rates:
-            named = rates[0].name.capitalize() if which == [3] else "Rate: " + ", ".join(r.coordinate for r in rates)
+            named = (
+                rates[0].name.capitalize()
+                if which == [3]
+                else "Rate: " + ", ".join(r.coordinate for r in rates)
+            )
             indices = [TASK.index(rate.coordinate) for rate in rates]
             series = [(f"task_rate{i}", TASK[i], i) for i in indices]
             panels.append(new_panel("Task coordinates", named, f"{unit}/s", series))
@@ -284,7 +350,9 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
             panels[-1]["limits"] = [limit_line(rate, i, f"task_rate{i}") for rate, i in lines]
     for kind in limited_speeds(limits):
         limit = next((each for each in limits.speeds if type(each) is kind), None)
-        panels.append(new_panel("Tool tip", kind.name.capitalize(), kind.unit, [(kind.field, "tip", 3)]))
+        panels.append(
+            new_panel("Tool tip", kind.name.capitalize(), kind.unit, [(kind.field, "tip", 3)])
+        )
         panels[-1]["limits"] = [] if limit is None else [limit_line(limit, 3, kind.field)]
     return panels if limits.eye is None else panels + _eye_panels(limits.eye)
 
@@ -303,6 +371,10 @@ def _eye_panels(eye: Eye) -> list[Panel]:
         f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus the distance to its edge"
     )
     for limit in lens:
-        panels.append(new_panel("Tool tip", "Shaft to lens", "semi-axes from its centre", [("lens", "shaft", 3)]))
+        panels.append(
+            new_panel(
+                "Tool tip", "Shaft to lens", "semi-axes from its centre", [("lens", "shaft", 3)]
+            )
+        )
         panels[1]["limits"] = [limit_line(limit, 3, "lens")]
     return panels

@@ -30,7 +30,14 @@ from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import render, write_page
-from ssm_planner.reporting.html.panels import TEMPERATURE, Panel, limit_rows, motor_map, panels_of, without_temperature
+from ssm_planner.reporting.html.panels import (
+    TEMPERATURE,
+    Panel,
+    limit_rows,
+    motor_map,
+    panels_of,
+    without_temperature,
+)
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import (
     ANSWERS,
@@ -62,7 +69,9 @@ STILL = 1e-6
 NOTABLE = 0.15
 """Share of a motion's duration from which a limit is said to limit it."""
 FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
-JOINT_LIMITS = tuple(kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque))
+JOINT_LIMITS = tuple(
+    kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
+)
 Mark = tuple[str, str, str]
 """("good", "bad" or "open", a word, its reason)."""
 
@@ -96,9 +105,18 @@ def report_page(plan: Plan) -> str:
         sizing=_sizing(plan),
         repeated=repeated(plan.problem.duty),
         motion=_motion(plan),
-        task_limits=Table(("limit", "from", "to", "unit"), limit_rows(plan.limits), (1, 2), "Limits of the task"),
-        joints=Table(JOINT_COLUMNS, [_joint_row(joint) for joint in plan.robot.joints], (2, 3, 4, 5), "Joints"),
-        sources=[(joint.name, table) for joint in plan.robot.joints if (table := _sources(joint)).rows],
+        task_limits=Table(
+            ("limit", "from", "to", "unit"), limit_rows(plan.limits), (1, 2), "Limits of the task"
+        ),
+        joints=Table(
+            JOINT_COLUMNS,
+            [_joint_row(joint) for joint in plan.robot.joints],
+            (2, 3, 4, 5),
+            "Joints",
+        ),
+        sources=[
+            (joint.name, table) for joint in plan.robot.joints if (table := _sources(joint)).rows
+        ],
         provenance=_provenance(plan),
     )
 
@@ -113,13 +131,20 @@ def repeated(duty: float | None) -> str:
 def report_data(plan: Plan) -> dict[str, Any]:
     """What the page's scripts read: channels, panels, phases, joints and scene."""
     channels = channels_of(plan, time_grid(plan.motion.duration))
-    motors = {i: joint.motor for i, joint in enumerate(plan.robot.joints) if joint.motor is not None and joint.drive}
+    motors = {
+        i: joint.motor
+        for i, joint in enumerate(plan.robot.joints)
+        if joint.motor is not None and joint.drive
+    }
     start = float(plan.motion.breaks[0])
     return {
         "duration": plan.motion.duration,
         "colours": [*COLOURS, FIFTH],
         "stops": _tip_stops(plan, channels),
-        "phases": [{"name": p.name, "start": p.start - start, "end": p.end - start} for p in plan.motion.phases],
+        "phases": [
+            {"name": p.name, "start": p.start - start, "end": p.end - start}
+            for p in plan.motion.phases
+        ],
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
         "panels": panels_of(plan, channels),
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
@@ -133,12 +158,16 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
     """What the motion does, in which time, and what limits it."""
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
-        groups.setdefault(phase.name.rpartition(", ")[0] or f"{phase.name} {len(groups)}", []).append(phase)
+        groups.setdefault(
+            phase.name.rpartition(", ")[0] or f"{phase.name} {len(groups)}", []
+        ).append(phase)
     parts: list[str] = []
     for name, phases in groups.items():
         if len(phases) > 1:
             spots = sum(_is_spot(phase) for phase in phases)
-            parts.append(f"visits {spots} spots ({name})" if spots else f"{name} in {len(phases)} phases")
+            parts.append(
+                f"visits {spots} spots ({name})" if spots else f"{name} in {len(phases)} phases"
+            )
         else:
             parts += _changes(phases[0])
     few = parts if len(parts) <= MOST_PARTS else [f"makes {len(plan.phases)} phases"]
@@ -165,7 +194,9 @@ def _limited_by(plan: Plan, panels: list[Panel]) -> str:
             of = share.setdefault(stretch["name"], {})
             of[stretch["joint"]] = of.get(stretch["joint"], 0.0) + stretch["end"] - stretch["start"]
     longest = sorted(share, key=lambda name: -max(share[name].values()))
-    said = [name for name in longest if max(share[name].values()) > NOTABLE * plan.motion.duration][:2]
+    said = [name for name in longest if max(share[name].values()) > NOTABLE * plan.motion.duration][
+        :2
+    ]
     return " and ".join(_of_joints(name, sorted(share[name])) for name in said)
 
 
@@ -191,7 +222,9 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[dict[str, Any]
     tip = np.column_stack([channels[f"tip{i}"] for i in range(3)])
     found: dict[tuple[float, ...], bool] = {}
     for phase in plan.motion.phases:
-        place = tuple(np.round(tip[min(int(np.searchsorted(t, phase.end - start)), len(t) - 1)], 5).tolist())
+        place = tuple(
+            np.round(tip[min(int(np.searchsorted(t, phase.end - start)), len(t) - 1)], 5).tolist()
+        )
         found[place] = found.get(place, False) or phase.name in spots
     return [{"position": list(place), "spot": spot} for place, spot in found.items()]
 
@@ -224,10 +257,14 @@ def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
     rows = []
     for check in sorted(limits, key=lambda limit: limit.margin):
         name, joint, worst, allowed, unit, _ = limit_cells(check, "°")
-        floor = name in FLOORS or (name.endswith(("range", "position", *PROMISES)) and check.worst > check.limit)
+        floor = name in FLOORS or (
+            name.endswith(("range", "position", *PROMISES)) and check.worst > check.limit
+        )
         name = {SelfLocking.name: "friction that self-locking needs"}.get(name, name)
         allowed = f"{'≥' if floor else '≤'} {allowed}"
-        rows.append(LimitRow(check, name=name, joint=joint, worst=worst, allowed=allowed, unit=unit))
+        rows.append(
+            LimitRow(check, name=name, joint=joint, worst=worst, allowed=allowed, unit=unit)
+        )
     numerical = [row for row in rows if row.check.name in JUMPS and row.check.passed]
     first = [row for row in rows if row not in numerical]
     shown = max(TIGHTEST, sum(not row.check.passed for row in first))
@@ -278,7 +315,11 @@ def _figures(plan: Plan) -> list[tuple[str, str, str]]:
         ("Gap", NOTHING if gap is None else f"{fixed(100 * gap, 2)} %", "duration above the bound"),
         ("TOPP-RA", _seconds(toppra), against),
         *([("Ipopt", *confirmation(plan))] if plan.confirmation else []),
-        *([("Without the range", _seconds(plan.nominal_duration), _range(plan))] if plan.nominal_duration else []),
+        *(
+            [("Without the range", _seconds(plan.nominal_duration), _range(plan))]
+            if plan.nominal_duration
+            else []
+        ),
     ]
 
 
@@ -298,15 +339,26 @@ def _stops(plan: Plan) -> dict[str, Any] | None:
         return None
     shown = np.linspace(0, len(stops.time) - 1, SHOWN_STOPS).astype(int)
     longest, farthest = int(np.argmax(stops.duration)), int(np.argmax(stops.travel))
-    marks = {longest: "longest", farthest: "farthest"} if longest != farthest else {longest: "longest and farthest"}
+    marks = (
+        {longest: "longest", farthest: "farthest"}
+        if longest != farthest
+        else {longest: "longest and farthest"}
+    )
     rows = [
-        (fixed(stops.time[k], 3), fixed(1e3 * stops.duration[k], 1), fixed(1e3 * stops.travel[k], 3), marks.get(k, ""))
+        (
+            fixed(stops.time[k], 3),
+            fixed(1e3 * stops.duration[k], 1),
+            fixed(1e3 * stops.travel[k], 3),
+            marks.get(k, ""),
+        )
         for k in sorted({*shown.tolist(), *marks})
     ]
     return {
         "count": len(stops.time),
         "passed": stops.passed,
-        "broken": sorted({f"{each.name} {each.joint or ''}".strip() for each in stops.certificate.violations}),
+        "broken": sorted(
+            {f"{each.name} {each.joint or ''}".strip() for each in stops.certificate.violations}
+        ),
         "table": Table(("from s", "stands after ms", "way of the tip mm", ""), rows, (0, 1, 2)),
     }
 
@@ -315,12 +367,17 @@ def _sizing(plan: Plan) -> dict[str, Any]:
     """Which motors and gears suffice, by what margins (one column for each motor), and which figures are missing."""
     found = judged(plan)
     columns = [_motor_column(motor, found) for motor in (*found["motors"], *found["alternatives"])]
-    rows = [(name, *(column[name] for column in columns)) for name in columns[0]] if columns else [("joint",)]
+    rows = (
+        [(name, *(column[name] for column in columns)) for name in columns[0]]
+        if columns
+        else [("joint",)]
+    )
     return {
         "verdict": ": ".join(filter(None, motors_verdict(found)[1:])),
         "motors": Table(rows[0], rows[1:]),
         "missing": Table(
-            ("joint", "motor or gear", "not checked", "figures that are missing"), [*missing_figures(found)]
+            ("joint", "motor or gear", "not checked", "figures that are missing"),
+            [*missing_figures(found)],
         ),
     }
 
@@ -367,7 +424,10 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
     unit, scale = shown("rad" if joint.kind == "revolute" else "m", "°")
     low, high = (number(scale * end, 6) for end in joint.position)
     derivatives = ((joint.velocity, "/s"), (joint.acceleration, "/s²"), (joint.jerk, "/s³"))
-    largest = (NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}" for value, per in derivatives)
+    largest = (
+        NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}"
+        for value, per in derivatives
+    )
     parts = (NOTHING if part is None else part.name for part in (joint.drive, joint.motor))
     return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest, *parts)
 
@@ -388,5 +448,10 @@ def _provenance(plan: Plan) -> Table:
     files = ("problem file", str(plan.problem.file)), ("robot file", str(plan.robot.file))
     return Table(
         ("what", "which"),
-        [*plan.software.items(), *files, ("plan file", plan.path.name), ("SHA-256 of the plan file", plan.sha256)],
+        [
+            *plan.software.items(),
+            *files,
+            ("plan file", plan.path.name),
+            ("SHA-256 of the plan file", plan.sha256),
+        ],
     )

@@ -32,7 +32,10 @@ def scene_of(robot: Robot, limits: TaskLimits) -> dict[str, Any]:
 
 
 def mechanism_scene(
-    mechanism: Mechanism, ranges: Mapping[str, Range], sides: list[int] | None = None, eye: Eye | None = None
+    mechanism: Mechanism,
+    ranges: Mapping[str, Range],
+    sides: list[int] | None = None,
+    eye: Eye | None = None,
 ) -> dict[str, Any]:
     """The scene of a mechanism; sides: on which side of the RCM joints 1 and 2 are, +1 along their axis."""
     low, high = tilt_interval(mechanism)
@@ -68,5 +71,6 @@ def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
     """On which side of the RCM the masses of links 1 and 2 are along their joints' axes: +1 or −1."""
     axes = mechanism.omega1, mechanism.omega2
     return [
-        1 if float(axis @ (body.frame @ body.com)) > 0 else -1 for axis, body in zip(axes, robot.bodies, strict=False)
+        1 if float(axis @ (body.frame @ body.com)) > 0 else -1
+        for axis, body in zip(axes, robot.bodies, strict=False)
     ]

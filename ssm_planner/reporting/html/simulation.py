@@ -17,7 +17,13 @@ from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.page import render, write_page
-from ssm_planner.reporting.html.panels import Panel, in_display_units, limit_line, new_limit, new_panel
+from ssm_planner.reporting.html.panels import (
+    Panel,
+    in_display_units,
+    limit_line,
+    new_limit,
+    new_panel,
+)
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import simulation_tables
 from ssm_planner.simulation.simulate import SimulationResult
@@ -34,11 +40,11 @@ def write_simulation_page(plan: Plan, result: SimulationResult, out: Path) -> Pa
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
     """The page of a playback of a plan as an HTML document."""
-    verdict = [("good" if result.passed else "bad", "passed" if result.passed else "not passed", "")]
+    verdict = [
+        ("good" if result.passed else "bad", "passed" if result.passed else "not passed", "")
+    ]
     losses = result.losses
-    stands = (
-        f"{'the arm holds' if result.holds else 'the arm does not hold'}, the tip travels {1e3 * result.travel:.4f} mm"
-    )
+    stands = f"{'the arm holds' if result.holds else 'the arm does not hold'}, the tip travels {1e3 * result.travel:.4f} mm"
     return render(
         "simulation.html",
         simulation_data(plan, result),
@@ -83,16 +89,25 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> dict[str, Arra
     q = at(result.q)
     tip = tip_position(Mechanism.from_geometry(plan.robot.geometry), q)
     channels = {"t": t, "tip_error": at(result.tip[:, None])[:, 0]}
-    for name, values in (("q", q), ("qd", at(result.qd)), ("error", at(result.q - result.planned)), ("tip", tip)):
+    for name, values in (
+        ("q", q),
+        ("qd", at(result.qd)),
+        ("error", at(result.q - result.planned)),
+        ("tip", tip),
+    ):
         channels |= {f"{name}{i}": values[:, i] for i in range(values.shape[1])}
     driven = [JOINTS.index(motor.joint) for motor in result.motors]
-    return channels | {f"tau{i}": values for i, values in zip(driven, at(result.torque[:, driven]).T, strict=True)}
+    return channels | {
+        f"tau{i}": values for i, values in zip(driven, at(result.torque[:, driven]).T, strict=True)
+    }
 
 
 def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     """Of the tip, then joint by joint the tracking error, then motor by motor the torque with its limit."""
     tip = _panel("Tracking error", "Tip, away from the plan", "m", "tip_error", (SIMULATED,))
-    tip["limits"] = [new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error, channel=None)]
+    tip["limits"] = [
+        new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error, channel=None)
+    ]
     panels = [tip]
     for i, joint in enumerate(plan.robot.joints):
         unit = "rad" if joint.kind == "revolute" else "m"
@@ -101,11 +116,17 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
         i = JOINTS.index(motor.joint)
         panel = _panel("Motor torque", motor.joint, "N·m", f"tau{i}", (PLANNED, SIMULATED))
         panel["limits"] = [
-            limit_line(each, i, f"tau{i}") for each in plan.robot.joints[i].limits if isinstance(each, MotorTorque)
+            limit_line(each, i, f"tau{i}")
+            for each in plan.robot.joints[i].limits
+            if isinstance(each, MotorTorque)
         ]
         panels.append(panel)
     return panels
 
 
 def _panel(section: str, title: str, unit: str, channel: str, sides: tuple[int, ...]) -> Panel:
-    return {**new_panel(section, title, unit, [(channel, title, 0)]), "channel": channel, "sides": list(sides)}
+    return {
+        **new_panel(section, title, unit, [(channel, title, 0)]),
+        "channel": channel,
+        "sides": list(sides),
+    }
